@@ -1,0 +1,29 @@
+"""Differentiable simulation and design of flexible sorting fences, in JAX."""
+
+from . import scenes as scenes
+from .belt import Belt as Belt, Border as Border
+from .drive import (
+    AbstractDrive as AbstractDrive,
+    ConstantSpeedDrive as ConstantSpeedDrive,
+    HarmonicDrive as HarmonicDrive,
+    HeldDrive as HeldDrive,
+    SCurveDrive as SCurveDrive,
+    SplineDrive as SplineDrive,
+    TrapezoidDrive as TrapezoidDrive,
+)
+from .fence import Fence as Fence
+from .fidelity import Fidelity as Fidelity
+from .friction import Friction as Friction
+from .material import Material as Material
+from .parcel import Parcel as Parcel
+from .result import Ledger as Ledger, Result as Result
+from .scenes import Scene as Scene, WallScene as WallScene
+from .simulate import simulate as simulate
+from .status import Status as Status
+from .taper import (
+    AbstractTaper as AbstractTaper,
+    ConstantStrength as ConstantStrength,
+    PowerTaper as PowerTaper,
+    ProfileTaper as ProfileTaper,
+    Uniform as Uniform,
+)

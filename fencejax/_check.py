@@ -1,0 +1,107 @@
+"""Host-side checks of inputs: refused before anything is compiled, with the field named."""
+
+import math
+import operator
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike
+
+
+def scalar(name: str, value: ArrayLike, *, above: float | None = None, least: float | None = None,
+           most: float | None = None, unit: str = "1", remedy: str = "") -> Array:
+    """Convert `value` to a floating-point array and check it, unless it is traced.
+
+    The array has the default floating-point type, or the type of `value` if that is already
+    floating-point. Arrays of more than no dimension are let through (one value a lane).
+
+    Raises `TypeError` where the value is not a real number and `ValueError` where it is not
+    finite or out of its bounds; the message names the field, its value and the bound.
+    """
+    return _checked(name, value, above, least, most, unit, remedy)
+
+
+def vector(name: str, value: ArrayLike, *, size_least: int = 1, above: float | None = None,
+           least: float | None = None, most: float | None = None, unit: str = "1",
+           remedy: str = "") -> Array:
+    """As `scalar`, for a one-dimensional array of at least `size_least` numbers."""
+    array = _checked(name, value, above, least, most, unit, remedy)
+    if array.ndim < 1 or array.shape[-1] < size_least:
+        raise ValueError(
+            f"Argument `{name}` must be a vector of at least {size_least} numbers, but has the "
+            f"shape {array.shape}. {remedy}".rstrip()
+        )
+    return array
+
+
+def _checked(name, value, above, least, most, unit, remedy) -> Array:
+    if isinstance(value, (str, bytes)) or value is None:
+        raise TypeError(f"Argument `{name}` [{unit}] must be a real number, but is {value!r}.")
+    try:
+        dtype = jnp.result_type(value)
+    except TypeError as error:
+        raise TypeError(
+            f"Argument `{name}` [{unit}] must be a real number, but is {value!r}."
+        ) from error
+    if jnp.issubdtype(dtype, jnp.complexfloating) or dtype == jnp.bool_:
+        raise TypeError(
+            f"Argument `{name}` [{unit}] must be a real number, but has the type {dtype}."
+        )
+    floating = jnp.issubdtype(dtype, jnp.floating) and hasattr(value, "dtype")
+    array = jnp.asarray(value, dtype=dtype if floating else float)
+    if isinstance(array, jax.core.Tracer):
+        return array
+    host = np.asarray(array)
+    bounds = [
+        ("finite", np.isfinite, None),
+        ("above", operator.gt, above),
+        ("at least", operator.ge, least),
+        ("at most", operator.le, most),
+    ]
+    for word, holds, bound in bounds:
+        if word != "finite" and bound is None:
+            continue
+        fine = holds(host) if bound is None else holds(host, bound)
+        if not np.all(fine):
+            worst = host if host.ndim == 0 else host[~fine].flat[0]
+            limit = word if bound is None else f"{word} {bound:g}"
+            raise ValueError(
+                f"Argument `{name}` must be {limit} [{unit}], but is {float(worst):g}. "
+                f"{remedy}".rstrip()
+            )
+    return array
+
+
+def count(name: str, value: int, *, least: int = 0, remedy: str = "") -> int:
+    """Check a count, which is static: it changes the program."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise TypeError(f"Argument `{name}` must be a whole number, but is {value!r}.")
+    if value < least:
+        raise ValueError(
+            f"Argument `{name}` must be at least {least}, but is {value}. {remedy}".rstrip()
+        )
+    return int(value)
+
+
+def number(name: str, value: float, *, above: float = -math.inf, unit: str = "1") -> float:
+    """Check a static number, which is part of the program (a step, a smoothing)."""
+    try:
+        result = float(value)
+    except (TypeError, ValueError) as error:
+        raise TypeError(
+            f"Argument `{name}` [{unit}] must be a plain number, known before the program is "
+            f"compiled, but is {value!r}."
+        ) from error
+    if not math.isfinite(result) or result <= above:
+        raise ValueError(
+            f"Argument `{name}` must be finite and above {above:g} [{unit}], but is {result:g}."
+        )
+    return result
+
+
+def choice(name: str, value: str, options: tuple[str, ...]) -> str:
+    """Check a name against the ones there are."""
+    if value not in options:
+        raise ValueError(f"Argument `{name}` must be one of {options}, but is {value!r}.")
+    return value

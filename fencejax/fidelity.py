@@ -1,0 +1,97 @@
+"""Every knob that trades speed for accuracy, in one place."""
+
+import dataclasses
+
+from . import _check
+from .friction import Smoothing
+
+_INTEGRATORS = ("modal", "kvaerno5", "tsit5")
+
+
+@dataclasses.dataclass(frozen=True)
+class Fidelity:
+    """How finely a scene is computed. All fields are static: they change the program.
+
+    **Fields:**
+
+    - `modes`: bending modes kept; 0 makes the fence rigid; `None` keeps all of them.
+    - `static_correction`: whether the modes left out still yield, as a massless viscoelastic
+      spring under the contact.
+    - `elements`: finite elements on the flexible link (20 in the paper).
+    - `geometry`: `"chord"`, the paper's (2.14)-(2.17) with the element chords turned by their
+      angles, or `"small"`, a small deflection normal to the straight line.
+    - `step` [s]: the integrator's step (for an adaptive one: of the samples that it saves).
+    - `iterations`: Newton iterations a step on the contact force and the parcel's velocity.
+    - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s.
+    - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends.
+    - `integrator`: `"modal"`, this package's own (exact in the beam, implicit in contact and
+      friction), or a general one of diffrax, `"kvaerno5"` or `"tsit5"`, as an independent check.
+    - `tolerance`: relative tolerance of a general integrator.
+    - `gradient`: `"forward"`, all derivatives in one batch of tangents, whatever asks for them
+      (`jax.grad` too), best below some 30 variables; or `"reverse"`, by checkpoints, for
+      `jax.grad` in very many variables.
+    """
+
+    modes: int | None = 4
+    static_correction: bool = True
+    elements: int = 20
+    geometry: str = "small"
+    step: float = 2.5e-4
+    iterations: int = 2
+    slip_speed: float = 1e-2
+    static_speed: float = 5e-2
+    tip_fade: float = 5e-3
+    integrator: str = "modal"
+    tolerance: float = 1e-7
+    gradient: str = "forward"
+
+    def __post_init__(self):
+        _check.count("elements", self.elements, least=1)
+        if self.modes is not None:
+            _check.count("modes", self.modes)
+            if self.modes > 2 * self.elements:
+                raise ValueError(
+                    f"Argument `modes` must be at most 2 `elements` = {2 * self.elements}, but is "
+                    f"{self.modes}. Raise `elements`, or write `modes=None` for all of them."
+                )
+        _check.count("iterations", self.iterations, least=1)
+        for name in ("step", "slip_speed", "static_speed", "tip_fade", "tolerance"):
+            _check.number(name, getattr(self, name), above=0.0)
+        _check.choice("geometry", self.geometry, ("small", "chord"))
+        _check.choice("integrator", self.integrator, _INTEGRATORS)
+        _check.choice("gradient", self.gradient, ("forward", "reverse"))
+
+    @property
+    def mode_count(self) -> int:
+        """Number of modes kept."""
+        return 2 * self.elements if self.modes is None else self.modes
+
+    @property
+    def residual(self) -> bool:
+        """Whether modes are left out whose compliance is still there."""
+        return self.static_correction and 0 < self.mode_count < 2 * self.elements
+
+    @property
+    def smoothing(self) -> Smoothing:
+        """The smoothing of dry friction."""
+        return Smoothing(self.slip_speed, self.static_speed)
+
+    def replace(self, **changes) -> "Fidelity":
+        """The same with some knobs changed."""
+        return dataclasses.replace(self, **changes)
+
+    @classmethod
+    def fast(cls, **changes) -> "Fidelity":
+        return cls(**{**dict(modes=3, step=5e-4), **changes})
+
+    @classmethod
+    def standard(cls, **changes) -> "Fidelity":
+        return cls(**changes)
+
+    @classmethod
+    def reference(cls, **changes) -> "Fidelity":
+        settings = dict(
+            modes=12, geometry="chord", step=2.5e-5, iterations=4,
+            slip_speed=1e-3, static_speed=5e-3,
+        )
+        return cls(**{**settings, **changes})

@@ -1,0 +1,54 @@
+"""Derivatives by one batch of tangents, for whatever kind of differentiation asks for them."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
+
+
+def by_columns(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Give `function`, a map of floating-point pytrees, a derivative made column by column.
+
+    The Jacobian in the inputs that are really being differentiated is computed in one vectorised
+    pass of forward mode, next to the value. It is then a plain matrix: `jax.jvp` multiplies by it
+    and `jax.grad` by its transpose, so that forward and reverse mode cost the same and neither
+    stores the trajectory. Inputs that are not being differentiated cost nothing.
+    """
+
+    @jax.custom_jvp
+    def wrapped(inputs):
+        return function(inputs)
+
+    def rule(primals, tangents):
+        (inputs,), (dots,) = primals, tangents
+        leaves, structure = jax.tree.flatten(inputs)
+        dots = jax.tree.leaves(dots, is_leaf=lambda x: isinstance(x, SymbolicZero))
+        moved = [i for i, dot in enumerate(dots) if not isinstance(dot, SymbolicZero)]
+        if not moved:
+            value = wrapped(inputs)
+            return value, jax.tree.map(jnp.zeros_like, value)
+        sizes = [leaves[i].size for i in moved]
+        count = sum(sizes)
+
+        def along(direction):
+            unit, at = {}, 0
+            for i, size in zip(moved, sizes, strict=True):
+                unit[i] = direction[at : at + size].reshape(leaves[i].shape)
+                at += size
+
+            def restricted(parts):
+                full = [parts.get(i, leaf) for i, leaf in enumerate(leaves)]
+                return function(jax.tree.unflatten(structure, full))
+
+            return jax.jvp(restricted, ({i: leaves[i] for i in moved},), (unit,))
+
+        dtype = jnp.result_type(*(leaves[i] for i in moved))
+        value, columns = jax.vmap(along, out_axes=(None, 0))(jnp.eye(count, dtype=dtype))
+        flat = jnp.concatenate([dots[i].reshape(-1) for i in moved])
+        change = jax.tree.map(lambda c: jnp.tensordot(flat.astype(c.dtype), c, 1), columns)
+        return value, change
+
+    wrapped.defjvp(rule, symbolic_zeros=True)
+    return wrapped

@@ -1,0 +1,197 @@
+"""Everything a scene is doing at one instant: what a history is made of."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from . import contact
+from .drive import DriveMotion
+from .friction import BeltForce
+from .link import Blocks, FlexibleLink, Shape, Vibration, dot, total
+from .mechanics import Acceleration, Body, Contact, Forces, Mechanics
+
+
+class Energy(NamedTuple):
+    """Energies held at an instant [J]: of the parcel's motion, of the fence's motion, of its
+    bending, and of the elastic part of the contacts."""
+
+    parcel: Array
+    fence: Array
+    strain: Array
+    contact: Array
+
+
+class Power(NamedTuple):
+    """Rates of work [W], positive where the name says it: done by `drive`, `belt` and `geometry`;
+    taken up by `contact` (stored and dissipated); dissipated by the others.
+
+    `geometry` is what small-deflection beam theory leaves out: the contact forces act along the
+    bent fence's normal and tangent at the point U, while the beam is loaded with N along the
+    undeflected normal (2.8) and with no tangential force.
+    """
+
+    drive: Array
+    belt: Array
+    geometry: Array
+    contact: Array
+    fence_friction: Array
+    border_friction: Array
+    belt_friction: Array
+    beam_damping: Array
+
+
+class FenceState(NamedTuple):
+    """The fence at an instant: the drive's motion, the vibration with its modal forces, the
+    contact loads as the modes left out carry them (lagged force r [N] and its rate [N/s])."""
+
+    drive: DriveMotion
+    vibration: Vibration
+    modal_force: Blocks
+    shapes: tuple[Shape, ...]
+    lagged: tuple[Array, ...]
+    lagged_rate: tuple[Array, ...]
+
+
+class Instant(NamedTuple):
+    """A sample of a scene. Parts that the scene does not hold are `None` or empty."""
+
+    time: Array
+    body: Body
+    acceleration: Acceleration
+    drive: DriveMotion | None
+    vibration: Vibration | None
+    fence: tuple[Contact, ...]
+    border: tuple[Contact, ...]
+    belt: BeltForce | None
+    fence_force: Array
+    tip_deflection: Array
+    stress: Array
+    stress_place: Array
+    torque: Array
+    energy: Energy
+    power: Power
+
+
+def describe(
+    mechanics: Mechanics, time: Array, body: Body, forces: Forces, fence: FenceState | None
+) -> Instant:
+    """Gather a sample from the motion, the forces and the fence's state."""
+    zero = jnp.zeros_like(body.x)
+    parcel = mechanics.parcel
+    fence_force = sum((c.normal for c in forces.fence), zero)
+    kinetic = 0.5 * parcel.mass * (body.x_rate**2 + body.y_rate**2)
+    kinetic = kinetic + 0.5 * parcel.inertia * body.spin**2
+    contacts = [*forces.fence, *forces.border]
+    stored = sum((contact.stored_energy(parcel, c.gap) for c in forces.border), zero)
+    for c in forces.fence:
+        share = mechanics.fade(c.place)
+        stored = stored + share * contact.stored_energy(parcel, c.gap)
+    tip, stress, place, torque = zero, zero, zero, zero
+    energy = Energy(kinetic, zero, zero, stored)
+    power = Power(
+        drive=zero,
+        belt=zero,
+        geometry=zero,
+        contact=sum((c.normal * c.gap_rate for c in contacts), zero),
+        fence_friction=sum((-c.friction * c.sliding for c in forces.fence), zero),
+        border_friction=sum((-c.friction * c.sliding for c in forces.border), zero),
+        belt_friction=zero,
+        beam_damping=zero,
+    )
+    if forces.belt is not None:
+        assert mechanics.belt is not None
+        power = power._replace(
+            belt=forces.belt.x * mechanics.belt.speed, belt_friction=forces.belt.dissipated
+        )
+    if fence is not None:
+        link = mechanics.link
+        assert link is not None
+        tip = link.tip_deflection(fence.vibration.amplitude)
+        stresses = link.bending_stress(
+            fence.vibration.amplitude,
+            fence.lagged,
+            tuple(c.place for c in forces.fence),
+            fence.shapes,
+        )
+        worst = jnp.argmax(stresses)
+        stress, place = stresses[worst], link.rigid_length + link.stations[worst]
+        torque = _torque(link, fence, forces)
+        energy = _fence_energy(link, fence, energy)
+        power = _fence_power(link, fence, forces, torque, power)
+    return Instant(
+        time=time,
+        body=body,
+        acceleration=forces.acceleration,
+        drive=None if fence is None else fence.drive,
+        vibration=None if fence is None else fence.vibration,
+        fence=forces.fence,
+        border=forces.border,
+        belt=forces.belt,
+        fence_force=fence_force,
+        tip_deflection=tip,
+        stress=stress,
+        stress_place=place,
+        torque=torque,
+        energy=energy,
+        power=power,
+    )
+
+
+def _torque(link: FlexibleLink, fence: FenceState, forces: Forces) -> Array:
+    """Moment of the drive [N m]: the generalised force on alpha_w,
+    (I_root + Phi^T M Phi) alpha'' + Phi^T M u'' + sum N sigma."""
+    damping = link.damping
+    accelerations = tuple(
+        f - c * v - k * q
+        for f, c, v, k, q in zip(
+            fence.modal_force,
+            damping,
+            fence.vibration.rate,
+            link.frequency_squared,
+            fence.vibration.amplitude,
+            strict=True,
+        )
+    )
+    torque = (link.root_inertia + link.swing_inertia) * fence.drive.acceleration
+    torque = torque + link.mass_scale * dot(link.swing, accelerations)
+    for c in forces.fence:
+        torque = torque + c.normal * c.place
+    return torque
+
+
+def _fence_energy(link: FlexibleLink, fence: FenceState, energy: Energy) -> Energy:
+    amplitude, rate = fence.vibration
+    speed = fence.drive.speed
+    kinetic = 0.5 * (link.root_inertia + link.swing_inertia) * speed**2
+    kinetic = kinetic + link.mass_scale * (
+        speed * dot(link.swing, rate) + 0.5 * total(v * v for v in rate)
+    )
+    strain = 0.5 * link.mass_scale * total(
+        k * q * q for k, q in zip(link.frequency_squared, amplitude, strict=True)
+    )
+    for shape, load in zip(fence.shapes, fence.lagged, strict=True):
+        if shape.residual is not None:
+            strain = strain + 0.5 * shape.residual * load**2
+    return energy._replace(fence=kinetic, strain=strain)
+
+
+def _fence_power(
+    link: FlexibleLink, fence: FenceState, forces: Forces, torque: Array, power: Power
+) -> Power:
+    damped = link.mass_scale * total(
+        c * v * v for c, v in zip(link.damping, fence.vibration.rate, strict=True)
+    )
+    geometry = jnp.zeros_like(torque)
+    for c, parts, shape, rate in zip(
+        forces.fence, forces.touches, fence.shapes, fence.lagged_rate, strict=True
+    ):
+        transverse = c.place * fence.drive.speed + dot(shape.deflection, fence.vibration.rate)
+        if shape.residual is not None:
+            transverse = transverse - shape.residual * rate
+            damped = damped + link.lag * shape.residual * rate**2
+        geometry = geometry + c.normal * (parts.fence_normal_rate - transverse)
+        geometry = geometry + c.friction * parts.fence_tangent_rate
+    return power._replace(
+        drive=torque * fence.drive.speed, geometry=geometry, beam_damping=damped
+    )

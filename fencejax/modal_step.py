@@ -1,0 +1,344 @@
+"""One step of the package's own integrator: exact in the beam, implicit in contact and friction.
+
+Forces are taken to vary linearly over the step. The modes then advance exactly, whatever their
+frequency, and the parcel's motion is a cubic. Unknown at the step's end are the parcel's three
+velocities and one normal force a corner at the fence; everything else follows from these. Newton's
+method finds them, and their derivative comes from the converged equations.
+
+The foot of each corner on the fence is tracked: one Newton step on (C - U).t = 0 from the place
+that the sliding speed predicts. The gap is stationary at the foot, so that the error of that place
+enters it squared. The error of a step is of the third order, that of a solution of the second.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from . import newton
+from .drive import DriveMotion
+from .instant import FenceState, Instant, describe
+from .link import Blocks, FencePoint, Shape, Vibration, dot, propagate, total
+from .mechanics import Acceleration, Body, Forces, Mechanics
+from .propagation import Propagator
+
+
+class Memory(NamedTuple):
+    """The state of the integrator at a sample.
+
+    `before` is the acceleration and `normals_before` the forces one step back, for the first guess
+    alone; `lagged_rate` is the rate of the load that the modes left out carry.
+    """
+
+    body: Body
+    acceleration: Acceleration
+    before: Acceleration
+    vibration: Vibration | None
+    modal_force: Blocks
+    places: tuple[Array, ...]
+    sliding: tuple[Array, ...]
+    normals: tuple[Array, ...]
+    normals_before: tuple[Array, ...]
+    lagged_rate: tuple[Array, ...]
+
+
+class Clock(eqx.Module):
+    """The start time [s] on the drive's clock, the step [s] and the modes' maps over it."""
+
+    start: Array
+    maps: tuple[Propagator, ...]
+    lag_decay: Array
+    step: float = eqx.field(static=True)
+
+    def __init__(self, mechanics: Mechanics, start: Array, step: float):
+        self.start = start
+        self.step = step
+        self.maps = ()
+        self.lag_decay = jnp.zeros_like(start)
+        if mechanics.link is not None:
+            self.maps = mechanics.link.propagators(step)
+            lag = mechanics.link.lag
+            slow = lag > 1e-2 * step
+            decay = jnp.exp(-step / jnp.where(slow, lag, 1.0))
+            self.lag_decay = jnp.where(slow, decay, 0.0)
+
+    def time(self, index: Array) -> Array:
+        """Time [s] of a sample since the scene's start."""
+        return self.step * index
+
+
+def contact_load(shapes: tuple[Shape, ...], normals, mass: Array, inertia: Blocks) -> Blocks:
+    """Modal forces [m/s^2]: those of the swing, less the contact forces shared out by the shapes."""
+    force = list(inertia)
+    for shape, normal in zip(shapes, normals, strict=True):
+        share = normal / mass
+        force = [f - phi * share for f, phi in zip(force, shape.deflection, strict=True)]
+    return tuple(force)
+
+
+def _rotated(arm, turn):
+    """An arm turned on by a small angle, to the second order (it is of the third in the step)."""
+    x, y = arm
+    half = 1 - 0.5 * turn * turn
+    return half * x - turn * y, half * y + turn * x
+
+
+def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
+    """Advance from sample `index` to the next.
+
+    Returns the new memory, its sample and the defect of the solved equations [N], relative to the
+    largest of the forces.
+    """
+    h = clock.step
+    body, was = memory.body, memory.acceleration
+    time = clock.time(index + 1)
+    drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
+
+    guess = tuple(
+        rate + h * (1.5 * now - 0.5 * before)
+        for rate, now, before in zip(body[3:], was, memory.before, strict=True)
+    )
+
+    def body_at(rates):
+        x, y, angle = (
+            q + h * (2 * v0 + v1) / 3 + h * h * a0 / 6
+            for q, v0, v1, a0 in zip(body[:3], body[3:], rates, was, strict=True)
+        )
+        return Body(x, y, angle, *rates)
+
+    predicted = body_at(guess)
+    arms = mechanics.arms(predicted.angle)
+    places = tuple(p + h * w for p, w in zip(memory.places, memory.sliding, strict=True))
+    fence = _FenceEnd(mechanics, clock, memory, drive, places)
+
+    def forces_at(rates, normals) -> Forces:
+        now = body_at(rates)
+        turned = {k: _rotated(arm, now.angle - predicted.angle) for k, arm in arms.items()}
+        return mechanics.forces(now, turned, drive, fence.points(normals), places, normals)
+
+    count = len(places)
+    flexible = fence.flexible and count > 0
+
+    def residual(unknowns):
+        rates = unknowns[:3]
+        forces = forces_at(rates, unknowns[3:] if flexible else None)
+        motion = tuple(
+            v1 - v0 - 0.5 * h * (a0 + a1)
+            for v1, v0, a0, a1 in zip(rates, body[3:], was, forces.acceleration, strict=True)
+        )
+        if not flexible:
+            return motion
+        law = tuple(
+            normal - mechanics.fence_law(parts, place)
+            for normal, parts, place in zip(unknowns[3:], forces.touches, places, strict=True)
+        )
+        return motion + law
+
+    normals = ()
+    if flexible:
+        normals = tuple(
+            jnp.maximum(2 * now - before, 0.0)
+            for now, before in zip(memory.normals, memory.normals_before, strict=True)
+        )
+    solution = newton.solve(residual, guess + normals, mechanics.fidelity.iterations)
+    rates, normals = solution[:3], solution[3:] if flexible else None
+    forces = forces_at(rates, normals)
+    defect = _defect(mechanics, body, was, rates, forces, h, places, normals)
+    if normals is None:
+        normals = tuple(c.normal for c in forces.fence)
+
+    after = body_at(rates)
+    state, lagged_rate = fence.state(normals)
+    memory = Memory(
+        body=after,
+        acceleration=forces.acceleration,
+        before=was,
+        vibration=None if state is None else state.vibration,
+        modal_force=() if state is None else state.modal_force,
+        places=tuple(p + t.foot_offset for p, t in zip(places, forces.touches, strict=True)),
+        sliding=tuple(t.sliding for t in forces.touches),
+        normals=normals,
+        normals_before=memory.normals,
+        lagged_rate=lagged_rate,
+    )
+    return memory, describe(mechanics, time, after, forces, state), defect
+
+
+def _defect(mechanics, body, was, rates, forces, h, places, normals):
+    """Largest unbalanced force [N] of the solved step."""
+    worst = jnp.zeros_like(body.x)
+    mass = mechanics.parcel.mass
+    for v1, v0, a0, a1 in zip(rates[:2], body[3:5], was[:2], forces.acceleration[:2], strict=True):
+        worst = jnp.maximum(worst, mass * jnp.abs((v1 - v0) / h - 0.5 * (a0 + a1)))
+    if normals is not None:
+        for normal, parts, place in zip(normals, forces.touches, places, strict=True):
+            worst = jnp.maximum(worst, jnp.abs(normal - mechanics.fence_law(parts, place)))
+    return worst
+
+
+class _FenceEnd:
+    """The fence at the end of a step as a function of the contact forces there.
+
+    With the small-deflection geometry the deflection, its rate and the slope at each place are
+    affine in the forces, and Newton's method sees these few numbers instead of the modes.
+    """
+
+    def __init__(self, mechanics, clock, memory, drive: DriveMotion | None, places):
+        self.link = link = mechanics.link
+        self.chords = mechanics.fidelity.geometry == "chord"
+        self.flexible = link is not None and len(link.frequency_squared) > 0
+        if link is None:
+            return
+        assert drive is not None
+        self.clock, self.memory, self.drive, self.places = clock, memory, drive, places
+        self.shapes = tuple(link.shape(place) for place in places)
+        self.inertia = link.inertia_force(drive)
+        self.free = propagate(
+            clock.maps, memory.vibration, memory.modal_force, self.inertia
+        )
+
+    def points(self, normals) -> tuple[FencePoint, ...]:
+        """The point of the fence under each corner."""
+        if self.link is None:
+            return ()
+        if normals is None:
+            zero = jnp.zeros_like(self.drive.angle)
+            return tuple(FencePoint(place, zero, zero, zero, zero) for place in self.places)
+        return tuple(self._point(k, normals) for k in range(len(self.places)))
+
+    def _point(self, k: int, normals) -> FencePoint:
+        link, shape = self.link, self.shapes[k]
+        extra, extra_rate = self._residual(k, normals[k])
+        if self.chords:
+            return link.chord_point(shape, self._vibration(normals), extra, extra_rate)
+        deflection = dot(shape.deflection, self.free.amplitude)
+        rate = dot(shape.deflection, self.free.rate)
+        slope = dot(shape.slope, self.free.amplitude)
+        for other, normal in zip(self.shapes, normals, strict=True):
+            share = normal / link.mass_scale
+            triples = list(
+                zip(shape.deflection, shape.slope, other.deflection, self.clock.maps, strict=True)
+            )
+            deflection = deflection - share * total(a * b * m.q_end for a, _, b, m in triples)
+            rate = rate - share * total(a * b * m.v_end for a, _, b, m in triples)
+            slope = slope - share * total(s * b * m.q_end for _, s, b, m in triples)
+        return link.small_point(shape, deflection + extra, rate + extra_rate, slope)
+
+    def _residual(self, k: int, normal):
+        """Deflection [m] of the modes left out and its rate: G r with r + beta rdot = N."""
+        compliance = self.shapes[k].residual
+        if compliance is None:
+            return jnp.zeros_like(normal), jnp.zeros_like(normal)
+        rate = self._lagged_rate(k, normal)
+        return -compliance * (normal - self.link.lag * rate), -compliance * rate
+
+    def _lagged_rate(self, k: int, normal):
+        """rdot at the step's end, exact for a force linear over the step; finite as beta -> 0."""
+        decay = self.clock.lag_decay
+        slope = (normal - self.memory.normals[k]) / self.clock.step
+        return decay * self.memory.lagged_rate[k] + (1 - decay) * slope
+
+    def _vibration(self, normals) -> Vibration:
+        """The modes at the step's end."""
+        amplitude, rate = list(self.free.amplitude), list(self.free.rate)
+        for shape, normal in zip(self.shapes, normals, strict=True):
+            share = normal / self.link.mass_scale
+            for i, (phi, m) in enumerate(zip(shape.deflection, self.clock.maps, strict=True)):
+                amplitude[i] = amplitude[i] - m.q_end * phi * share
+                rate[i] = rate[i] - m.v_end * phi * share
+        return Vibration(tuple(amplitude), tuple(rate))
+
+    def state(self, normals) -> tuple[FenceState | None, tuple[Array, ...]]:
+        """The fence under the solved forces, and the rates of the lagged loads."""
+        if self.link is None:
+            return None, ()
+        load = contact_load(self.shapes, normals, self.link.mass_scale, self.inertia)
+        if self.link.residual is None:
+            lagged_rate = tuple(jnp.zeros_like(n) for n in normals)
+            lagged = normals
+        else:
+            lagged_rate = tuple(self._lagged_rate(k, n) for k, n in enumerate(normals))
+            lagged = tuple(
+                n - self.link.lag * r for n, r in zip(normals, lagged_rate, strict=True)
+            )
+        state = FenceState(
+            self.drive, self._vibration(normals), load, self.shapes, lagged, lagged_rate
+        )
+        return state, lagged_rate if self.link.residual is not None else ()
+
+
+def first_instant(
+    mechanics: Mechanics, clock: Clock, body: Body, vibration: Vibration | None, drive
+) -> tuple[Memory, Instant]:
+    """The memory and the sample at the start, from the motion of parcel and fence there."""
+    link = mechanics.link
+    places, shapes, points = (), (), ()
+    zero = jnp.zeros_like(body.x)
+    if link is not None:
+        assert vibration is not None
+        places = tuple(
+            foot(mechanics, body, number, vibration, drive) for number in mechanics.fence_corners
+        )
+        shapes = tuple(link.shape(place) for place in places)
+        points = tuple(fence_point(mechanics, shape, vibration) for shape in shapes)
+    forces = mechanics.forces(body, mechanics.arms(body.angle), drive, points, places)
+    normals = tuple(c.normal for c in forces.fence)
+    state, inertia = None, ()
+    if link is not None:
+        assert vibration is not None
+        inertia = contact_load(shapes, normals, link.mass_scale, link.inertia_force(drive))
+        still = tuple(zero for _ in normals)
+        state = FenceState(drive, vibration, inertia, shapes, normals, still)
+    memory = Memory(
+        body=body,
+        acceleration=forces.acceleration,
+        before=forces.acceleration,
+        vibration=vibration,
+        modal_force=inertia,
+        places=places,
+        sliding=tuple(c.sliding for c in forces.fence),
+        normals=normals,
+        normals_before=normals,
+        lagged_rate=()
+        if link is None or link.residual is None
+        else tuple(zero for _ in normals),
+    )
+    return memory, describe(mechanics, jnp.zeros_like(clock.start), body, forces, state)
+
+
+def fence_point(mechanics: Mechanics, shape: Shape, vibration: Vibration) -> FencePoint:
+    """The point of the fence at a shape's place, in the geometry of the fidelity."""
+    link = mechanics.link
+    assert link is not None
+    if mechanics.fidelity.geometry == "chord" and link.frequency_squared:
+        zero = jnp.zeros_like(shape.place)
+        return link.chord_point(shape, vibration, zero, zero)
+    return link.small_point(
+        shape,
+        dot(shape.deflection, vibration.amplitude),
+        dot(shape.deflection, vibration.rate),
+        dot(shape.slope, vibration.amplitude),
+    )
+
+
+def foot(
+    mechanics: Mechanics, body: Body, number: int, vibration: Vibration, drive: DriveMotion
+) -> Array:
+    """Arc coordinate [m] of the foot of the perpendicular from a corner to the fence.
+
+    Newton's method from the foot on the straight fence: sigma += (C - U).t, four times; the error
+    falls by the factor curvature x gap each time.
+    """
+    link = mechanics.link
+    assert link is not None
+    arm_x, arm_y = mechanics.arms(body.angle)[number]
+    cos_drive, sin_drive = jnp.cos(drive.angle), jnp.sin(drive.angle)
+    x = (body.x + arm_x) * cos_drive + (body.y + arm_y) * sin_drive
+    y = (body.y + arm_y) * cos_drive - (body.x + arm_x) * sin_drive
+    place = x
+    for _ in range(4):
+        point = fence_point(mechanics, link.shape(place), vibration)
+        offset = (x - point.x) * jnp.cos(point.slope) + (y - point.y) * jnp.sin(point.slope)
+        place = place + offset
+    return place

@@ -1,0 +1,102 @@
+"""The parcel: a rigid rectangle with compliant corners."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
+from . import _check
+
+
+class Parcel(eqx.Module):
+    """A rigid rectangle A x B, with A along x at phi = 0, that touches with its corners.
+
+    Corners, seen from the centre of gravity C_s in the parcel's frame: 1 leading lower,
+    2 trailing lower, 3 trailing upper, 4 leading upper.
+    """
+
+    mass: Array
+    length: Array
+    breadth: Array
+    center_x: Array
+    center_y: Array
+    given_inertia: Array | None
+    stiffness: Array
+    damping: Array
+
+    def __init__(
+        self,
+        mass: ArrayLike = 15.0,
+        length: ArrayLike = 0.4,
+        breadth: ArrayLike = 0.3,
+        center_x: ArrayLike = 0.0,
+        center_y: ArrayLike = 0.0,
+        inertia: ArrayLike | None = None,
+        stiffness: ArrayLike = 1.72e9,
+        damping: ArrayLike = 3.3e5,
+    ):
+        """**Arguments:**
+
+        - `mass`: m_p [kg], above 0.
+        - `length`, `breadth`: A and B [m], above 0.
+        - `center_x`, `center_y`: (x_p, y_p) [m], the centre of gravity from the geometric centre,
+          inside the rectangle.
+        - `inertia`: I_p about C_s [kg m^2]; by default m_p (A^2 + B^2) / 12, and it then follows
+          the mass and the size.
+        - `stiffness`: k_p [N/m^4], at least 0. `damping`: b_p [N s kg^-0.4 m^-3], at least 0.
+        """
+        self.mass = _check.scalar("mass", mass, above=0, unit="kg")
+        self.length = _check.scalar("length", length, above=0, unit="m")
+        self.breadth = _check.scalar("breadth", breadth, above=0, unit="m")
+        self.center_x = _check.scalar("center_x", center_x, unit="m")
+        self.center_y = _check.scalar("center_y", center_y, unit="m")
+        inside = "The centre of gravity lies inside the rectangle."
+        for name, offset, side in (
+            ("center_x", self.center_x, self.length),
+            ("center_y", self.center_y, self.breadth),
+        ):
+            _check.scalar(
+                f"|{name}| / half side", 2 * jnp.abs(offset) / side, most=1, remedy=inside
+            )
+        self.given_inertia = (
+            None
+            if inertia is None
+            else _check.scalar("inertia", inertia, above=0, unit="kg m^2")
+        )
+        self.stiffness = _check.scalar("stiffness", stiffness, least=0, unit="N/m^4")
+        self.damping = _check.scalar("damping", damping, least=0, unit="N s kg^-0.4 m^-3")
+
+    @property
+    def inertia(self) -> Array:
+        """I_p [kg m^2] about the centre of gravity."""
+        if self.given_inertia is None:
+            return self.mass * (self.length**2 + self.breadth**2) / 12
+        return self.given_inertia
+
+    def corner(self, number: int) -> tuple[Array, Array]:
+        """Corner 1 ... 4 in the parcel's frame, from C_s [m]."""
+        side = 0.5 if number in (1, 4) else -0.5
+        height = 0.5 if number in (3, 4) else -0.5
+        return side * self.length - self.center_x, height * self.breadth - self.center_y
+
+    @property
+    def mean_distance(self) -> Array:
+        """c [m], the mean distance of the rectangle's points from C_s, in closed form.
+
+        The rectangle is cut into four at C_s. For a rectangle a x b seen from its corner, with
+        d = sqrt(a^2 + b^2), the integral of the distance is
+        a b d / 3 + (a^3 asinh(b / a) + b^3 asinh(a / b)) / 6.
+        """
+        total = 0.0
+        for a in (self.length / 2 - self.center_x, self.length / 2 + self.center_x):
+            for b in (self.breadth / 2 - self.center_y, self.breadth / 2 + self.center_y):
+                total = total + _corner_integral(jnp.abs(a), jnp.abs(b))
+        return total / (self.length * self.breadth)
+
+
+def _corner_integral(a, b):
+    """Integral of the distance from a corner over the rectangle a x b [m^3]; 0 where one is 0."""
+    flat = (a <= 0) | (b <= 0)
+    a, b = jnp.where(flat, 1.0, a), jnp.where(flat, 1.0, b)
+    diagonal = jnp.sqrt(a**2 + b**2)
+    value = a * b * diagonal / 3 + (a**3 * jnp.arcsinh(b / a) + b**3 * jnp.arcsinh(a / b)) / 6
+    return jnp.where(flat, 0.0, value)

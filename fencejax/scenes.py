@@ -1,0 +1,363 @@
+"""Scenes: which parts act, and how it begins. Each stage of a sort, and the whole of it."""
+
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
+from . import _check
+from .belt import Belt, Border
+from .drive import AbstractDrive, HarmonicDrive
+from .fence import Fence
+from .friction import Friction
+from .mechanics import Body
+from .parcel import Parcel
+from .start import (
+    AbstractStart,
+    AsGiven,
+    AtTouch,
+    BetweenBorderAndFence,
+    FlushOnFence,
+    OnBelt,
+)
+
+_CORNERS = (1, 2, 3, 4)
+Default = Literal["default"]
+
+
+class Scene(eqx.Module):
+    """A parcel and the parts that act on it. A part that is `None` costs nothing.
+
+    Made by the functions of this module; a field is changed with `equinox.tree_at`.
+    """
+
+    parcel: Parcel
+    start: AbstractStart
+    belt: Belt | None
+    fence: Fence | None
+    drive: AbstractDrive | None
+    fence_friction: Friction | None
+    border: Border | None
+    fence_corners: tuple[int, ...] = eqx.field(static=True)
+    border_corners: tuple[int, ...] = eqx.field(static=True)
+    duration: float = eqx.field(static=True)
+
+
+class WallScene(eqx.Module):
+    """A parcel against an undeformable wall of infinite mass: one coordinate, no belt."""
+
+    parcel: Parcel
+    speed: Array
+    duration: float = eqx.field(static=True)
+
+
+def _corners(name: str, corners: tuple[int, ...]) -> tuple[int, ...]:
+    for corner in corners:
+        if corner not in _CORNERS:
+            raise ValueError(
+                f"Argument `{name}` must hold corners 1 ... 4 (1 leading lower, 2 trailing lower, "
+                f"3 trailing upper, 4 leading upper), but holds {corner!r}."
+            )
+    return tuple(sorted(set(corners)))
+
+
+def _fence_friction(friction: Friction | None | Default) -> Friction | None:
+    return Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
+
+
+def _belt(belt: Belt | None | Default) -> Belt | None:
+    return Belt() if belt == "default" else belt
+
+
+def _place(distance: ArrayLike, fence: Fence) -> Array:
+    place = _check.scalar("distance", distance, least=0, unit="m")
+    if not isinstance(place + fence.reach, jax.core.Tracer):
+        _check.scalar(
+            "distance",
+            place,
+            most=float(jnp.min(fence.reach)),
+            unit="m",
+            remedy="The fence ends at rigid_length + flexible_length.",
+        )
+    return place
+
+
+def _drive_angle(angle: ArrayLike, drive: AbstractDrive) -> Array:
+    checked = _check.scalar("drive_angle", angle, least=-1.5, most=1.5, unit="rad")
+    furthest = drive.angle(drive.turning_time)
+    if not isinstance(checked + furthest, jax.core.Tracer):
+        _check.scalar(
+            "drive_angle",
+            checked,
+            most=float(jnp.min(furthest)) + 1e-9,
+            unit="rad",
+            remedy="The drive turns back there.",
+        )
+    return checked
+
+
+def _duration(duration: float | None, default: float) -> float:
+    return _check.number("duration", default if duration is None else duration, above=0, unit="s")
+
+
+def _cycle(drive: AbstractDrive) -> float:
+    cycle = drive.cycle
+    if isinstance(cycle, jax.core.Tracer) or cycle.ndim > 0:
+        raise ValueError(
+            "Argument `duration` [s] must be given where the drive's cycle time is traced, but is "
+            "None. Write, for example, duration=1.36: it sets the number of steps."
+        )
+    return float(cycle)
+
+
+def oblique_impact(
+    *,
+    fence: Fence | None = None,
+    distance: ArrayLike = 1.0,
+    drive_angle: ArrayLike = 0.30,
+    corner: int = 1,
+    parcel_angle: ArrayLike | None = None,
+    velocity: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
+    parcel: Parcel | None = None,
+    belt: Belt | None | Default = "default",
+    drive: AbstractDrive | None = None,
+    fence_friction: Friction | None | Default = "default",
+    duration: float | None = None,
+) -> Scene:
+    """A corner strikes the fence: stage (2.3)-(2.26), fence, one corner and belt.
+
+    **Arguments:**
+
+    - `distance`: R [m], arc coordinate of the first touch, from the hinge.
+    - `drive_angle`: alpha_w [rad] at that moment, on the way out.
+    - `corner`: 1 ... 4.
+    - `parcel_angle`: phi [rad]; by default such that C_s lies on the fence's normal through the
+      corner.
+    - `velocity`: (xdot, ydot, phidot) at that moment [m/s, m/s, rad/s]; by default the belt's.
+    - `fence`, `parcel`, `belt`, `drive`, `fence_friction`: the parts, by default the paper's; `None`
+      for `belt` or `fence_friction` leaves the part out.
+    - `duration` [s], static, default 0.25.
+
+    Raises `ValueError` where the distance or the angle is out of the fence's or drive's reach.
+    """
+    fence = Fence() if fence is None else fence
+    drive = HarmonicDrive() if drive is None else drive
+    if parcel_angle is not None:
+        parcel_angle = _check.scalar("parcel_angle", parcel_angle, unit="rad")
+    moving = None
+    if velocity is not None:
+        x, y, spin = (_check.scalar("velocity", v, unit="m/s") for v in velocity)
+        moving = (x, y, spin)
+    (number,) = _corners("corner", (corner,))
+    start = AtTouch(
+        _place(distance, fence), _drive_angle(drive_angle, drive), parcel_angle, moving, number
+    )
+    return Scene(
+        Parcel() if parcel is None else parcel,
+        start,
+        _belt(belt),
+        fence,
+        drive,
+        _fence_friction(fence_friction),
+        None,
+        (number,),
+        (),
+        _duration(duration, 0.25),
+    )
+
+
+def along_fence(
+    *,
+    fence: Fence | None = None,
+    distance: ArrayLike = 0.8,
+    drive_angle: ArrayLike = 0.25,
+    parcel: Parcel | None = None,
+    belt: Belt | None | Default = "default",
+    drive: AbstractDrive | None = None,
+    fence_friction: Friction | None | Default = "default",
+    duration: float | None = None,
+) -> Scene:
+    """The parcel's lower wall lies on the fence and slides along it: stage (2.27)-(2.30).
+
+    The two corners of that wall carry the contact, so that the rotation is free and follows the
+    fence by their forces; the paper ties it to the fence. `distance` [m] is the arc coordinate
+    under C_s; the other arguments are those of `oblique_impact`; `duration` is 0.25 s by default.
+    """
+    fence = Fence() if fence is None else fence
+    drive = HarmonicDrive() if drive is None else drive
+    start = FlushOnFence(_place(distance, fence), _drive_angle(drive_angle, drive))
+    return Scene(
+        Parcel() if parcel is None else parcel,
+        start,
+        _belt(belt),
+        fence,
+        drive,
+        _fence_friction(fence_friction),
+        None,
+        (1, 2),
+        (),
+        _duration(duration, 0.25),
+    )
+
+
+def border_and_fence(
+    *,
+    fence: Fence | None = None,
+    distance: ArrayLike = 1.0,
+    drive_angle: ArrayLike = 0.20,
+    fence_corner: int = 1,
+    border_corner: int = 2,
+    parcel: Parcel | None = None,
+    belt: Belt | None | Default = "default",
+    drive: AbstractDrive | None = None,
+    fence_friction: Friction | None | Default = "default",
+    border: Border | None = None,
+    duration: float | None = None,
+) -> Scene:
+    """One corner on the fence and another on the border: stage (2.31)-(2.34).
+
+    `distance` [m] is the arc coordinate of the corner on the fence, at the angle `drive_angle`
+    [rad]; the other arguments are those of `oblique_impact`; `duration` is 0.25 s by default.
+
+    Raises `ValueError` where the two corners are closer together than the fence is high there.
+    """
+    fence = Fence() if fence is None else fence
+    drive = HarmonicDrive() if drive is None else drive
+    parcel = Parcel() if parcel is None else parcel
+    (first,) = _corners("fence_corner", (fence_corner,))
+    (second,) = _corners("border_corner", (border_corner,))
+    if first == second:
+        raise ValueError(
+            f"Arguments `fence_corner` and `border_corner` must differ, but both are {first}."
+        )
+    place = _place(distance, fence)
+    angle = _drive_angle(drive_angle, drive)
+    ax, ay = parcel.corner(first)
+    bx, by = parcel.corner(second)
+    _check.scalar(
+        "distance x sin(drive_angle) / distance of the corners",
+        place * jnp.sin(angle) / jnp.sqrt((ax - bx) ** 2 + (ay - by) ** 2),
+        most=1,
+        remedy="The parcel does not span from the border to that point of the fence.",
+    )
+    return Scene(
+        parcel,
+        BetweenBorderAndFence(place, angle, first, second),
+        _belt(belt),
+        fence,
+        drive,
+        _fence_friction(fence_friction),
+        Border() if border is None else border,
+        (first,),
+        (second,),
+        _duration(duration, 0.25),
+    )
+
+
+def free_motion(
+    *,
+    position: tuple[ArrayLike, ArrayLike] = (0.0, 0.35),
+    angle: ArrayLike = 0.0,
+    velocity: tuple[ArrayLike, ArrayLike, ArrayLike] = (0.0, 1.0, 2.0),
+    parcel: Parcel | None = None,
+    belt: Belt | None | Default = "default",
+    fence: Fence | None = None,
+    drive: AbstractDrive | None = None,
+    duration: float | None = None,
+) -> Scene:
+    """The parcel on the belt alone.
+
+    **Arguments:**
+
+    - `position`: (x, y) of C_s [m]; `angle`: phi [rad].
+    - `velocity`: (xdot, ydot, phidot) [m/s, m/s, rad/s].
+    - `fence`, `drive`: if given, the fence swings and rings beside the parcel without contact.
+    - `duration` [s], static, default 0.5.
+    """
+    numbers = {
+        "position x": (position[0], "m"),
+        "position y": (position[1], "m"),
+        "angle": (angle, "rad"),
+        "velocity x": (velocity[0], "m/s"),
+        "velocity y": (velocity[1], "m/s"),
+        "spin": (velocity[2], "rad/s"),
+    }
+    motion = Body(*(_check.scalar(k, value, unit=unit) for k, (value, unit) in numbers.items()))
+    if fence is not None and drive is None:
+        drive = HarmonicDrive()
+    return Scene(
+        Parcel() if parcel is None else parcel,
+        AsGiven(motion),
+        _belt(belt),
+        fence,
+        drive if fence is not None else None,
+        None,
+        None,
+        (),
+        (),
+        _duration(duration, 0.5),
+    )
+
+
+def whole_sort(
+    *,
+    front: ArrayLike = 0.1,
+    offset: ArrayLike = 0.0,
+    angle: ArrayLike = 0.0,
+    fence: Fence | None = None,
+    parcel: Parcel | None = None,
+    belt: Belt | None | Default = "default",
+    drive: AbstractDrive | None = None,
+    fence_friction: Friction | None | Default = "default",
+    border: Border | None | Default = "default",
+    fence_corners: tuple[int, ...] = (1, 2),
+    border_corners: tuple[int, ...] = (1, 2),
+    duration: float | None = None,
+) -> Scene:
+    """A whole sort: the drive starts at rest, the parcel rides in, and contacts come and go.
+
+    **Arguments:**
+
+    - `front` [m]: x of the parcel's foremost point when the drive starts; it may be negative.
+    - `offset`: Delta s [m] between the border and the parcel's lowest point, at least 0.
+    - `angle`: phi [rad].
+    - `fence_corners`, `border_corners`: the corners that can touch, static; each one costs. By
+      default the two of the lower wall.
+    - `duration` [s], static, by default the drive's cycle.
+    """
+    fence = Fence() if fence is None else fence
+    drive = HarmonicDrive() if drive is None else drive
+    start = OnBelt(
+        _check.scalar("front", front, unit="m"),
+        _check.scalar("offset", offset, least=0, unit="m"),
+        _check.scalar("angle", angle, unit="rad"),
+    )
+    border = Border() if border == "default" else border
+    return Scene(
+        Parcel() if parcel is None else parcel,
+        start,
+        _belt(belt),
+        fence,
+        drive,
+        _fence_friction(fence_friction),
+        border,
+        _corners("fence_corners", fence_corners),
+        () if border is None else _corners("border_corners", border_corners),
+        _duration(duration, _cycle(drive) if duration is None else duration),
+    )
+
+
+def rigid_wall(
+    *, speed: ArrayLike = 2.426, parcel: Parcel | None = None, duration: float | None = None
+) -> WallScene:
+    """A parcel strikes an undeformable wall of infinite mass: N_stiff, one coordinate.
+
+    `speed` is the normal approach speed v_n [m/s]; `duration` [s] is static, default 0.1.
+    """
+    return WallScene(
+        Parcel() if parcel is None else parcel,
+        _check.scalar("speed", speed, unit="m/s"),
+        _duration(duration, 0.1),
+    )

@@ -1,0 +1,173 @@
+"""Run a scene."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from . import integrate, wall
+from .fidelity import Fidelity
+from .forward import by_columns
+from .link import FlexibleLink, Vibration
+from .mechanics import Body, Mechanics
+from .modal_step import Clock, fence_point, first_instant
+from .result import Result, gather
+from .scenes import Scene, WallScene
+from .start import Pose
+from .status import Status, worst
+from .tally import Tally
+
+
+def simulate(
+    scene: Scene | WallScene,
+    *,
+    fidelity: Fidelity | None = None,
+    history: bool = True,
+    throw: bool = False,
+) -> Result:
+    """Integrate a scene and gather what it did.
+
+    **Arguments:**
+
+    - `scene`: made by a function of `fencejax.scenes`. Every number in it may be traced.
+    - `fidelity`: default `Fidelity.standard()`.
+    - `history`: keep every sample (`Result.history`). Inside `jit`, what is not used is not
+      computed; outside, `history=False` is lighter.
+    - `throw`: raise on the host if the status is not among those with good numbers.
+
+    Raises `TypeError` for arguments of the wrong kind and, with `throw=True`, `RuntimeError` with
+    the status' text.
+    """
+    if not isinstance(scene, (Scene, WallScene)):
+        raise TypeError(
+            f"Argument `scene` must be a scene made by a function of `fencejax.scenes`, but is a "
+            f"{type(scene).__name__}."
+        )
+    fidelity = Fidelity.standard() if fidelity is None else fidelity
+    if not isinstance(fidelity, Fidelity):
+        raise TypeError(
+            f"Argument `fidelity` must be a `fencejax.Fidelity`, but is {fidelity!r}. Write, for "
+            "example, fidelity=fj.Fidelity.fast()."
+        )
+    result = _compiled(scene, fidelity, history)
+    if throw:
+        raise_for(result)
+    return result
+
+
+def raise_for(result: Result) -> None:
+    """Raise `RuntimeError` if any lane's status is not among those with good numbers."""
+    if isinstance(result.status, jax.core.Tracer):
+        raise TypeError("throw=True needs concrete numbers: read `status` inside a transformation.")
+    outcome = Status(int(np.max(np.asarray(result.status))))
+    if outcome > Status.LEFT_OVER_TIP:
+        raise RuntimeError(f"{outcome.name}: {outcome.text}.")
+
+
+@eqx.filter_jit
+def _compiled(scene, fidelity: Fidelity, history: bool) -> Result:
+    numbers, structure = eqx.partition(scene, eqx.is_inexact_array)
+
+    def outcome(numbers):
+        whole = eqx.combine(numbers, structure)
+        if isinstance(whole, WallScene):
+            return wall.run(whole, fidelity, history)
+        return _run(whole, fidelity, history)
+
+    if fidelity.gradient == "forward":
+        outcome = by_columns(outcome)
+    result = outcome(numbers)
+    return eqx.tree_at(lambda r: r.status, result, result.status.astype(jnp.int32))
+
+
+def mechanics_of(scene: Scene, fidelity: Fidelity) -> Mechanics:
+    """The parts of a scene, made ready for a fidelity."""
+    return Mechanics(
+        parcel=scene.parcel,
+        belt=scene.belt,
+        link=None if scene.fence is None else FlexibleLink(scene.fence, fidelity),
+        drive=scene.drive,
+        fence_friction=scene.fence_friction,
+        border=scene.border,
+        fence_corners=scene.fence_corners,
+        border_corners=scene.border_corners,
+        fidelity=fidelity,
+    )
+
+
+def initial_state(
+    scene: Scene, mechanics: Mechanics
+) -> tuple[Array, Body, Vibration | None]:
+    """The drive's clock, the parcel's motion and the fence's vibration at the start."""
+    begin = scene.start.time(scene.drive)
+    zero = jnp.zeros_like(scene.parcel.mass)
+    time = zero if begin is None else begin + zero
+    link = mechanics.link
+    vibration, pose = None, None
+    if link is not None:
+        assert scene.drive is not None
+        vibration = link.rest() if begin is None else link.swung(scene.drive, time)
+        distance = scene.start.distance()
+        if distance is not None:
+            drive = scene.drive.motion(time)
+            point = fence_point(mechanics, link.shape(distance), vibration)
+            cosine, sine = jnp.cos(drive.angle), jnp.sin(drive.angle)
+            normal_rate = (point.y_rate + drive.speed * point.x) * jnp.cos(point.slope)
+            normal_rate = normal_rate - (point.x_rate - drive.speed * point.y) * jnp.sin(
+                point.slope
+            )
+            pose = Pose(
+                cosine * point.x - sine * point.y,
+                sine * point.x + cosine * point.y,
+                point.slope,
+                normal_rate,
+                drive,
+            )
+    body = scene.start.body(scene.parcel, scene.belt, pose)
+    # Every number as wide as the widest: lanes of a batch may differ in any of them.
+    wide = zero + time + sum(body)
+    return time, Body(*(q + 0 * wide for q in body)), vibration
+
+
+def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
+    mechanics = mechanics_of(scene, fidelity)
+    time, body, vibration = initial_state(scene, mechanics)
+    steps = integrate.count_steps(scene.duration, fidelity.step)
+    clock = Clock(mechanics, time, scene.duration / steps)
+    drive = None if scene.drive is None else scene.drive.motion(time)
+    memory, first = first_instant(mechanics, clock, body, vibration, drive)
+    done: Array | float = 1.0
+    if fidelity.integrator == "modal":
+        tally, samples = integrate.modal(mechanics, clock, (memory, first), steps, history)
+    else:
+        tally, samples, done = integrate.general(mechanics, clock, body, vibration, steps)
+    return gather(
+        tally,
+        first,
+        samples if history else None,
+        time,
+        _status(scene, tally, done),
+    )
+
+
+def _status(scene: Scene, tally: Tally, done: Array | float) -> Array:
+    """The largest status that applies, as a floating-point number."""
+    parcel = scene.parcel
+    side = jnp.minimum(parcel.length, parcel.breadth)
+    checks = [(Status.DEEP_PENETRATION, tally.deepest > side / 2)]
+    forces = jnp.maximum(tally.force.value, tally.border.value)
+    weight = parcel.mass * (0.0 if scene.belt is None else scene.belt.gravity)
+    checks.append((Status.STEP_TOO_COARSE, tally.defect > 1e-3 * (forces + weight) + 1e-9))
+    checks.append((Status.STEP_TOO_COARSE, jnp.asarray(done) < 0.5))
+    if scene.fence is not None:
+        limit = scene.fence.flexible_length / 4
+        checks.append((Status.LARGE_DEFLECTION, tally.tip.value > limit))
+    if scene.fence_corners:
+        checks.append((Status.NEVER_TOUCHED, tally.stay.touched == 0))
+        checks.append((Status.IN_CONTACT_AT_END, tally.last.fence_force > 0))
+        checks.append((Status.LEFT_OVER_TIP, tally.over_tip > 0))
+    body = tally.last.body
+    finite = jnp.isfinite(sum(body) + tally.force.value + tally.tip.value)
+    checks.append((Status.NON_FINITE, ~finite))
+    return worst(checks, body.x)
