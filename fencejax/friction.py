@@ -3,11 +3,11 @@
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from . import _check
-from .parcel import Parcel
 
 
 class Friction(eqx.Module):
@@ -31,54 +31,41 @@ class Smoothing(NamedTuple):
     static_speed: float
 
 
-def coefficient(friction: Friction, speed_squared: Array, smoothing: Smoothing) -> Array:
-    """mu(w) = mu_k + (mu_s - mu_k) exp(-(w / w_s)^2) [1] at w^2 = `speed_squared`."""
-    static_share = jnp.exp(-speed_squared / smoothing.static_speed**2)
-    return friction.kinetic + (friction.static - friction.kinetic) * static_share
+def coefficient(
+    friction: Friction, speed_squared: Array, smoothing: Smoothing
+) -> tuple[Array, Array]:
+    """mu(w) = mu_k + (mu_s - mu_k) exp(-(w / w_s)^2) [1] at w^2 = `speed_squared`, and its
+    derivative in w^2 [s^2/m^2]."""
+    scale = 1 / smoothing.static_speed**2
+    excess = (friction.static - friction.kinetic) * jnp.exp(-scale * speed_squared)
+    return friction.kinetic + excess, -scale * excess
 
 
-def corner_friction(
-    friction: Friction, normal: Array, sliding: Array, smoothing: Smoothing
-) -> Array:
-    """Friction force [N] on a corner along the tangent, (2.19)_4 smoothed:
-    -N mu(w) w / sqrt(w^2 + eps^2), with w the sliding speed [m/s] and N the `normal` force [N]."""
-    square = sliding**2
-    share = sliding / jnp.sqrt(square + smoothing.slip_speed**2)
-    return -normal * coefficient(friction, square, smoothing) * share
+def corner_share(
+    friction: Friction, sliding: Array, smoothing: Smoothing
+) -> tuple[Array, Array]:
+    """Friction on a corner along the tangent as a share of its normal force, (2.19)_4 smoothed:
+    -mu(w) w / sqrt(w^2 + eps^2) [1], with w the sliding speed [m/s]; and its derivative in w."""
+    square = sliding * sliding
+    mu, slope = coefficient(friction, square, smoothing)
+    inverse = jax.lax.rsqrt(square + smoothing.slip_speed**2)
+    bend = 2 * slope * square + mu * (smoothing.slip_speed * inverse) ** 2
+    return -mu * sliding * inverse, -bend * inverse
 
 
-class BeltForce(NamedTuple):
-    """Force [N] and moment [N m] of the belt on the parcel, and what they dissipate [W]."""
+def belt_grip(
+    friction: Friction, weight: Array, speed_squared: Array, smoothing: Smoothing
+) -> tuple[Array, Array]:
+    """Goyal's limit surface (2.19)_1-3 as a viscosity [N s/m]: grip = F_max / S, with
+    F_max = mu_1 m_p g (2.20) and S = sqrt(s^2 + eps^2), s^2 = |u|^2 + c^2 phidot^2; and its
+    derivative in s^2.
 
-    x: Array
-    y: Array
-    moment: Array
-    dissipated: Array
-
-
-def belt_friction(
-    friction: Friction,
-    parcel: Parcel,
-    weight: Array,
-    slip_x: Array,
-    slip_y: Array,
-    spin: Array,
-    smoothing: Smoothing,
-) -> BeltForce:
-    """Goyal's limit surface (2.19)_1-3: F_1 = F_max u / S, T = -F_max c^2 phidot / S with
-    S = sqrt(|u|^2 + c^2 phidot^2 + eps^2), F_max = mu_1 m_p g (2.20).
-
-    u = (`slip_x`, `slip_y`) [m/s] is the belt's velocity less the parcel's and `spin` = phidot
-    [rad/s]; c is the mean distance of the parcel's points from its centre of gravity and `weight`
-    is m_p g [N]. The coefficient is taken at the speed sqrt(|u|^2 + c^2 phidot^2).
+    The belt then acts on the parcel with F_1 = grip u and T = -grip c^2 phidot, where u is the
+    belt's velocity less the parcel's [m/s], phidot the parcel's spin [rad/s] and c the mean
+    distance of its points from the centre of gravity [m]. `weight` is m_p g [N] and
+    `speed_squared` s^2, which is also what mu_1 is taken at. The belt dissipates grip s^2 [W].
     """
-    arm = parcel.mean_distance
-    square = slip_x**2 + slip_y**2 + (arm * spin) ** 2
-    grip = weight * coefficient(friction, square, smoothing)
-    grip = grip / jnp.sqrt(square + smoothing.slip_speed**2)
-    return BeltForce(
-        x=grip * slip_x,
-        y=grip * slip_y,
-        moment=-grip * arm**2 * spin,
-        dissipated=grip * square,
-    )
+    mu, slope = coefficient(friction, speed_squared, smoothing)
+    inverse = jax.lax.rsqrt(speed_squared + smoothing.slip_speed**2)
+    grip = weight * inverse
+    return grip * mu, grip * (slope - 0.5 * mu * inverse * inverse)

@@ -7,9 +7,8 @@ from jaxtyping import Array
 
 from . import contact
 from .drive import DriveMotion
-from .friction import BeltForce
 from .link import Blocks, FlexibleLink, Shape, Vibration, dot, total
-from .mechanics import Acceleration, Body, Contact, Forces, Mechanics
+from .mechanics import Acceleration, BeltForce, Body, Contact, Forces, Mechanics
 
 
 class Energy(NamedTuple):
@@ -78,15 +77,14 @@ def describe(
 ) -> Instant:
     """Gather a sample from the motion, the forces and the fence's state."""
     zero = jnp.zeros_like(body.x)
-    parcel = mechanics.parcel
     fence_force = sum((c.normal for c in forces.fence), zero)
-    kinetic = 0.5 * parcel.mass * (body.x_rate**2 + body.y_rate**2)
-    kinetic = kinetic + 0.5 * parcel.inertia * body.spin**2
+    kinetic = 0.5 * mechanics.mass * (body.x_rate**2 + body.y_rate**2)
+    kinetic = kinetic + 0.5 * mechanics.inertia * body.spin**2
     contacts = [*forces.fence, *forces.border]
-    stored = sum((contact.stored_energy(parcel, c.gap) for c in forces.border), zero)
+    stored = sum((contact.stored_energy(mechanics.stiffness, c.gap) for c in forces.border), zero)
     for c in forces.fence:
         share = mechanics.fade(c.place)
-        stored = stored + share * contact.stored_energy(parcel, c.gap)
+        stored = stored + share * contact.stored_energy(mechanics.stiffness, c.gap)
     tip, stress, place, torque = zero, zero, zero, zero
     energy = Energy(kinetic, zero, zero, stored)
     power = Power(
@@ -100,9 +98,8 @@ def describe(
         beam_damping=zero,
     )
     if forces.belt is not None:
-        assert mechanics.belt is not None
         power = power._replace(
-            belt=forces.belt.x * mechanics.belt.speed, belt_friction=forces.belt.dissipated
+            belt=forces.belt.x * mechanics.belt_speed, belt_friction=forces.belt.dissipated
         )
     if fence is not None:
         link = mechanics.link
@@ -183,15 +180,16 @@ def _fence_power(
         c * v * v for c, v in zip(link.damping, fence.vibration.rate, strict=True)
     )
     geometry = jnp.zeros_like(torque)
+    touches = forces.touches[: len(forces.fence)]
     for c, parts, shape, rate in zip(
-        forces.fence, forces.touches, fence.shapes, fence.lagged_rate, strict=True
+        forces.fence, touches, fence.shapes, fence.lagged_rate, strict=True
     ):
         transverse = c.place * fence.drive.speed + dot(shape.deflection, fence.vibration.rate)
         if shape.residual is not None:
             transverse = transverse - shape.residual * rate
             damped = damped + link.lag * shape.residual * rate**2
-        geometry = geometry + c.normal * (parts.fence_normal_rate - transverse)
-        geometry = geometry + c.friction * parts.fence_tangent_rate
+        across, along = parts.rates
+        geometry = geometry + c.normal * (across - transverse) + c.friction * along
     return power._replace(
         drive=torque * fence.drive.speed, geometry=geometry, beam_damping=damped
     )

@@ -168,7 +168,7 @@ def general(
             shapes = tuple(link.shape(place) for place in places)
             points = tuple(modal_step.fence_point(mechanics, s, vibration) for s in shapes)
         arms = mechanics.arms(body.angle)
-        forces = mechanics.forces(body, arms, drive, points, places)
+        forces = mechanics.forces(body, arms, mechanics.frame(drive, places), points)
         if link is None:
             return forces, None
         normals = tuple(c.normal for c in forces.fence)

@@ -41,7 +41,7 @@ def total(blocks) -> Array:
     """Sum over the modes."""
     result = jnp.zeros(())
     for block in blocks:
-        result = result + jnp.sum(block)
+        result = result + (jnp.sum(block) if jnp.ndim(block) else block)
     return result
 
 
@@ -83,12 +83,14 @@ class FlexibleLink(eqx.Module):
     rigid_length: Array
     length: Array
     mass_scale: Array
+    eigenvalues: Array
     frequency_squared: Blocks
     lag: Array
     deflection: Blocks
     slope: Blocks
+    cubic: tuple[tuple[Array, ...], ...]
     swing: Blocks
-    residual: Array | None
+    residual: tuple[Array, ...] | None
     bending: Blocks
     bending_flexibility: Blocks
     stress_scale: Array
@@ -104,18 +106,26 @@ class FlexibleLink(eqx.Module):
         self.length = fence.flexible_length
         self.mass_scale = fence.mass_scale
         rate = fence.stiffness_scale / fence.mass_scale
-        self.frequency_squared = tuple(rate * value for value in _blocks(tables.eigenvalues))
-        first = self.frequency_squared[0].reshape(-1)[0]
-        self.lag = 2 * fence.material.damping_ratio / jnp.sqrt(first)
+        self.eigenvalues = rate * jnp.asarray(tables.eigenvalues, dtype=float)
+        self.frequency_squared = _blocks(self.eigenvalues)
+        self.lag = jnp.zeros_like(rate)
+        if self.frequency_squared:
+            self.lag = 2 * fence.material.damping_ratio / jnp.sqrt(self.eigenvalues[0])
         self.deflection = _blocks(tables.deflection)
         self.slope = _blocks(tables.slope)
+        self.cubic = tuple(
+            _coefficients(value, slope / self.elements)
+            for value, slope in zip(self.deflection, self.slope, strict=True)
+        )
         self.swing = tuple(
             self.rigid_length * a + self.length * b
             for a, b in zip(_blocks(tables.swing_root), _blocks(tables.swing_tip), strict=True)
         )
         flexibility = 1 / fence.stiffness_scale
-        residual = jnp.asarray(tables.residual, dtype=float)
-        self.residual = flexibility * residual if fidelity.residual else None
+        self.residual = None
+        if fidelity.residual:
+            residual = flexibility * jnp.asarray(tables.residual, dtype=float)
+            self.residual = _coefficients(residual[:, 0], residual[:, 1] / self.elements)
         # Bending stress at the nodes: E (h / 2) |w''| = M (h / 2) / I.
         self.bending = tuple(
             fence.stiffness_scale * self.length * block for block in _blocks(tables.moment)
@@ -152,10 +162,13 @@ class FlexibleLink(eqx.Module):
 
     def propagators(self, step) -> tuple[Propagator, ...]:
         """The exact one-step map of every block."""
-        return tuple(
-            propagator(a, c, step)
-            for a, c in zip(self.frequency_squared, self.damping, strict=True)
-        )
+        together = self._propagator(step)
+        columns = [_blocks(values) for values in together]
+        return tuple(Propagator(*parts) for parts in zip(*columns, strict=True))
+
+    def _propagator(self, step) -> Propagator:
+        """The exact one-step map of all modes in one array."""
+        return propagator(self.eigenvalues, self.lag * self.eigenvalues, step)
 
     def inertia_force(self, drive: DriveMotion) -> Blocks:
         """-p_i alpha'' [m/s^2]: what the swing of the root does to each mode."""
@@ -164,16 +177,21 @@ class FlexibleLink(eqx.Module):
     def swung(self, drive: AbstractDrive, time: Array) -> Vibration:
         """The state at `time` of a fence that has swung free of contact from rest at t = 0."""
         step = jnp.maximum(time / _SWING_STEPS, 1e-9)
-        maps = self.propagators(step)
+        maps = (self._propagator(step),)
+        swing = jnp.concatenate([jnp.atleast_1d(p) for p in self.swing])
+
+        def force(index):
+            return (-swing * drive.motion(index * step).acceleration,)
 
         def advance(carry, index):
-            state, force = carry
-            after = self.inertia_force(drive.motion((index + 1.0) * step))
-            return (propagate(maps, state, force, after), after), None
+            state, before = carry
+            after = force(index + 1)
+            return (propagate(maps, state, before, after), after), None
 
-        start = (self.rest(), self.inertia_force(drive.motion(jnp.zeros_like(step))))
-        (state, _), _ = jax.lax.scan(advance, start, jnp.arange(_SWING_STEPS, dtype=step.dtype))
-        return state
+        zero = (jnp.zeros_like(self.eigenvalues),)
+        indices = jnp.arange(_SWING_STEPS, dtype=step.dtype)
+        (state, _), _ = jax.lax.scan(advance, (Vibration(zero, zero), force(0.0)), indices)
+        return Vibration(_blocks(state.amplitude[0]), _blocks(state.rate[0]))
 
     def shape(self, place: Array) -> Shape:
         """The shapes at the arc coordinate `place` = sigma [m].
@@ -181,37 +199,25 @@ class FlexibleLink(eqx.Module):
         Zero on the rigid link; beyond the tip continued along the tangent there.
         """
         index, s = self._element(place)
-        weights = beam.hermite(s)
-        slopes = beam.hermite_slope(s)
-        size = self.length / self.elements
         beyond = jnp.maximum(place - self.reach, 0.0)
-        deflections, inclinations = [], []
-        for node_deflection, node_slope in zip(self.deflection, self.slope, strict=True):
-            a, c = _pick(node_deflection, index), _pick(node_deflection, index + 1)
-            b, d = _pick(node_slope, index), _pick(node_slope, index + 1)
-            b, d = b / self.elements, d / self.elements
-            inclination = (
-                a * slopes[0] + b * slopes[1] + c * slopes[2] + d * slopes[3]
-            ) / size
-            inclinations.append(inclination)
-            deflections.append(
-                a * weights[0] + b * weights[1] + c * weights[2] + d * weights[3]
-                + inclination * beyond
-            )
+        deflections, slopes = [], []
+        for table in self.cubic:
+            deflection, slope = _cubic(table, index, s)
+            slope = slope * (self.elements / self.length)
+            slopes.append(slope)
+            deflections.append(deflection + slope * beyond)
         residual = None
         if self.residual is not None:
-            a, c = _pick(self.residual[:, 0], index), _pick(self.residual[:, 0], index + 1)
-            b, d = _pick(self.residual[:, 1], index), _pick(self.residual[:, 1], index + 1)
-            b, d = b / self.elements, d / self.elements
-            residual = a * weights[0] + b * weights[1] + c * weights[2] + d * weights[3]
-        return Shape(tuple(deflections), tuple(inclinations), residual, place)
+            residual, _ = _cubic(self.residual, index, s)
+        return Shape(tuple(deflections), tuple(slopes), residual, place)
 
     def _element(self, place):
         """Element [0, n) and local coordinate in [0, 1] of an arc coordinate."""
         position = jnp.clip((place - self.rigid_length) / self.length, 0.0, 1.0) * self.elements
         floor = jnp.floor(jax.lax.stop_gradient(position))
-        index = jnp.clip(floor, 0, self.elements - 1).astype(jnp.int32)
-        return index, position - index
+        floor = jnp.clip(floor, 0.0, self.elements - 1.0)
+        # Unsigned, so that no test for a negative index is compiled.
+        return floor.astype(jnp.uint32), position - floor
 
     def tip_deflection(self, amplitude: Blocks) -> Array:
         """Deflection of the tip [m] from the straight line of the rigid link."""
@@ -283,8 +289,17 @@ class FlexibleLink(eqx.Module):
         return jnp.abs(moment) * self.stress_scale
 
 
-def _pick(table: Array, index: Array) -> Array:
-    return table.at[index].get(mode="promise_in_bounds")
+def _cubic(table: tuple[Array, ...], index: Array, s: Array) -> tuple[Array, Array]:
+    """Value and derivative in s of an element's cubic, given its four coefficients' tables."""
+    a, b, c, d = (jax.lax.dynamic_index_in_dim(t, index, keepdims=False) for t in table)
+    return a + s * (b + s * (c + s * d)), b + s * (2 * c + 3 * s * d)
+
+
+def _coefficients(value: Array, slope: Array) -> tuple[Array, ...]:
+    """Coefficients of the elements' cubics in the local coordinate, from values and slopes (in
+    the local coordinate too) at the nodes, the first axis."""
+    a, c, b, d = value[:-1], value[1:], slope[:-1], slope[1:]
+    return a, b, 3 * (c - a) - 2 * b - d, 2 * (a - c) + b + d
 
 
 def propagate(maps, state: Vibration, start: Blocks, end: Blocks) -> Vibration:

@@ -3,19 +3,20 @@
 Everything a scene does not hold is `None` or an empty tuple here, and traces to nothing.
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from . import contact
-from .belt import Belt, Border
 from .drive import AbstractDrive, DriveMotion
 from .fidelity import Fidelity
-from .friction import BeltForce, Friction, Smoothing, belt_friction, corner_friction
+from .friction import Friction, belt_grip, corner_share
 from .link import FencePoint, FlexibleLink
-from .parcel import Parcel
+
+if TYPE_CHECKING:
+    from .scenes import Scene
 
 
 class Body(NamedTuple):
@@ -63,29 +64,56 @@ class Contact(NamedTuple):
     sliding: Array
 
 
+class BeltForce(NamedTuple):
+    """Force [N] and moment [N m] of the belt on the parcel, and what they dissipate [W]."""
+
+    x: Array
+    y: Array
+    moment: Array
+    dissipated: Array
+
+
 class Touch(NamedTuple):
-    """Kinematics of a corner at the fence, with the fence's axes there."""
+    """Kinematics of a corner at a surface, with the surface's axes there in fixed axes.
+
+    `foot_offset` [m] is how far along the surface the foot of the corner lies from the point U;
+    `normal` and `tangent` are the directions (x, y, moment) in which a unit force acts on the
+    parcel; `rates` is the velocity of U along the normal and the tangent [m/s].
+    """
 
     gap: Array
     gap_rate: Array
     sliding: Array
     foot_offset: Array
-    normal_x: Array
-    normal_y: Array
-    tangent_x: Array
-    tangent_y: Array
-    fence_normal_rate: Array
-    fence_tangent_rate: Array
+    normal: tuple[Array, Array, Array]
+    tangent: tuple[Array, Array, Array]
+    rates: tuple[Array, Array]
+
+
+class Response(NamedTuple):
+    """How a contact answers to a small change: the law's derivatives in D [N/m] and in Ddot
+    [N s/m], and that of the friction's share of N in the sliding speed [s/m]."""
+
+    gap: Array
+    gap_rate: Array
+    sliding: Array
+    share: Array
 
 
 class Forces(NamedTuple):
-    """Everything that acts on the parcel at an instant, and its acceleration."""
+    """Everything that acts on the parcel at an instant, and its acceleration.
+
+    `laws` are the normal forces [N] that the contact law gives at the fence.
+    """
 
     acceleration: Acceleration
     fence: tuple[Contact, ...]
     touches: tuple[Touch, ...]
+    laws: tuple[Array, ...]
     border: tuple[Contact, ...]
     belt: BeltForce | None
+    responses: tuple[Response, ...]
+    belt_slopes: tuple[Array, Array] | None
 
 
 def corner_from_arm(body: Body, arm_x: Array, arm_y: Array) -> Corner:
@@ -100,64 +128,107 @@ def corner_from_arm(body: Body, arm_x: Array, arm_y: Array) -> Corner:
     )
 
 
-def touch(corner: Corner, point: FencePoint, turn: tuple[Array, Array], speed: Array) -> Touch:
+def fence_touch(
+    corner: Corner, point: FencePoint, turn: tuple[Array, Array], speed: Array
+) -> Touch:
     """Gap (2.13), its rate (2.18) and sliding speed of a corner at a point U of the fence.
 
     D = -(C - U).n, Ddot = -(v_C - v_U).n, w = (v_C - v_U).t; `turn` is (cos, sin) of alpha_w and
-    `speed` its rate. `foot_offset` = (C - U).t is how far along the fence the foot of the
-    perpendicular lies from U.
+    `speed` its rate [rad/s].
     """
-    cos_drive, sin_drive = turn
-    cos_slope, sin_slope = jnp.cos(point.slope), jnp.sin(point.slope)
-    # The corner in the frame that turns with the rigid link.
-    x = corner.x * cos_drive + corner.y * sin_drive - point.x
-    y = corner.y * cos_drive - corner.x * sin_drive - point.y
-    x_rate = corner.x_rate * cos_drive + corner.y_rate * sin_drive
-    y_rate = corner.y_rate * cos_drive - corner.x_rate * sin_drive
-    fence_x_rate = point.x_rate - speed * point.y
-    fence_y_rate = point.y_rate + speed * point.x
-    slip_x, slip_y = x_rate - fence_x_rate, y_rate - fence_y_rate
-    tangent_x = cos_drive * cos_slope - sin_drive * sin_slope
-    tangent_y = sin_drive * cos_slope + cos_drive * sin_slope
+    cosine, sine = turn
+    # U and its velocity in fixed axes.
+    across_x = point.x_rate - speed * point.y
+    across_y = point.y_rate + speed * point.x
+    offset_x = corner.x - (cosine * point.x - sine * point.y)
+    offset_y = corner.y - (sine * point.x + cosine * point.y)
+    fence_x, fence_y = cosine * across_x - sine * across_y, sine * across_x + cosine * across_y
+    bend_cosine, bend_sine = jnp.cos(point.slope), jnp.sin(point.slope)
+    x = cosine * bend_cosine - sine * bend_sine
+    y = sine * bend_cosine + cosine * bend_sine
+    slip_x, slip_y = corner.x_rate - fence_x, corner.y_rate - fence_y
     return Touch(
-        gap=x * sin_slope - y * cos_slope,
-        gap_rate=slip_x * sin_slope - slip_y * cos_slope,
-        sliding=slip_x * cos_slope + slip_y * sin_slope,
-        foot_offset=x * cos_slope + y * sin_slope,
-        normal_x=-tangent_y,
-        normal_y=tangent_x,
-        tangent_x=tangent_x,
-        tangent_y=tangent_y,
-        fence_normal_rate=fence_y_rate * cos_slope - fence_x_rate * sin_slope,
-        fence_tangent_rate=fence_x_rate * cos_slope + fence_y_rate * sin_slope,
+        gap=y * offset_x - x * offset_y,
+        gap_rate=y * slip_x - x * slip_y,
+        sliding=x * slip_x + y * slip_y,
+        foot_offset=x * offset_x + y * offset_y,
+        normal=(-y, x, corner.arm_x * x + corner.arm_y * y),
+        tangent=(x, y, corner.arm_x * y - corner.arm_y * x),
+        rates=(x * fence_y - y * fence_x, x * fence_x + y * fence_y),
     )
 
 
-class Mechanics(eqx.Module):
-    """The parts of a scene, made ready for one fidelity."""
+def border_touch(corner: Corner) -> Touch:
+    """The same at the border y = 0: D = -y_C, Ddot = -v_C.(0, 1), w = v_C.(1, 0)."""
+    zero, one = jnp.zeros_like(corner.x), jnp.ones_like(corner.x)
+    return Touch(
+        gap=-corner.y,
+        gap_rate=-corner.y_rate,
+        sliding=corner.x_rate,
+        foot_offset=zero,
+        normal=(zero, one, corner.arm_x),
+        tangent=(one, zero, -corner.arm_y),
+        rates=(zero, zero),
+    )
 
-    parcel: Parcel
-    belt: Belt | None
+
+class FenceFrame(NamedTuple):
+    """What the contacts need of the fence at an instant: (cos, sin) of alpha_w, its rate [rad/s],
+    and for each of `fence_corners` the arc coordinate under it [m] and the share of the contact
+    law that acts there [1]."""
+
+    turn: tuple[Array, Array]
+    speed: Array
+    places: tuple[Array, ...]
+    shares: tuple[Array, ...]
+
+
+class Mechanics(eqx.Module):
+    """The parts of a scene, made ready for one fidelity: what the forces need, worked out once."""
+
+    mass: Array
+    inertia: Array
+    corners: dict[int, tuple[Array, Array]]
+    stiffness: Array
+    viscosity: Array
+    belt_speed: Array | None
+    belt_friction: Friction | None
+    weight: Array | None
+    mean_distance: Array | None
     link: FlexibleLink | None
     drive: AbstractDrive | None
     fence_friction: Friction | None
-    border: Border | None
+    border_friction: Friction | None
     fence_corners: tuple[int, ...] = eqx.field(static=True)
     border_corners: tuple[int, ...] = eqx.field(static=True)
     fidelity: Fidelity = eqx.field(static=True)
 
-    @property
-    def smoothing(self) -> Smoothing:
-        return self.fidelity.smoothing
+    def __init__(self, scene: "Scene", fidelity: Fidelity):
+        parcel, belt = scene.parcel, scene.belt
+        self.mass, self.inertia = parcel.mass, parcel.inertia
+        self.fence_corners, self.border_corners = scene.fence_corners, scene.border_corners
+        touching = sorted({*self.fence_corners, *self.border_corners})
+        self.corners = {number: parcel.corner(number) for number in touching}
+        self.stiffness, self.viscosity = parcel.stiffness, contact.viscosity(parcel)
+        self.belt_speed = None if belt is None else belt.speed
+        self.belt_friction = None if belt is None else belt.friction
+        self.weight = None if belt is None else parcel.mass * belt.gravity
+        self.mean_distance = None if belt is None else parcel.mean_distance
+        self.link = None if scene.fence is None else FlexibleLink(scene.fence, fidelity)
+        self.drive = scene.drive
+        self.fence_friction = scene.fence_friction
+        self.border_friction = None if scene.border is None else scene.border.friction
+        self.fidelity = fidelity
 
     def arms(self, angle: Array) -> dict[int, tuple[Array, Array]]:
         """The corners that can touch, from C_s in fixed axes [m], at the parcel's `angle`."""
+        if not self.corners:
+            return {}
         cosine, sine = jnp.cos(angle), jnp.sin(angle)
-        arms = {}
-        for number in sorted({*self.fence_corners, *self.border_corners}):
-            x, y = self.parcel.corner(number)
-            arms[number] = (cosine * x - sine * y, sine * x + cosine * y)
-        return arms
+        return {
+            number: (cosine * x - sine * y, sine * x + cosine * y)
+            for number, (x, y) in self.corners.items()
+        }
 
     def fade(self, place: Array) -> Array:
         """Share of the contact law [1] that acts at an arc coordinate: 1 on the fence, 0 off it."""
@@ -165,84 +236,127 @@ class Mechanics(eqx.Module):
         length = self.fidelity.tip_fade
         return contact.fade(place - self.link.reach, length) * contact.fade(-place, length)
 
-    def fence_law(self, parts: Touch, place: Array) -> Array:
-        """Normal force [N] of the fence on a corner, ended beyond the fence's two ends."""
-        force = contact.normal_force(self.parcel, parts.gap, parts.gap_rate)
-        return self.fade(place) * force
+    def frame(self, drive: DriveMotion | None, places: tuple[Array, ...]) -> FenceFrame | None:
+        """The fence's frame at the drive's motion, with the corners' feet at `places`."""
+        if drive is None:
+            return None
+        turn = (jnp.cos(drive.angle), jnp.sin(drive.angle))
+        return FenceFrame(turn, drive.speed, places, tuple(self.fade(p) for p in places))
+
+    def _contact(self, touch: Touch, friction: Friction | None, place, normal, share):
+        """One contact: what it does, the law's normal force and its response.
+
+        `normal` is the force where it is an unknown of its own, else `None`.
+        """
+        law = contact.kelvin(self.stiffness, self.viscosity, touch.gap, touch.gap_rate)
+        if share is not None:
+            law = contact.Kelvin(*(share * value for value in law))
+        normal = law.force if normal is None else normal
+        drag = by_sliding = jnp.zeros_like(normal)
+        if friction is not None:
+            drag, by_sliding = corner_share(friction, touch.sliding, self.fidelity.smoothing)
+        what = Contact(normal, normal * drag, touch.gap, touch.gap_rate, place, touch.sliding)
+        return what, law.force, Response(law.by_gap, law.by_rate, by_sliding, drag)
 
     def forces(
         self,
         body: Body,
         arms: dict[int, tuple[Array, Array]],
-        drive: DriveMotion | None,
+        frame: FenceFrame | None,
         points: tuple[FencePoint, ...],
-        places: tuple[Array, ...],
         normals: tuple[Array, ...] | None = None,
     ) -> Forces:
         """Forces and acceleration at an instant.
 
-        `points` and `places` are those of the fence under each of `fence_corners`. With `normals`
-        the forces [N] of the fence are taken from there instead of from the contact law.
+        `points` are those of the fence under each of `fence_corners`. With `normals` the forces
+        [N] of the fence are taken from there instead of from the contact law.
         """
-        zero = jnp.zeros_like(body.x)
-        force_x, force_y, moment = zero, zero, zero
-        fence, touches, border = [], [], []
+        total = [jnp.zeros_like(body.x)] * 3
+        touches, fence, border, laws, responses = [], [], [], [], []
 
         for k, number in enumerate(self.fence_corners):
-            assert drive is not None
+            assert frame is not None
             corner = corner_from_arm(body, *arms[number])
-            turn = (jnp.cos(drive.angle), jnp.sin(drive.angle))
-            parts = touch(corner, points[k], turn, drive.speed)
-            normal = self.fence_law(parts, places[k]) if normals is None else normals[k]
-            x, y = normal * parts.normal_x, normal * parts.normal_y
-            friction = zero
-            if self.fence_friction is not None:
-                friction = corner_friction(
-                    self.fence_friction, normal, parts.sliding, self.smoothing
-                )
-                x = x + friction * parts.tangent_x
-                y = y + friction * parts.tangent_y
-            force_x, force_y = force_x + x, force_y + y
-            moment = moment + corner.arm_x * y - corner.arm_y * x
-            touches.append(parts)
-            fence.append(
-                Contact(normal, friction, parts.gap, parts.gap_rate, places[k], parts.sliding)
+            parts = fence_touch(corner, points[k], frame.turn, frame.speed)
+            given = None if normals is None else normals[k]
+            what, law, response = self._contact(
+                parts, self.fence_friction, frame.places[k], given, frame.shares[k]
             )
+            touches.append(parts)
+            fence.append(what)
+            laws.append(law)
+            responses.append(response)
 
         for number in self.border_corners:
-            assert self.border is not None
             corner = corner_from_arm(body, *arms[number])
-            normal = contact.normal_force(self.parcel, -corner.y, -corner.y_rate)
-            friction = zero
-            if self.border.friction is not None:
-                friction = corner_friction(
-                    self.border.friction, normal, corner.x_rate, self.smoothing
-                )
-            force_x, force_y = force_x + friction, force_y + normal
-            moment = moment + corner.arm_x * normal - corner.arm_y * friction
-            border.append(
-                Contact(normal, friction, -corner.y, -corner.y_rate, corner.x, corner.x_rate)
-            )
+            parts = border_touch(corner)
+            what, _, response = self._contact(parts, self.border_friction, corner.x, None, None)
+            touches.append(parts)
+            border.append(what)
+            responses.append(response)
 
-        grip = None
-        if self.belt is not None:
-            grip = belt_friction(
-                self.belt.friction,
-                self.parcel,
-                self.parcel.mass * self.belt.gravity,
-                self.belt.speed - body.x_rate,
-                -body.y_rate,
-                body.spin,
-                self.smoothing,
-            )
-            force_x, force_y = force_x + grip.x, force_y + grip.y
-            moment = moment + grip.moment
+        for what, parts in zip((*fence, *border), touches, strict=True):
+            total = [
+                q + what.normal * n + what.friction * t
+                for q, n, t in zip(total, parts.normal, parts.tangent, strict=True)
+            ]
 
-        mass, inertia = self.parcel.mass, self.parcel.inertia
+        belt, belt_slopes = None, None
+        if self.belt_friction is not None:
+            belt, belt_slopes = self._belt(body)
+            total = [q + f for q, f in zip(total, belt[:3], strict=True)]
+
         return Forces(
-            Acceleration(force_x / mass, force_y / mass, moment / inertia),
+            Acceleration(total[0] / self.mass, total[1] / self.mass, total[2] / self.inertia),
             tuple(fence),
             tuple(touches),
+            tuple(laws),
             tuple(border),
-            grip,
+            belt,
+            tuple(responses),
+            belt_slopes,
         )
+
+    def _belt(self, body: Body):
+        """The belt's force, and (grip, d grip / d s^2)."""
+        square_arm = self.mean_distance**2
+        slip_x, slip_y = self.belt_speed - body.x_rate, -body.y_rate
+        square = slip_x**2 + slip_y**2 + square_arm * body.spin**2
+        grip, bend = belt_grip(self.belt_friction, self.weight, square, self.fidelity.smoothing)
+        force = BeltForce(
+            grip * slip_x, grip * slip_y, -grip * square_arm * body.spin, grip * square
+        )
+        return force, (grip, bend)
+
+    def rate_matrix(self, body: Body, forces: Forces, step: float, unknown_normals: bool):
+        """-d(generalised force)/d(velocities) [N s/m], 3 x 3, at frozen directions and arms, where
+        positions follow the velocities by `step` / 3.
+
+        With `unknown_normals` the normal forces at the fence are held.
+        """
+        zero = jnp.zeros_like(body.x)
+        matrix = [[zero] * 3 for _ in range(3)]
+        if forces.belt_slopes is not None:
+            grip, bend = forces.belt_slopes
+            square_arm = self.mean_distance**2
+            slip = (body.x_rate - self.belt_speed, body.y_rate, square_arm * body.spin)
+            weights = (1.0, 1.0, square_arm)
+            for i in range(3):
+                for j in range(3):
+                    matrix[i][j] = 2 * bend * slip[i] * slip[j]
+                matrix[i][i] = matrix[i][i] + grip * weights[i]
+        contacts = (*forces.fence, *forces.border)
+        for k, (what, parts, response) in enumerate(
+            zip(contacts, forces.touches, forces.responses, strict=True)
+        ):
+            held = unknown_normals and k < len(forces.fence)
+            slide = what.normal * response.sliding
+            press = response.gap * step / 3 + response.gap_rate
+            for i in range(3):
+                along = parts.normal[i] + response.share * parts.tangent[i]
+                for j in range(3):
+                    change = -slide * parts.tangent[i] * parts.tangent[j]
+                    if not held:
+                        change = change + press * along * parts.normal[j]
+                    matrix[i][j] = matrix[i][j] + change
+        return matrix

@@ -13,13 +13,14 @@ enters it squared. The error of a step is of the third order, that of a solution
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from . import newton
 from .drive import DriveMotion
 from .instant import FenceState, Instant, describe
-from .link import Blocks, FencePoint, Shape, Vibration, dot, propagate, total
+from .link import Blocks, FencePoint, Shape, Vibration, dot, propagate
 from .mechanics import Acceleration, Body, Forces, Mechanics
 from .propagation import Propagator
 
@@ -111,40 +112,52 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
     arms = mechanics.arms(predicted.angle)
     places = tuple(p + h * w for p, w in zip(memory.places, memory.sliding, strict=True))
     fence = _FenceEnd(mechanics, clock, memory, drive, places)
+    frame = mechanics.frame(drive, places)
 
     def forces_at(rates, normals) -> Forces:
         now = body_at(rates)
         turned = {k: _rotated(arm, now.angle - predicted.angle) for k, arm in arms.items()}
-        return mechanics.forces(now, turned, drive, fence.points(normals), places, normals)
+        return mechanics.forces(now, turned, frame, fence.points(normals), normals)
 
-    count = len(places)
-    flexible = fence.flexible and count > 0
+    unknown_normals = fence.flexible and len(places) > 0
+    count = len(places) if unknown_normals else 0
+    scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
 
-    def residual(unknowns):
+    def linearized(unknowns):
+        """Residual of the step's equations, and their derivative at frozen directions and arms."""
         rates = unknowns[:3]
-        forces = forces_at(rates, unknowns[3:] if flexible else None)
-        motion = tuple(
+        forces = forces_at(rates, unknowns[3:] if count else None)
+        residual = [
             v1 - v0 - 0.5 * h * (a0 + a1)
             for v1, v0, a0, a1 in zip(rates, body[3:], was, forces.acceleration, strict=True)
-        )
-        if not flexible:
-            return motion
-        law = tuple(
-            normal - mechanics.fence_law(parts, place)
-            for normal, parts, place in zip(unknowns[3:], forces.touches, places, strict=True)
-        )
-        return motion + law
+        ]
+        block = mechanics.rate_matrix(body_at(rates), forces, h, unknown_normals)
+        matrix = [
+            [float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)
+        ]
+        for k in range(count):
+            parts, response = forces.touches[k], forces.responses[k]
+            residual.append(unknowns[3 + k] - forces.laws[k])
+            press = response.gap * h / 3 + response.gap_rate
+            row = [press * parts.normal[j] for j in range(3)]
+            for other in range(count):
+                give, give_rate = fence.compliance(k, other)
+                row.append(float(k == other) + response.gap * give + response.gap_rate * give_rate)
+            matrix.append(row)
+            for i in range(3):
+                along = parts.normal[i] + response.share * parts.tangent[i]
+                matrix[i].append(-scales[i] * along)
+        return tuple(residual), matrix
 
-    normals = ()
-    if flexible:
-        normals = tuple(
-            jnp.maximum(2 * now - before, 0.0)
-            for now, before in zip(memory.normals, memory.normals_before, strict=True)
-        )
-    solution = newton.solve(residual, guess + normals, mechanics.fidelity.iterations)
-    rates, normals = solution[:3], solution[3:] if flexible else None
+    normals = tuple(
+        jnp.maximum(2 * now - before, 0.0)
+        for now, before in zip(memory.normals, memory.normals_before, strict=True)
+    )
+    guess = guess + normals if count else guess
+    solution = newton.solve(linearized, guess, mechanics.fidelity.iterations)
+    rates, normals = solution[:3], solution[3:] if count else None
     forces = forces_at(rates, normals)
-    defect = _defect(mechanics, body, was, rates, forces, h, places, normals)
+    defect = _defect(mechanics, body, was, rates, forces, h, normals)
     if normals is None:
         normals = tuple(c.normal for c in forces.fence)
 
@@ -165,15 +178,13 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
     return memory, describe(mechanics, time, after, forces, state), defect
 
 
-def _defect(mechanics, body, was, rates, forces, h, places, normals):
+def _defect(mechanics, body, was, rates, forces, h, normals):
     """Largest unbalanced force [N] of the solved step."""
     worst = jnp.zeros_like(body.x)
-    mass = mechanics.parcel.mass
     for v1, v0, a0, a1 in zip(rates[:2], body[3:5], was[:2], forces.acceleration[:2], strict=True):
-        worst = jnp.maximum(worst, mass * jnp.abs((v1 - v0) / h - 0.5 * (a0 + a1)))
-    if normals is not None:
-        for normal, parts, place in zip(normals, forces.touches, places, strict=True):
-            worst = jnp.maximum(worst, jnp.abs(normal - mechanics.fence_law(parts, place)))
+        worst = jnp.maximum(worst, mechanics.mass * jnp.abs((v1 - v0) / h - 0.5 * (a0 + a1)))
+    for normal, law in zip(normals or (), forces.laws, strict=False):
+        worst = jnp.maximum(worst, jnp.abs(normal - law))
     return worst
 
 
@@ -194,9 +205,41 @@ class _FenceEnd:
         self.clock, self.memory, self.drive, self.places = clock, memory, drive, places
         self.shapes = tuple(link.shape(place) for place in places)
         self.inertia = link.inertia_force(drive)
-        self.free = propagate(
-            clock.maps, memory.vibration, memory.modal_force, self.inertia
+        self.free = propagate(clock.maps, memory.vibration, memory.modal_force, self.inertia)
+        self.affine = [self._affine(k) for k in range(len(places))] if self.flexible else []
+
+    def _affine(self, k: int):
+        """Deflection, its rate and slope at one place: at no contact force, and per newton [1/N]
+        of each contact's force at the step's end."""
+        shape, link = self.shapes[k], self.link
+        free = (
+            dot(shape.deflection, self.free.amplitude),
+            dot(shape.deflection, self.free.rate),
+            dot(shape.slope, self.free.amplitude),
         )
+        gains = []
+        for other in self.shapes:
+            pushed = [m.q_end * b for m, b in zip(self.clock.maps, other.deflection, strict=True)]
+            struck = [m.v_end * b for m, b in zip(self.clock.maps, other.deflection, strict=True)]
+            gains.append(
+                (
+                    dot(shape.deflection, pushed) / link.mass_scale,
+                    dot(shape.deflection, struck) / link.mass_scale,
+                    dot(shape.slope, pushed) / link.mass_scale,
+                )
+            )
+        return free, gains
+
+    def compliance(self, k: int, other: int):
+        """How far [m/N] and how fast [m/s/N] place k gives way at the step's end for a force at
+        another place there."""
+        give, give_rate, _ = self.affine[k][1][other]
+        own = self.shapes[k].residual
+        if own is not None and k == other:
+            by_rate = (1 - self.clock.lag_decay) / self.clock.step
+            give = give + own * (1 - self.link.lag * by_rate)
+            give_rate = give_rate + own * by_rate
+        return give, give_rate
 
     def points(self, normals) -> tuple[FencePoint, ...]:
         """The point of the fence under each corner."""
@@ -212,17 +255,11 @@ class _FenceEnd:
         extra, extra_rate = self._residual(k, normals[k])
         if self.chords:
             return link.chord_point(shape, self._vibration(normals), extra, extra_rate)
-        deflection = dot(shape.deflection, self.free.amplitude)
-        rate = dot(shape.deflection, self.free.rate)
-        slope = dot(shape.slope, self.free.amplitude)
-        for other, normal in zip(self.shapes, normals, strict=True):
-            share = normal / link.mass_scale
-            triples = list(
-                zip(shape.deflection, shape.slope, other.deflection, self.clock.maps, strict=True)
-            )
-            deflection = deflection - share * total(a * b * m.q_end for a, _, b, m in triples)
-            rate = rate - share * total(a * b * m.v_end for a, _, b, m in triples)
-            slope = slope - share * total(s * b * m.q_end for _, s, b, m in triples)
+        (deflection, rate, slope), gains = self.affine[k]
+        for normal, (give, give_rate, lean) in zip(normals, gains, strict=True):
+            deflection = deflection - give * normal
+            rate = rate - give_rate * normal
+            slope = slope - lean * normal
         return link.small_point(shape, deflection + extra, rate + extra_rate, slope)
 
     def _residual(self, k: int, normal):
@@ -282,7 +319,8 @@ def first_instant(
         )
         shapes = tuple(link.shape(place) for place in places)
         points = tuple(fence_point(mechanics, shape, vibration) for shape in shapes)
-    forces = mechanics.forces(body, mechanics.arms(body.angle), drive, points, places)
+    frame = mechanics.frame(drive, places)
+    forces = mechanics.forces(body, mechanics.arms(body.angle), frame, points)
     normals = tuple(c.normal for c in forces.fence)
     state, inertia = None, ()
     if link is not None:
@@ -336,9 +374,10 @@ def foot(
     cos_drive, sin_drive = jnp.cos(drive.angle), jnp.sin(drive.angle)
     x = (body.x + arm_x) * cos_drive + (body.y + arm_y) * sin_drive
     y = (body.y + arm_y) * cos_drive - (body.x + arm_x) * sin_drive
-    place = x
-    for _ in range(4):
+
+    def closer(_, place):
         point = fence_point(mechanics, link.shape(place), vibration)
         offset = (x - point.x) * jnp.cos(point.slope) + (y - point.y) * jnp.sin(point.slope)
-        place = place + offset
-    return place
+        return place + offset
+
+    return jax.lax.fori_loop(0, 4, closer, x)

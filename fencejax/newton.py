@@ -3,24 +3,10 @@
 from collections.abc import Callable
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array
 
 Unknowns = tuple[Array, ...]
-
-
-def jacobian(function: Callable[[Unknowns], Unknowns], at: Unknowns) -> list[list[Array]]:
-    """Rows of the derivative of `function`, as scalars."""
-    _, linear = jax.linearize(function, at)
-    return _columns(linear, at)
-
-
-def _columns(linear, at):
-    columns = []
-    for k in range(len(at)):
-        unit = tuple(jnp.ones_like(x) if i == k else jnp.zeros_like(x) for i, x in enumerate(at))
-        columns.append(linear(unit))
-    return [list(row) for row in zip(*columns, strict=True)]
+Matrix = list[list[Array]]
 
 
 def eliminate(matrix: list[list[Array]], right: Unknowns) -> Unknowns:
@@ -46,23 +32,19 @@ def eliminate(matrix: list[list[Array]], right: Unknowns) -> Unknowns:
 
 
 def solve(
-    residual: Callable[[Unknowns], Unknowns], guess: Unknowns, iterations: int
+    linearized: Callable[[Unknowns], tuple[Unknowns, Matrix]], guess: Unknowns, iterations: int
 ) -> Unknowns:
-    """A root of `residual` near `guess`, by `iterations` steps of Newton's method.
+    """A root near `guess`, by `iterations` steps of Newton's method.
 
-    The derivative is that of the root itself, by the implicit function theorem, and does not pass
-    through the iterations. `residual` may close over traced values.
+    `linearized(x)` gives the residual F at x and a matrix M close to its derivative; it may close
+    over traced values. The derivative of the root is by the implicit function theorem,
+    dx = -M^-1 dF at fixed x, taken at the last iteration alone: earlier ones are constants to it.
+    That makes first derivatives right, as the root is converged and M close, and only these.
     """
-
-    def iterate(function, start):
-        x = start
-        for _ in range(iterations):
-            value, linear = jax.linearize(function, x)
-            step = eliminate(_columns(linear, x), value)
-            x = tuple(a - b for a, b in zip(x, step, strict=True))
-        return x
-
-    def tangent(linear, right):
-        return eliminate(_columns(linear, right), right)
-
-    return jax.lax.custom_root(residual, guess, iterate, tangent)
+    x = guess
+    for _ in range(iterations):
+        x = jax.lax.stop_gradient(x)
+        value, matrix = linearized(x)
+        change = eliminate(jax.lax.stop_gradient(matrix), value)
+        x = tuple(a - b for a, b in zip(x, change, strict=True))
+    return x

@@ -9,7 +9,7 @@ from jaxtyping import Array
 from . import integrate, wall
 from .fidelity import Fidelity
 from .forward import by_columns
-from .link import FlexibleLink, Vibration
+from .link import Vibration
 from .mechanics import Body, Mechanics
 from .modal_step import Clock, fence_point, first_instant
 from .result import Result, gather
@@ -81,21 +81,6 @@ def _compiled(scene, fidelity: Fidelity, history: bool) -> Result:
     return eqx.tree_at(lambda r: r.status, result, result.status.astype(jnp.int32))
 
 
-def mechanics_of(scene: Scene, fidelity: Fidelity) -> Mechanics:
-    """The parts of a scene, made ready for a fidelity."""
-    return Mechanics(
-        parcel=scene.parcel,
-        belt=scene.belt,
-        link=None if scene.fence is None else FlexibleLink(scene.fence, fidelity),
-        drive=scene.drive,
-        fence_friction=scene.fence_friction,
-        border=scene.border,
-        fence_corners=scene.fence_corners,
-        border_corners=scene.border_corners,
-        fidelity=fidelity,
-    )
-
-
 def initial_state(
     scene: Scene, mechanics: Mechanics
 ) -> tuple[Array, Body, Vibration | None]:
@@ -131,7 +116,7 @@ def initial_state(
 
 
 def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
-    mechanics = mechanics_of(scene, fidelity)
+    mechanics = Mechanics(scene, fidelity)
     time, body, vibration = initial_state(scene, mechanics)
     steps = integrate.count_steps(scene.duration, fidelity.step)
     clock = Clock(mechanics, time, scene.duration / steps)

@@ -44,7 +44,7 @@ def _instant(scene: WallScene, time: Array, state: _State) -> Instant:
             0.5 * mass * state.rate**2,
             zero,
             zero,
-            contact.stored_energy(scene.parcel, state.gap),
+            contact.stored_energy(scene.parcel.stiffness, state.gap),
         ),
         power=Power(zero, zero, zero, state.force * state.rate, zero, zero, zero, zero),
     )
@@ -66,17 +66,22 @@ def run(scene: WallScene, fidelity: Fidelity, history: bool) -> Result:
             gap = state.gap + h * (2 * state.rate + rate) / 3
             return gap - h * h * state.force / (6 * parcel.mass)
 
-        def force_at(rate):
-            return contact.normal_force(parcel, gap_at(rate), rate)
+        def law(rate):
+            return contact.kelvin(
+                parcel.stiffness, contact.viscosity(parcel), gap_at(rate), rate
+            )
 
-        def residual(unknowns):
+        def linearized(unknowns):
             (rate,) = unknowns
-            mean = 0.5 * (state.force + force_at(rate)) / parcel.mass
-            return (rate - state.rate + h * mean,)
+            now = law(rate)
+            value = rate - state.rate + 0.5 * h * (state.force + now.force) / parcel.mass
+            slope = 1 + 0.5 * h * (now.by_gap * h / 3 + now.by_rate) / parcel.mass
+            return (value,), [[slope]]
 
-        (rate,) = newton.solve(residual, (state.rate,), fidelity.iterations)
-        after = _State(gap_at(rate), rate, force_at(rate))
-        defect = parcel.mass * jnp.abs(residual((rate,))[0]) / h
+        guess = (state.rate - h * state.force / parcel.mass,)
+        (rate,) = newton.solve(linearized, guess, fidelity.iterations)
+        after = _State(gap_at(rate), rate, law(rate).force)
+        defect = parcel.mass * jnp.abs(linearized((rate,))[0][0]) / h
         instant = _instant(scene, h * (index + 1), after)
         return after, tally.add(tallied, instant, h, jnp.zeros_like(zero), defect)
 

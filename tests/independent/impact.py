@@ -163,13 +163,15 @@ class Contact(NamedTuple):
 class Solution(NamedTuple):
     """Histories on a uniform grid and refined scalars of one impact.
 
-    time: after the first touch [s]. force: N [N]. gap: D [m]. tip: u of the tip relative to the
-    rigid swing [m]. arc: sigma [m]. parcel: x, y [m], phi [rad] and their rates, shape (n, 6).
-    belt: F1x, F1y [N], T [N m] on the parcel, shape (n, 3).
+    time: after the first touch [s]. force: N [N]. gap: D [m], nan past the tip. tip: u of the
+    tip relative to the rigid swing [m]. arc: sigma [m]. parcel: x, y [m], phi [rad] and their
+    rates, shape (n, 6). belt: F1x, F1y [N], T [N m] on the parcel, shape (n, 3).
     peak_force [N] and peak_time [s] after touch. tip_deflection: largest |tip| [m].
     impulse: integral of N over the horizon [N s]. duration: from the first touch to the first
     return of N to zero [s], nan if that is beyond the horizon. off_tip: whether the corner ran
-    past the tip while behind the fence's line; the histories end there. stiff_force: N_stiff [N]. evaluations: calls of the right-hand side.
+    past the tip while behind the fence's line; the histories end there.
+    stiff_force: N_stiff at the undeformed approach speed v sin(alpha) + R alpha' [N].
+    evaluations: calls of the right-hand side.
     """
 
     time: np.ndarray
