@@ -84,6 +84,8 @@ def count_steps(duration: float, step: float) -> int:
 
 def run_steps(advance, begin, args, sample, steps: int, fidelity: Fidelity, history: bool):
     """Run `steps` steps of `advance` from `begin`; the last state, and `sample(y)` of each step."""
+    # Traced once, however often diffrax and the transformations around it look at the step.
+    advance = jax.jit(advance)
     # diffrax's buffers hold arrays alone: parts that a scene does not hold are put back after.
     structure = jax.tree.structure(begin)
     sampled = jax.tree.structure(sample(begin))

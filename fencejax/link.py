@@ -21,7 +21,7 @@ from .propagation import Propagator, propagator
 Blocks = tuple[Array, ...]
 
 _MOST_SCALAR_MODES = 8
-_SWING_STEPS = 256
+_SWING_STEPS = 64
 
 
 def _blocks(values) -> Blocks:

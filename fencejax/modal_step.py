@@ -20,8 +20,8 @@ from jaxtyping import Array
 from . import newton
 from .drive import DriveMotion
 from .instant import FenceState, Instant, describe
-from .link import Blocks, FencePoint, Shape, Vibration, dot, propagate
-from .mechanics import Acceleration, Body, Forces, Mechanics
+from .link import Blocks, FencePoint, FlexibleLink, Shape, Vibration, dot, propagate
+from .mechanics import Acceleration, Body, FenceFrame, Mechanics
 from .propagation import Propagator
 
 
@@ -45,16 +45,19 @@ class Memory(NamedTuple):
 
 
 class Clock(eqx.Module):
-    """The start time [s] on the drive's clock, the step [s] and the modes' maps over it."""
+    """The start time [s] on the drive's clock, the step [s], the modes' maps over it and the number
+    of Newton iterations."""
 
     start: Array
     maps: tuple[Propagator, ...]
     lag_decay: Array
+    iterations: Array
     step: float = eqx.field(static=True)
 
     def __init__(self, mechanics: Mechanics, start: Array, step: float):
         self.start = start
         self.step = step
+        self.iterations = jnp.full_like(start, mechanics.fidelity.iterations)
         self.maps = ()
         self.lag_decay = jnp.zeros_like(start)
         if mechanics.link is not None:
@@ -85,92 +88,107 @@ def _rotated(arm, turn):
     return half * x - turn * y, half * y + turn * x
 
 
-def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
-    """Advance from sample `index` to the next.
+class _End(eqx.Module):
+    """What the equations at the end of a step are made of."""
 
-    Returns the new memory, its sample and the defect of the solved equations [N], relative to the
-    largest of the forces.
-    """
-    h = clock.step
-    body, was = memory.body, memory.acceleration
-    time = clock.time(index + 1)
-    drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
+    mechanics: Mechanics
+    body: Body
+    acceleration: Acceleration
+    predicted: Array
+    arms: dict[int, tuple[Array, Array]]
+    frame: FenceFrame | None
+    fence: "FenceEnd | None"
+    step: float = eqx.field(static=True)
 
-    guess = tuple(
-        rate + h * (1.5 * now - 0.5 * before)
-        for rate, now, before in zip(body[3:], was, memory.before, strict=True)
-    )
-
-    def body_at(rates):
-        x, y, angle = (
+    def body_at(self, rates) -> Body:
+        """The parcel at the end with the velocities `rates`, its acceleration linear between."""
+        h = self.step
+        moved = (
             q + h * (2 * v0 + v1) / 3 + h * h * a0 / 6
-            for q, v0, v1, a0 in zip(body[:3], body[3:], rates, was, strict=True)
+            for q, v0, v1, a0 in zip(
+                self.body[:3], self.body[3:], rates, self.acceleration, strict=True
+            )
         )
-        return Body(x, y, angle, *rates)
+        return Body(*moved, *rates)
 
-    predicted = body_at(guess)
-    arms = mechanics.arms(predicted.angle)
-    places = tuple(p + h * w for p, w in zip(memory.places, memory.sliding, strict=True))
-    fence = _FenceEnd(mechanics, clock, memory, drive, places)
-    frame = mechanics.frame(drive, places)
-
-    def forces_at(rates, normals) -> Forces:
-        now = body_at(rates)
-        turned = {k: _rotated(arm, now.angle - predicted.angle) for k, arm in arms.items()}
-        return mechanics.forces(now, turned, frame, fence.points(normals), normals)
-
-    unknown_normals = fence.flexible and len(places) > 0
-    count = len(places) if unknown_normals else 0
-    scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
-
-    def linearized(unknowns):
-        """Residual of the step's equations, and their derivative at frozen directions and arms."""
-        rates = unknowns[:3]
-        forces = forces_at(rates, unknowns[3:] if count else None)
+    def evaluate(self, unknowns):
+        """Residual of the step's equations, their derivative at frozen directions and arms, and
+        the forces. Unknown are three velocities and a normal force a corner at a flexible fence."""
+        h, mechanics = self.step, self.mechanics
+        rates, normals = unknowns[:3], unknowns[3:]
+        after = self.body_at(rates)
+        arms = {k: _rotated(arm, after.angle - self.predicted) for k, arm in self.arms.items()}
+        points = () if self.fence is None else self.fence.points(normals)
+        forces = mechanics.forces(after, arms, self.frame, points, normals or None)
         residual = [
             v1 - v0 - 0.5 * h * (a0 + a1)
-            for v1, v0, a0, a1 in zip(rates, body[3:], was, forces.acceleration, strict=True)
+            for v1, v0, a0, a1 in zip(
+                rates, self.body[3:], self.acceleration, forces.acceleration, strict=True
+            )
         ]
-        block = mechanics.rate_matrix(body_at(rates), forces, h, unknown_normals)
-        matrix = [
-            [float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)
-        ]
-        for k in range(count):
+        scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
+        block = mechanics.rate_matrix(after, forces, h, bool(normals))
+        matrix = [[float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)]
+        for k, normal in enumerate(normals):
+            assert self.fence is not None
             parts, response = forces.touches[k], forces.responses[k]
-            residual.append(unknowns[3 + k] - forces.laws[k])
+            residual.append(normal - forces.laws[k])
             press = response.gap * h / 3 + response.gap_rate
             row = [press * parts.normal[j] for j in range(3)]
-            for other in range(count):
-                give, give_rate = fence.compliance(k, other)
+            for other in range(len(normals)):
+                give, give_rate = self.fence.compliance(k, other)
                 row.append(float(k == other) + response.gap * give + response.gap_rate * give_rate)
             matrix.append(row)
             for i in range(3):
                 along = parts.normal[i] + response.share * parts.tangent[i]
                 matrix[i].append(-scales[i] * along)
-        return tuple(residual), matrix
+        return tuple(residual), matrix, forces
 
-    normals = tuple(
-        jnp.maximum(2 * now - before, 0.0)
-        for now, before in zip(memory.normals, memory.normals_before, strict=True)
+
+def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
+    """Advance from sample `index` to the next.
+
+    Returns the new memory, its sample and the largest force [N] that the solved equations leave
+    unbalanced.
+    """
+    h = clock.step
+    body, was = memory.body, memory.acceleration
+    time = clock.time(index + 1)
+    drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
+    places = tuple(p + h * w for p, w in zip(memory.places, memory.sliding, strict=True))
+    fence = None
+    if mechanics.link is not None:
+        fence = FenceEnd(mechanics, clock, memory, drive, places)
+    guess = tuple(
+        rate + h * (1.5 * now - 0.5 * before)
+        for rate, now, before in zip(body[3:], was, memory.before, strict=True)
     )
-    guess = guess + normals if count else guess
-    solution = newton.solve(linearized, guess, mechanics.fidelity.iterations)
-    rates, normals = solution[:3], solution[3:] if count else None
-    forces = forces_at(rates, normals)
-    defect = _defect(mechanics, body, was, rates, forces, h, normals)
-    if normals is None:
-        normals = tuple(c.normal for c in forces.fence)
+    if fence is not None and fence.flexible:
+        guess = guess + tuple(
+            jnp.maximum(2 * now - before, 0.0)
+            for now, before in zip(memory.normals, memory.normals_before, strict=True)
+        )
+    frame = mechanics.frame(drive, places)
+    predicted = body.angle + h * (body.spin + 0.5 * h * was.angle)
+    end = _End(mechanics, body, was, predicted, mechanics.arms(predicted), frame, fence, h)
+    root, forces = newton.solve(_End.evaluate, end, guess, clock.iterations)
+    after = end.body_at(root[:3])
+    normals = tuple(c.normal for c in forces.fence)
+    defect = _defect(mechanics, body, was, root[:3], forces, h)
 
-    after = body_at(rates)
-    state, lagged_rate = fence.state(normals)
+    state, lagged_rate = None, ()
+    if fence is not None:
+        state = fence.state(normals)
+        lagged_rate = state.lagged_rate if fence.link.residual is not None else ()
+    feet = zip(places, forces.touches[: len(places)], strict=True)
     memory = Memory(
         body=after,
         acceleration=forces.acceleration,
         before=was,
         vibration=None if state is None else state.vibration,
         modal_force=() if state is None else state.modal_force,
-        places=tuple(p + t.foot_offset for p, t in zip(places, forces.touches, strict=True)),
-        sliding=tuple(t.sliding for t in forces.touches),
+        places=tuple(place + touch.foot_offset for place, touch in feet),
+        sliding=tuple(c.sliding for c in forces.fence),
         normals=normals,
         normals_before=memory.normals,
         lagged_rate=lagged_rate,
@@ -178,35 +196,49 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
     return memory, describe(mechanics, time, after, forces, state), defect
 
 
-def _defect(mechanics, body, was, rates, forces, h, normals):
+def _defect(mechanics, body, was, rates, forces, h):
     """Largest unbalanced force [N] of the solved step."""
     worst = jnp.zeros_like(body.x)
     for v1, v0, a0, a1 in zip(rates[:2], body[3:5], was[:2], forces.acceleration[:2], strict=True):
         worst = jnp.maximum(worst, mechanics.mass * jnp.abs((v1 - v0) / h - 0.5 * (a0 + a1)))
-    for normal, law in zip(normals or (), forces.laws, strict=False):
-        worst = jnp.maximum(worst, jnp.abs(normal - law))
+    for what, law in zip(forces.fence, forces.laws, strict=True):
+        worst = jnp.maximum(worst, jnp.abs(what.normal - law))
     return worst
 
 
-class _FenceEnd:
+class FenceEnd(eqx.Module):
     """The fence at the end of a step as a function of the contact forces there.
 
     With the small-deflection geometry the deflection, its rate and the slope at each place are
     affine in the forces, and Newton's method sees these few numbers instead of the modes.
     """
 
-    def __init__(self, mechanics, clock, memory, drive: DriveMotion | None, places):
+    link: FlexibleLink
+    clock: Clock
+    drive: DriveMotion
+    places: tuple[Array, ...]
+    normals_before: tuple[Array, ...]
+    lagged_before: tuple[Array, ...]
+    shapes: tuple[Shape, ...]
+    inertia: Blocks
+    free: Vibration
+    affine: tuple
+    chords: bool = eqx.field(static=True)
+
+    def __init__(self, mechanics, clock, memory, drive, places):
         self.link = link = mechanics.link
+        self.clock, self.drive, self.places = clock, drive, places
+        self.normals_before, self.lagged_before = memory.normals, memory.lagged_rate
         self.chords = mechanics.fidelity.geometry == "chord"
-        self.flexible = link is not None and len(link.frequency_squared) > 0
-        if link is None:
-            return
-        assert drive is not None
-        self.clock, self.memory, self.drive, self.places = clock, memory, drive, places
         self.shapes = tuple(link.shape(place) for place in places)
         self.inertia = link.inertia_force(drive)
         self.free = propagate(clock.maps, memory.vibration, memory.modal_force, self.inertia)
-        self.affine = [self._affine(k) for k in range(len(places))] if self.flexible else []
+        self.affine = tuple(self._affine(k) for k in range(len(places)))
+
+    @property
+    def flexible(self) -> bool:
+        """Whether there are modes: a rigid fence does not answer to the forces."""
+        return len(self.link.frequency_squared) > 0
 
     def _affine(self, k: int):
         """Deflection, its rate and slope at one place: at no contact force, and per newton [1/N]
@@ -228,7 +260,7 @@ class _FenceEnd:
                     dot(shape.slope, pushed) / link.mass_scale,
                 )
             )
-        return free, gains
+        return free, tuple(gains)
 
     def compliance(self, k: int, other: int):
         """How far [m/N] and how fast [m/s/N] place k gives way at the step's end for a force at
@@ -243,9 +275,7 @@ class _FenceEnd:
 
     def points(self, normals) -> tuple[FencePoint, ...]:
         """The point of the fence under each corner."""
-        if self.link is None:
-            return ()
-        if normals is None:
+        if not self.flexible:
             zero = jnp.zeros_like(self.drive.angle)
             return tuple(FencePoint(place, zero, zero, zero, zero) for place in self.places)
         return tuple(self._point(k, normals) for k in range(len(self.places)))
@@ -273,8 +303,8 @@ class _FenceEnd:
     def _lagged_rate(self, k: int, normal):
         """rdot at the step's end, exact for a force linear over the step; finite as beta -> 0."""
         decay = self.clock.lag_decay
-        slope = (normal - self.memory.normals[k]) / self.clock.step
-        return decay * self.memory.lagged_rate[k] + (1 - decay) * slope
+        slope = (normal - self.normals_before[k]) / self.clock.step
+        return decay * self.lagged_before[k] + (1 - decay) * slope
 
     def _vibration(self, normals) -> Vibration:
         """The modes at the step's end."""
@@ -286,23 +316,15 @@ class _FenceEnd:
                 rate[i] = rate[i] - m.v_end * phi * share
         return Vibration(tuple(amplitude), tuple(rate))
 
-    def state(self, normals) -> tuple[FenceState | None, tuple[Array, ...]]:
-        """The fence under the solved forces, and the rates of the lagged loads."""
-        if self.link is None:
-            return None, ()
+    def state(self, normals) -> FenceState:
+        """The fence under the solved forces."""
         load = contact_load(self.shapes, normals, self.link.mass_scale, self.inertia)
-        if self.link.residual is None:
-            lagged_rate = tuple(jnp.zeros_like(n) for n in normals)
-            lagged = normals
-        else:
-            lagged_rate = tuple(self._lagged_rate(k, n) for k, n in enumerate(normals))
-            lagged = tuple(
-                n - self.link.lag * r for n, r in zip(normals, lagged_rate, strict=True)
-            )
-        state = FenceState(
-            self.drive, self._vibration(normals), load, self.shapes, lagged, lagged_rate
-        )
-        return state, lagged_rate if self.link.residual is not None else ()
+        lagged, rates = normals, tuple(jnp.zeros_like(n) for n in normals)
+        if self.link.residual is not None:
+            rates = tuple(self._lagged_rate(k, n) for k, n in enumerate(normals))
+            lagged = tuple(n - self.link.lag * r for n, r in zip(normals, rates, strict=True))
+        vibration = self._vibration(normals)
+        return FenceState(self.drive, vibration, load, self.shapes, lagged, rates)
 
 
 def first_instant(

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -32,18 +33,21 @@ def _series(stiffness, damping, step):
     g'' + c g' + w^2 g = 0, g(0) = 0, g'(0) = 1: g = sum a_k t^(k+1) / (k+1)!, with
     a_k = -c a_(k-1) - w^2 a_(k-2).
     """
-    before, now = jnp.zeros_like(stiffness), jnp.ones_like(stiffness)
-    power = step
-    velocity, value, first, second = now, now * power, now * power * step / 2, 0.0
-    second = now * power * step**2 / 6
-    for k in range(1, _SERIES_TERMS):
-        before, now = now, -damping * now - stiffness * before
-        velocity = velocity + now * power
-        power = power * step / (k + 1)
-        value = value + now * power
-        first = first + now * power * step / (k + 2)
-        second = second + now * power * step**2 / ((k + 2) * (k + 3))
-    return velocity, value, first, second
+    one = jnp.ones_like(stiffness)
+
+    def term(k, carry):
+        before, now, power, sums = carry
+        # power = step^k / k!
+        first = power * step / (k + 1)
+        second = first * step / (k + 2)
+        third = second * step / (k + 3)
+        parts = (now * power, now * first, now * second, now * third)
+        sums = tuple(total + part for total, part in zip(sums, parts, strict=True))
+        return now, -damping * now - stiffness * before, first, sums
+
+    zero = jnp.zeros_like(stiffness)
+    carry = (zero, one, one, (zero, zero, zero, zero))
+    return jax.lax.fori_loop(0, _SERIES_TERMS, term, carry)[3]
 
 
 def _closed(stiffness, damping, step):

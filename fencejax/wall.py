@@ -59,29 +59,21 @@ def run(scene: WallScene, fidelity: Fidelity, history: bool) -> Result:
     begin = _State(zero, scene.speed + zero, zero)
 
     def advance(args, y, index):
-        del args
+        parcel, iterations = args
         state, tallied = y
 
-        def gap_at(rate):
+        def evaluate(given, unknowns):
+            (parcel, state), (rate,) = given, unknowns
             gap = state.gap + h * (2 * state.rate + rate) / 3
-            return gap - h * h * state.force / (6 * parcel.mass)
-
-        def law(rate):
-            return contact.kelvin(
-                parcel.stiffness, contact.viscosity(parcel), gap_at(rate), rate
-            )
-
-        def linearized(unknowns):
-            (rate,) = unknowns
-            now = law(rate)
-            value = rate - state.rate + 0.5 * h * (state.force + now.force) / parcel.mass
-            slope = 1 + 0.5 * h * (now.by_gap * h / 3 + now.by_rate) / parcel.mass
-            return (value,), [[slope]]
+            gap = gap - h * h * state.force / (6 * parcel.mass)
+            law = contact.kelvin(parcel.stiffness, contact.viscosity(parcel), gap, rate)
+            value = rate - state.rate + 0.5 * h * (state.force + law.force) / parcel.mass
+            slope = 1 + 0.5 * h * (law.by_gap * h / 3 + law.by_rate) / parcel.mass
+            after = _State(gap, rate, law.force)
+            return (value,), [[slope]], (after, parcel.mass * jnp.abs(value) / h)
 
         guess = (state.rate - h * state.force / parcel.mass,)
-        (rate,) = newton.solve(linearized, guess, fidelity.iterations)
-        after = _State(gap_at(rate), rate, law(rate).force)
-        defect = parcel.mass * jnp.abs(linearized((rate,))[0][0]) / h
+        _, (after, defect) = newton.solve(evaluate, (parcel, state), guess, iterations)
         instant = _instant(scene, h * (index + 1), after)
         return after, tally.add(tallied, instant, h, jnp.zeros_like(zero), defect)
 
@@ -89,7 +81,7 @@ def run(scene: WallScene, fidelity: Fidelity, history: bool) -> Result:
     (_, tallied), samples = integrate.run_steps(
         advance,
         (begin, tally.begin(first, jnp.zeros_like(zero))),
-        None,
+        (parcel, jnp.full_like(zero, fidelity.iterations)),
         lambda y: y[1].last,
         steps,
         fidelity,
