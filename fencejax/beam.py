@@ -46,6 +46,12 @@ class BeamTables(NamedTuple):
     units of E I_1 / l_p^2, from the balance of the inertia forces beyond the node."""
     relative_thickness: Any
     """(n,): g at the nodes 0 ... n - 1."""
+    shortening: Any
+    """(n + 1, m, m, 2): integral of 1/2 phi_i' phi_j' from the root to the node, and its derivative
+    in x / l_p there: how much of its length the bent link loses along the straight line."""
+    cubed: Any
+    """(n + 1, 2): integral of 1/6 phi_1'^3, and its derivative: what the sine of the first mode's
+    slope takes off the deflection."""
 
 
 def hermite(s: Any) -> tuple[Any, Any, Any, Any]:
@@ -160,7 +166,24 @@ def build_tables(
         residual=residual,
         moment=_moments(taper, elements, values, full, xp),
         relative_thickness=taper(stations[:-1], 1.0 - stations[:-1]) + 0.0 * values[:1].sum(),
+        shortening=_integrated(lambda s: 0.5 * s[..., :, None] * s[..., None, :], full, xp),
+        cubed=_integrated(lambda s: s[..., :1].sum(-1) ** 3 / 6, full, xp),
     )
+
+
+def _integrated(function, full, xp):
+    """Integral of a polynomial of the mode slopes from the root to each node, and its derivative
+    there, in a new last axis. Exact up to the sixth degree of the element's coordinate."""
+    elements = full.shape[0] // 2 - 1
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    scale = np.array([1.0, 1.0 / elements, 1.0, 1.0 / elements]) * elements
+    shape = np.stack(hermite_slope(0.5 * (1 + nodes)), -1) * scale
+    dofs = 2 * np.arange(elements)[:, None] + np.arange(4)
+    slopes = xp.einsum("qi,eim->eqm", shape, full[dofs])
+    parts = xp.einsum("q,eq...->e...", 0.5 * weights / elements, function(slopes))
+    start = np.zeros((1, *parts.shape[1:]))
+    values = xp.concatenate([start, xp.cumsum(parts, axis=0)])
+    return xp.stack([values, function(full[1::2])], -1)
 
 
 def _moments(taper, elements, values, full, xp):

@@ -19,7 +19,10 @@ class Fidelity:
       spring under the contact.
     - `elements`: finite elements on the flexible link (20 in the paper).
     - `geometry`: `"chord"`, the paper's (2.14)-(2.17) with the element chords turned by their
-      angles, or `"small"`, a small deflection normal to the straight line.
+      angles; `"arc"`, the same to the third order in the slope; or `"small"`, a small deflection
+      normal to the straight line.
+    - `load`: `"consistent"`, the contact force on the beam by virtual work, or `"shared"`, the
+      paper's (2.8), linearly on the two nodes beside it.
     - `step` [s]: the integrator's step (for an adaptive one: of the samples that it saves).
     - `iterations`: Newton iterations a step on the contact force and the parcel's velocity.
     - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s.
@@ -35,7 +38,8 @@ class Fidelity:
     modes: int | None = 4
     static_correction: bool = True
     elements: int = 20
-    geometry: str = "small"
+    geometry: str = "arc"
+    load: str = "consistent"
     step: float = 2.5e-4
     iterations: int = 2
     slip_speed: float = 1e-2
@@ -57,7 +61,8 @@ class Fidelity:
         _check.count("iterations", self.iterations, least=1)
         for name in ("step", "slip_speed", "static_speed", "tip_fade", "tolerance"):
             _check.number(name, getattr(self, name), above=0.0)
-        _check.choice("geometry", self.geometry, ("small", "chord"))
+        _check.choice("geometry", self.geometry, ("small", "arc", "chord"))
+        _check.choice("load", self.load, ("consistent", "shared"))
         _check.choice("integrator", self.integrator, _INTEGRATORS)
         _check.choice("gradient", self.gradient, ("forward", "reverse"))
 

@@ -184,7 +184,7 @@ def _fence_power(
     for c, parts, shape, rate in zip(
         forces.fence, touches, fence.shapes, fence.lagged_rate, strict=True
     ):
-        transverse = c.place * fence.drive.speed + dot(shape.deflection, fence.vibration.rate)
+        transverse = c.place * fence.drive.speed + dot(shape.load, fence.vibration.rate)
         if shape.residual is not None:
             transverse = transverse - shape.residual * rate
             damped = damped + link.lag * shape.residual * rate**2

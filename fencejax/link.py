@@ -22,6 +22,7 @@ Blocks = tuple[Array, ...]
 
 _MOST_SCALAR_MODES = 8
 _SWING_STEPS = 64
+_ARC_MODES = 3
 
 
 def _blocks(values) -> Blocks:
@@ -53,12 +54,15 @@ class Vibration(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """The mode shapes at one arc coordinate: deflection [1], slope [1/m], as blocks, and the
-    compliance [m/N] of the modes left out (`None` where there is none)."""
+    """The mode shapes at one arc coordinate: deflection [1] and slope [1/m], as blocks; `load` [1],
+    the share of a force there that each mode gets; the compliance [m/N] of the modes left out
+    (`None` where there is none); the `arc` integrals (`None` unless the geometry needs them)."""
 
     deflection: Blocks
     slope: Blocks
+    load: Blocks
     residual: Array | None
+    arc: tuple[tuple[Array, ...], Array] | None
     place: Array
 
 
@@ -89,6 +93,8 @@ class FlexibleLink(eqx.Module):
     deflection: Blocks
     slope: Blocks
     cubic: tuple[tuple[Array, ...], ...]
+    linear: tuple[tuple[Array, Array], ...] | None
+    pairs: tuple[tuple[tuple[Array, ...], ...], tuple[Array, ...]] | None
     swing: Blocks
     residual: tuple[Array, ...] | None
     bending: Blocks
@@ -98,6 +104,7 @@ class FlexibleLink(eqx.Module):
     swing_inertia: Array
     root_inertia: Array
     elements: int = eqx.field(static=True)
+    arc_modes: int = eqx.field(static=True)
 
     def __init__(self, fence: Fence, fidelity: Fidelity):
         tables = beam.tables(fence.taper, fidelity.elements, fidelity.mode_count)
@@ -117,6 +124,14 @@ class FlexibleLink(eqx.Module):
             _coefficients(value, slope / self.elements)
             for value, slope in zip(self.deflection, self.slope, strict=True)
         )
+        self.linear = None
+        if fidelity.load == "shared":
+            self.linear = tuple((node[:-1], node[1:]) for node in self.deflection)
+        self.pairs = None
+        self.arc_modes = 0
+        if fidelity.geometry == "arc":
+            self.arc_modes = min(fidelity.mode_count, _ARC_MODES)
+            self.pairs = self._arc_tables(tables)
         self.swing = tuple(
             self.rigid_length * a + self.length * b
             for a, b in zip(_blocks(tables.swing_root), _blocks(tables.swing_tip), strict=True)
@@ -144,6 +159,17 @@ class FlexibleLink(eqx.Module):
         )
         rigid_mass = fence.material.density * fence.width * fence.thickness * arm
         self.root_inertia = rigid_mass * arm**2 / 3
+
+    def _arc_tables(self, tables):
+        """Element cubics of the arc integrals: [1/m] for every pair of modes, [1/m^2] for the cube."""
+        pairs = []
+        for i in range(self.arc_modes):
+            for j in range(i, self.arc_modes):
+                table = jnp.asarray(tables.shortening[:, i, j], dtype=float) / self.length
+                table = table if i == j else 2 * table
+                pairs.append(_coefficients(table[:, 0], table[:, 1] / self.elements))
+        cube = jnp.asarray(tables.cubed, dtype=float) / self.length**2
+        return tuple(pairs), _coefficients(cube[:, 0], cube[:, 1] / self.elements)
 
     @property
     def reach(self) -> Array:
@@ -209,7 +235,14 @@ class FlexibleLink(eqx.Module):
         residual = None
         if self.residual is not None:
             residual, _ = _cubic(self.residual, index, s)
-        return Shape(tuple(deflections), tuple(slopes), residual, place)
+        load = tuple(deflections)
+        if self.linear is not None:
+            load = tuple(_line(table, index, s) for table in self.linear)
+        arc = None
+        if self.pairs is not None:
+            pairs = tuple(_cubic(table, index, s)[0] for table in self.pairs[0])
+            arc = (pairs, _cubic(self.pairs[1], index, s)[0])
+        return Shape(tuple(deflections), tuple(slopes), load, residual, arc, place)
 
     def _element(self, place):
         """Element [0, n) and local coordinate in [0, 1] of an arc coordinate."""
@@ -222,6 +255,28 @@ class FlexibleLink(eqx.Module):
     def tip_deflection(self, amplitude: Blocks) -> Array:
         """Deflection of the tip [m] from the straight line of the rigid link."""
         return dot(tuple(block[-1] for block in self.deflection), amplitude)
+
+    def arc_point(self, shape: Shape, state: Vibration, y: Array, y_rate: Array, slope: Array):
+        """The chords' geometry in the limit of many elements, to the third order in the slope:
+        U = (sigma - integral of w'^2 / 2, w - integral of w'^3 / 6).
+
+        The first three modes count in the second order and the first one in the third. `y` and
+        `y_rate` are the deflection [m] and its rate; the small terms are taken from `state`, which
+        may leave out what the force at the end of the step does within that step.
+        """
+        assert shape.arc is not None
+        pairs, cube = shape.arc
+        q = _flat(state.amplitude)[: self.arc_modes]
+        v = _flat(state.rate)[: self.arc_modes]
+        short, short_rate = jnp.zeros_like(y), jnp.zeros_like(y)
+        at = 0
+        for i in range(self.arc_modes):
+            for j in range(i, self.arc_modes):
+                short = short + pairs[at] * q[i] * q[j]
+                short_rate = short_rate + pairs[at] * (q[i] * v[j] + v[i] * q[j])
+                at += 1
+        lower, lower_rate = cube * q[0] ** 3, 3 * cube * q[0] ** 2 * v[0]
+        return FencePoint(shape.place - short, y - lower, -short_rate, y_rate - lower_rate, slope)
 
     def small_point(self, shape: Shape, deflection: Array, rate: Array, slope: Array) -> FencePoint:
         """U = sigma t_alpha + w n_alpha: a small deflection normal to the straight line."""
@@ -284,15 +339,29 @@ class FlexibleLink(eqx.Module):
         for load, place, shape in zip(loads, places, shapes, strict=True):
             reached = jnp.minimum(place, self.reach)
             moment = moment - load * jnp.maximum(reached - self.rigid_length - self.stations, 0.0)
-            for table, value in zip(self.bending_flexibility, shape.deflection, strict=True):
+            for table, value in zip(self.bending_flexibility, shape.load, strict=True):
                 moment = moment + load * (table @ value if jnp.ndim(value) else table * value)
         return jnp.abs(moment) * self.stress_scale
+
+
+def _flat(blocks: Blocks) -> list[Array]:
+    """The modes one by one."""
+    flat = []
+    for block in blocks:
+        flat.extend(block[i] for i in range(block.shape[0])) if block.ndim else flat.append(block)
+    return flat
 
 
 def _cubic(table: tuple[Array, ...], index: Array, s: Array) -> tuple[Array, Array]:
     """Value and derivative in s of an element's cubic, given its four coefficients' tables."""
     a, b, c, d = (jax.lax.dynamic_index_in_dim(t, index, keepdims=False) for t in table)
     return a + s * (b + s * (c + s * d)), b + s * (2 * c + 3 * s * d)
+
+
+def _line(table: tuple[Array, Array], index: Array, s: Array) -> Array:
+    """Linear interpolation between an element's nodes."""
+    a, b = (jax.lax.dynamic_index_in_dim(t, index, keepdims=False) for t in table)
+    return a + s * (b - a)
 
 
 def _coefficients(value: Array, slope: Array) -> tuple[Array, ...]:

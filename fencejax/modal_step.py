@@ -77,7 +77,7 @@ def contact_load(shapes: tuple[Shape, ...], normals, mass: Array, inertia: Block
     force = list(inertia)
     for shape, normal in zip(shapes, normals, strict=True):
         share = normal / mass
-        force = [f - phi * share for f, phi in zip(force, shape.deflection, strict=True)]
+        force = [f - phi * share for f, phi in zip(force, shape.load, strict=True)]
     return tuple(force)
 
 
@@ -223,13 +223,13 @@ class FenceEnd(eqx.Module):
     inertia: Blocks
     free: Vibration
     affine: tuple
-    chords: bool = eqx.field(static=True)
+    geometry: str = eqx.field(static=True)
 
     def __init__(self, mechanics, clock, memory, drive, places):
         self.link = link = mechanics.link
         self.clock, self.drive, self.places = clock, drive, places
         self.normals_before, self.lagged_before = memory.normals, memory.lagged_rate
-        self.chords = mechanics.fidelity.geometry == "chord"
+        self.geometry = mechanics.fidelity.geometry
         self.shapes = tuple(link.shape(place) for place in places)
         self.inertia = link.inertia_force(drive)
         self.free = propagate(clock.maps, memory.vibration, memory.modal_force, self.inertia)
@@ -251,8 +251,8 @@ class FenceEnd(eqx.Module):
         )
         gains = []
         for other in self.shapes:
-            pushed = [m.q_end * b for m, b in zip(self.clock.maps, other.deflection, strict=True)]
-            struck = [m.v_end * b for m, b in zip(self.clock.maps, other.deflection, strict=True)]
+            pushed = [m.q_end * b for m, b in zip(self.clock.maps, other.load, strict=True)]
+            struck = [m.v_end * b for m, b in zip(self.clock.maps, other.load, strict=True)]
             gains.append(
                 (
                     dot(shape.deflection, pushed) / link.mass_scale,
@@ -283,13 +283,15 @@ class FenceEnd(eqx.Module):
     def _point(self, k: int, normals) -> FencePoint:
         link, shape = self.link, self.shapes[k]
         extra, extra_rate = self._residual(k, normals[k])
-        if self.chords:
+        if self.geometry == "chord":
             return link.chord_point(shape, self._vibration(normals), extra, extra_rate)
         (deflection, rate, slope), gains = self.affine[k]
         for normal, (give, give_rate, lean) in zip(normals, gains, strict=True):
             deflection = deflection - give * normal
             rate = rate - give_rate * normal
             slope = slope - lean * normal
+        if self.geometry == "arc":
+            return link.arc_point(shape, self.free, deflection + extra, rate + extra_rate, slope)
         return link.small_point(shape, deflection + extra, rate + extra_rate, slope)
 
     def _residual(self, k: int, normal):
@@ -311,7 +313,7 @@ class FenceEnd(eqx.Module):
         amplitude, rate = list(self.free.amplitude), list(self.free.rate)
         for shape, normal in zip(self.shapes, normals, strict=True):
             share = normal / self.link.mass_scale
-            for i, (phi, m) in enumerate(zip(shape.deflection, self.clock.maps, strict=True)):
+            for i, (phi, m) in enumerate(zip(shape.load, self.clock.maps, strict=True)):
                 amplitude[i] = amplitude[i] - m.q_end * phi * share
                 rate[i] = rate[i] - m.v_end * phi * share
         return Vibration(tuple(amplitude), tuple(rate))
@@ -371,15 +373,18 @@ def fence_point(mechanics: Mechanics, shape: Shape, vibration: Vibration) -> Fen
     """The point of the fence at a shape's place, in the geometry of the fidelity."""
     link = mechanics.link
     assert link is not None
-    if mechanics.fidelity.geometry == "chord" and link.frequency_squared:
+    if not link.frequency_squared:
+        zero = jnp.zeros_like(shape.place)
+        return link.small_point(shape, zero, zero, zero)
+    if mechanics.fidelity.geometry == "chord":
         zero = jnp.zeros_like(shape.place)
         return link.chord_point(shape, vibration, zero, zero)
-    return link.small_point(
-        shape,
-        dot(shape.deflection, vibration.amplitude),
-        dot(shape.deflection, vibration.rate),
-        dot(shape.slope, vibration.amplitude),
-    )
+    deflection = dot(shape.deflection, vibration.amplitude)
+    rate = dot(shape.deflection, vibration.rate)
+    slope = dot(shape.slope, vibration.amplitude)
+    if mechanics.fidelity.geometry == "arc":
+        return link.arc_point(shape, vibration, deflection, rate, slope)
+    return link.small_point(shape, deflection, rate, slope)
 
 
 def foot(

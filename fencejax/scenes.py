@@ -206,7 +206,7 @@ def border_and_fence(
     *,
     fence: Fence | None = None,
     distance: ArrayLike = 1.0,
-    drive_angle: ArrayLike = 0.20,
+    drive_angle: ArrayLike = 0.10,
     fence_corner: int = 1,
     border_corner: int = 2,
     parcel: Parcel | None = None,
