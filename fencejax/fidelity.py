@@ -24,7 +24,8 @@ class Fidelity:
     - `load`: `"consistent"`, the contact force on the beam by virtual work, or `"shared"`, the
       paper's (2.8), linearly on the two nodes beside it.
     - `step` [s]: the integrator's step (for an adaptive one: of the samples that it saves).
-    - `iterations`: Newton iterations a step on the contact force and the parcel's velocity.
+    - `iterations`: the most Newton iterations a step on contact force and parcel's velocity; one
+      or two are the rule, more where friction turns round.
     - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s.
     - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends.
     - `integrator`: `"modal"`, this package's own (exact in the beam, implicit in contact and
@@ -41,9 +42,9 @@ class Fidelity:
     geometry: str = "arc"
     load: str = "consistent"
     step: float = 2.5e-4
-    iterations: int = 2
-    slip_speed: float = 1e-2
-    static_speed: float = 5e-2
+    iterations: int = 12
+    slip_speed: float = 5e-3
+    static_speed: float = 2.5e-2
     tip_fade: float = 5e-3
     integrator: str = "modal"
     tolerance: float = 1e-7
@@ -87,7 +88,7 @@ class Fidelity:
 
     @classmethod
     def fast(cls, **changes) -> "Fidelity":
-        return cls(**{**dict(modes=3, step=5e-4), **changes})
+        return cls(**{**dict(modes=3, step=5e-4, slip_speed=2e-2, static_speed=1e-1), **changes})
 
     @classmethod
     def standard(cls, **changes) -> "Fidelity":
@@ -96,7 +97,7 @@ class Fidelity:
     @classmethod
     def reference(cls, **changes) -> "Fidelity":
         settings = dict(
-            modes=12, geometry="chord", step=2.5e-5, iterations=4,
+            modes=12, geometry="chord", step=2.5e-5, iterations=20,
             slip_speed=1e-3, static_speed=5e-3,
         )
         return cls(**{**settings, **changes})

@@ -15,6 +15,9 @@ def by_columns(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
     pass of forward mode, next to the value. It is then a plain matrix: `jax.jvp` multiplies by it
     and `jax.grad` by its transpose, so that forward and reverse mode cost the same and neither
     stores the trajectory. Inputs that are not being differentiated cost nothing.
+
+    First derivatives only: the implicit steps inside are right to that order, so that a second
+    one is refused with `NotImplementedError` rather than given wrong.
     """
 
     @jax.custom_jvp
@@ -47,8 +50,23 @@ def by_columns(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
         dtype = jnp.result_type(*(leaves[i] for i in moved))
         value, columns = jax.vmap(along, out_axes=(None, 0))(jnp.eye(count, dtype=dtype))
         flat = jnp.concatenate([dots[i].reshape(-1) for i in moved])
+        columns = jax.tree.map(_final, columns)
         change = jax.tree.map(lambda c: jnp.tensordot(flat.astype(c.dtype), c, 1), columns)
         return value, change
 
     wrapped.defjvp(rule, symbolic_zeros=True)
     return wrapped
+
+
+@jax.custom_jvp
+def _final(array):
+    """The array itself, which may not be differentiated further."""
+    return array
+
+
+@_final.defjvp
+def _refuse(primals, tangents):
+    raise NotImplementedError(
+        "Second derivatives of a simulation are not available: its implicit steps are "
+        "differentiated to the first order. Difference the gradient instead."
+    )

@@ -114,6 +114,7 @@ class Forces(NamedTuple):
     belt: BeltForce | None
     responses: tuple[Response, ...]
     belt_slopes: tuple[Array, Array] | None
+    slip: tuple[Array, Array, Array] | None
 
 
 def corner_from_arm(body: Body, arm_x: Array, arm_y: Array) -> Corner:
@@ -172,6 +173,13 @@ def border_touch(corner: Corner) -> Touch:
     )
 
 
+def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
+    """Share t <= 1 at which s - t d is nearest to rest, given s.d and d.d; 1 where that lies
+    beyond the step, or behind, or where s is not `sliding` but all but at rest."""
+    turns = sliding & (ahead > 0) & (ahead < square)
+    return jnp.where(turns, ahead / jnp.where(turns, square, 1.0), 1.0)
+
+
 class FenceFrame(NamedTuple):
     """What the contacts need of the fence at an instant: (cos, sin) of alpha_w, its rate [rad/s],
     and for each of `fence_corners` the arc coordinate under it [m] and the share of the contact
@@ -195,6 +203,7 @@ class Mechanics(eqx.Module):
     belt_friction: Friction | None
     weight: Array | None
     mean_distance: Array | None
+    size: Array
     link: FlexibleLink | None
     drive: AbstractDrive | None
     fence_friction: Friction | None
@@ -214,6 +223,7 @@ class Mechanics(eqx.Module):
         self.belt_friction = None if belt is None else belt.friction
         self.weight = None if belt is None else parcel.mass * belt.gravity
         self.mean_distance = None if belt is None else parcel.mean_distance
+        self.size = jnp.sqrt(self.inertia / self.mass)
         self.link = None if scene.fence is None else FlexibleLink(scene.fence, fidelity)
         self.drive = scene.drive
         self.fence_friction = scene.fence_friction
@@ -301,9 +311,10 @@ class Mechanics(eqx.Module):
                 for q, n, t in zip(total, parts.normal, parts.tangent, strict=True)
             ]
 
-        belt, belt_slopes = None, None
+        belt, belt_slopes, slip = None, None, None
         if self.belt_friction is not None:
             belt, belt_slopes = self._belt(body)
+            slip = (body.x_rate - self.belt_speed, body.y_rate, body.spin)
             total = [q + f for q, f in zip(total, belt[:3], strict=True)]
 
         return Forces(
@@ -315,6 +326,7 @@ class Mechanics(eqx.Module):
             belt,
             tuple(responses),
             belt_slopes,
+            slip,
         )
 
     def _belt(self, body: Body):
@@ -327,6 +339,34 @@ class Mechanics(eqx.Module):
             grip * slip_x, grip * slip_y, -grip * square_arm * body.spin, grip * square
         )
         return force, (grip, bend)
+
+    def force_scale(self, forces: Forces) -> Array:
+        """Size of the forces at play [N]: the normal ones, and the weight on a belt."""
+        scale = jnp.full_like(forces.acceleration.x, 1e-6)
+        if self.weight is not None:
+            scale = scale + self.weight
+        for what, law in zip(forces.fence, forces.laws, strict=True):
+            scale = scale + jnp.abs(what.normal) + law
+        for what in forces.border:
+            scale = scale + what.normal
+        return scale
+
+    def reversal(self, forces: Forces, change) -> Array:
+        """Share of a change of the velocities, `-change`, up to which no friction passes its jump:
+        where a sliding speed, or the slip on the belt, would turn round."""
+        share = jnp.ones_like(forces.acceleration.x)
+        rest = (0.3 * self.fidelity.slip_speed) ** 2
+        for what, parts in zip((*forces.fence, *forces.border), forces.touches, strict=True):
+            turn = sum(t * c for t, c in zip(parts.tangent, change, strict=True))
+            share = jnp.minimum(share, _stop(what.sliding * turn, turn**2, what.sliding**2 > rest))
+        if forces.slip is not None:
+            x, y, spin = forces.slip
+            square_arm = self.mean_distance**2
+            ahead = x * change[0] + y * change[1] + square_arm * spin * change[2]
+            square = change[0] ** 2 + change[1] ** 2 + square_arm * change[2] ** 2
+            slipping = x**2 + y**2 + square_arm * spin**2 > rest
+            share = jnp.minimum(share, _stop(ahead, square, slipping))
+        return share
 
     def rate_matrix(self, body: Body, forces: Forces, step: float, unknown_normals: bool):
         """-d(generalised force)/d(velocities) [N s/m], 3 x 3, at frozen directions and arms, where

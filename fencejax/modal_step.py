@@ -112,8 +112,11 @@ class _End(eqx.Module):
         return Body(*moved, *rates)
 
     def evaluate(self, unknowns):
-        """Residual of the step's equations, their derivative at frozen directions and arms, and
-        the forces. Unknown are three velocities and a normal force a corner at a flexible fence."""
+        """Residual of the step's equations, their derivative at frozen directions and arms, the
+        largest unbalanced force against what is tolerated, and the forces with that unbalance [N].
+
+        Unknown are three velocities and a normal force a corner at a flexible fence.
+        """
         h, mechanics = self.step, self.mechanics
         rates, normals = unknowns[:3], unknowns[3:]
         after = self.body_at(rates)
@@ -142,7 +145,26 @@ class _End(eqx.Module):
             for i in range(3):
                 along = parts.normal[i] + response.share * parts.tangent[i]
                 matrix[i].append(-scales[i] * along)
-        return tuple(residual), matrix, forces
+        unbalance = jnp.maximum(jnp.abs(residual[0]), jnp.abs(residual[1])) / scales[0]
+        unbalance = jnp.maximum(unbalance, jnp.abs(residual[2]) / (scales[2] * mechanics.size))
+        scale = mechanics.force_scale(forces)
+        for defect in residual[3:]:
+            unbalance = jnp.maximum(unbalance, jnp.abs(defect))
+        size = unbalance / (_tolerance(scale.dtype) * scale)
+        return tuple(residual), matrix, size, (forces, unbalance)
+
+    def shorten(self, extra, change):
+        """Share of a Newton step that stops a reversal of sliding, or of slip on the belt, at rest.
+
+        The friction force there is a smoothed jump, convex on either side: from rest Newton's
+        method climbs to the root without overshooting, from beyond it would jump to and fro.
+        """
+        return self.mechanics.reversal(extra[0], change[:3])
+
+
+def _tolerance(dtype) -> float:
+    """Unbalanced force that is let be, relative to the forces: 5e-7 in double precision."""
+    return float(jnp.finfo(dtype).eps) ** 0.4
 
 
 def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
@@ -171,10 +193,11 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
     frame = mechanics.frame(drive, places)
     predicted = body.angle + h * (body.spin + 0.5 * h * was.angle)
     end = _End(mechanics, body, was, predicted, mechanics.arms(predicted), frame, fence, h)
-    root, forces = newton.solve(_End.evaluate, end, guess, clock.iterations)
+    root, (forces, unbalance) = newton.solve(
+        _End.evaluate, _End.shorten, end, guess, clock.iterations
+    )
     after = end.body_at(root[:3])
     normals = tuple(c.normal for c in forces.fence)
-    defect = _defect(mechanics, body, was, root[:3], forces, h)
 
     state, lagged_rate = None, ()
     if fence is not None:
@@ -193,17 +216,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
         normals_before=memory.normals,
         lagged_rate=lagged_rate,
     )
-    return memory, describe(mechanics, time, after, forces, state), defect
-
-
-def _defect(mechanics, body, was, rates, forces, h):
-    """Largest unbalanced force [N] of the solved step."""
-    worst = jnp.zeros_like(body.x)
-    for v1, v0, a0, a1 in zip(rates[:2], body[3:5], was[:2], forces.acceleration[:2], strict=True):
-        worst = jnp.maximum(worst, mechanics.mass * jnp.abs((v1 - v0) / h - 0.5 * (a0 + a1)))
-    for what, law in zip(forces.fence, forces.laws, strict=True):
-        worst = jnp.maximum(worst, jnp.abs(what.normal - law))
-    return worst
+    return memory, describe(mechanics, time, after, forces, state), unbalance
 
 
 class FenceEnd(eqx.Module):

@@ -5,6 +5,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from equinox.internal import unvmap_any
 from jaxtyping import Array
 
 Unknowns = tuple[Array, ...]
@@ -34,54 +35,60 @@ def eliminate(matrix: list[list[Array]], right: Unknowns) -> Unknowns:
 
 
 def solve(
-    evaluate: Callable[[Any, Unknowns], tuple[Unknowns, Matrix, Any]],
+    evaluate: Callable[[Any, Unknowns], tuple[Unknowns, Matrix, Array, Any]],
+    shorten: Callable[[Any, Any, Unknowns], Array],
     given: Any,
     guess: Unknowns,
-    iterations: Array,
+    most: Array,
 ) -> tuple[Unknowns, Any]:
-    """A root near `guess` after `iterations` steps of Newton's method, and what goes with it.
+    """A root near `guess` by at most `most` steps of Newton's method, and what goes with it.
 
-    `evaluate(given, x)` returns the residual at x, a matrix close to its derivative in x, and
-    whatever else is wanted at the root. `iterations` is a traced number (floating-point), so that
-    the compiler keeps the loop: one copy of `evaluate` in the program, its results in memory.
+    - `evaluate(given, x)` returns the residual at x, a matrix close to its derivative in x, the
+      size of the residual against what is tolerated (at most 1: good enough), and whatever else is
+      wanted at the root.
+    - `shorten(given, extra, change)` returns the share of a step x - change that may be taken, so
+      that no friction force is carried across its jump.
+    - `most` is a traced number (floating-point). The compiler so keeps the loop: one copy of
+      `evaluate` in the program, its results in memory.
 
-    The derivative is by the implicit function theorem, dx = -M^-1 dF at fixed x, and does not pass
-    through the iterations. It is right to the first order, as the root is converged and M close.
+    In a batch all lanes go on until the last one is done. The derivative is by the implicit
+    function theorem, dx = -M^-1 dF at fixed x, and does not pass through the iterations: it is
+    right to the first order, as the root is converged and M close.
     """
-    # The pytree of inputs is explicit: nothing that is differentiated is closed over.
-    return _solved(evaluate, given, jax.lax.stop_gradient(guess), iterations)
 
-
-def _solved(evaluate, given, guess, iterations):
     @jax.custom_jvp
-    def run(given, guess, iterations):
-        shapes = jax.eval_shape(lambda g, x: evaluate(g, x)[2], given, guess)
-        empty = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-
+    def run(given, guess, most):
         def trip(carry):
-            count, x, _, _ = carry
-            residual, matrix, extra = evaluate(given, x)
+            count, _, x, _, _ = carry
+            residual, matrix, size, extra = evaluate(given, x)
             change = eliminate(matrix, residual)
-            return count + 1, tuple(a - b for a, b in zip(x, change, strict=True)), x, extra
+            share = shorten(given, extra, change)
+            after = tuple(a - share * b for a, b in zip(x, change, strict=True))
+            return count + 1, size, after, x, extra
 
-        start = (jnp.zeros_like(iterations), guess, guess, empty)
-        _, _, root, extra = jax.lax.while_loop(lambda c: c[0] <= iterations, trip, start)
+        def go_on(carry):
+            count, size = carry[:2]
+            return jnp.all(count <= most) & unvmap_any(size > 1)
+
+        shapes = jax.eval_shape(trip, (most, most, guess, guess, None))
+        empty = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
+        start = (jnp.zeros((), most.dtype), jnp.full_like(empty[1], jnp.inf), guess, *empty[3:])
+        _, _, _, root, extra = jax.lax.while_loop(go_on, trip, start)
         return root, extra
 
     @run.defjvp
     def _(primals, tangents):
-        given, guess, iterations = primals
-        given_dot = tangents[0]
-        root, extra = run(given, guess, iterations)
-        _, matrix, _ = evaluate(given, root)
+        given, guess, most = primals
+        root, extra = run(given, guess, most)
+        _, matrix, _, _ = evaluate(given, root)
 
         def at_root(given):
-            residual, _, extra = evaluate(given, root)
+            residual, _, _, extra = evaluate(given, root)
             return residual, extra
 
-        _, (residual_dot, extra_dot) = jax.jvp(at_root, (given,), (given_dot,))
+        _, (residual_dot, extra_dot) = jax.jvp(at_root, (given,), (tangents[0],))
         root_dot = tuple(-d for d in eliminate(matrix, residual_dot))
-        _, moved = jax.jvp(lambda x: evaluate(given, x)[2], (root,), (root_dot,))
+        _, moved = jax.jvp(lambda x: evaluate(given, x)[3], (root,), (root_dot,))
         return (root, extra), (root_dot, jax.tree.map(jnp.add, extra_dot, moved))
 
-    return run(given, guess, iterations)
+    return run(given, jax.lax.stop_gradient(guess), most)

@@ -69,11 +69,14 @@ def run(scene: WallScene, fidelity: Fidelity, history: bool) -> Result:
             law = contact.kelvin(parcel.stiffness, contact.viscosity(parcel), gap, rate)
             value = rate - state.rate + 0.5 * h * (state.force + law.force) / parcel.mass
             slope = 1 + 0.5 * h * (law.by_gap * h / 3 + law.by_rate) / parcel.mass
-            after = _State(gap, rate, law.force)
-            return (value,), [[slope]], (after, parcel.mass * jnp.abs(value) / h)
+            unbalance = parcel.mass * jnp.abs(value) / h
+            size = unbalance / (1e-9 * law.force + 1e-9)
+            return (value,), [[slope]], size, (_State(gap, rate, law.force), unbalance)
 
         guess = (state.rate - h * state.force / parcel.mass,)
-        _, (after, defect) = newton.solve(evaluate, (parcel, state), guess, iterations)
+        _, (after, defect) = newton.solve(
+            evaluate, lambda *_: jnp.ones_like(zero), (parcel, state), guess, iterations
+        )
         instant = _instant(scene, h * (index + 1), after)
         return after, tally.add(tallied, instant, h, jnp.zeros_like(zero), defect)
 

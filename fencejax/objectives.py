@@ -1,0 +1,231 @@
+"""What a design is judged by: quantities of a result, and limits on them."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from . import _check
+from .result import Result
+from .scenes import Scene, WallScene
+
+AnyScene = Scene | WallScene
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """A number read from a result, differentiable, that can be an objective or be limited.
+
+    Call it: `quantity(result, scene)`. What the scene has no part for is 0, as in `Result`.
+
+    **Fields:**
+
+    - `name`, `unit`, `meaning`: what it is.
+    - `read`: the function of the result and the scene behind it.
+    - `needs`: what it cannot do without: `"fence"`, `"belt"` (parts of the scene), `"history"`.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    read: Callable[[Result, AnyScene], Array]
+    needs: tuple[str, ...] = ()
+
+    def applies_to(self, scene: AnyScene) -> bool:
+        """Whether the scene has the parts that the quantity needs."""
+        parts = [part for part in self.needs if part != "history"]
+        return all(getattr(scene, part, None) is not None for part in parts)
+
+    def __call__(self, result: Result, scene: AnyScene) -> Array:
+        """The value [`unit`].
+
+        Raises `ValueError` where the scene lacks a part or the result its history.
+        """
+        if not self.applies_to(scene):
+            raise ValueError(
+                f"Argument `scene` must have {self.needs} for `{self.name}`, but a part of that "
+                "is None."
+            )
+        if "history" in self.needs and result.history is None:
+            raise ValueError(
+                f"Argument `result` must hold its history for `{self.name}`, but has none. Write "
+                "simulate(scene, history=True)."
+            )
+        return self.read(result, scene)
+
+
+def _largest_place(result: Result, least_force: float) -> Array:
+    """Largest arc coordinate [m] of a corner that presses on the fence with more than
+    `least_force` [N]; 0 where none does.
+
+    The moment at which the load falls through `least_force` is interpolated between the samples,
+    so that the derivative follows that moment as well.
+    """
+    assert result.history is not None
+    largest = jnp.zeros_like(result.peak_force)
+    for contact in result.history.fence:
+        load, place = contact.normal, contact.place
+        loaded = load > least_force
+        ends = loaded[:-1] & ~loaded[1:]
+        fall = jnp.where(ends, load[:-1] - load[1:], 1.0)
+        share = jnp.where(ends, load[:-1] - least_force, 0.0) / fall
+        last = place[:-1] + share * (place[1:] - place[:-1])
+        largest = jnp.maximum(largest, jnp.max(jnp.where(loaded, place, 0.0)))
+        largest = jnp.maximum(largest, jnp.max(jnp.where(ends, last, 0.0)))
+    return largest
+
+
+def _tip_clearance(result: Result, scene: AnyScene) -> Array:
+    return scene.fence.reach - _largest_place(result, 1.0)
+
+
+PEAK_FORCE = Quantity(
+    "peak_force", "N", "largest normal force of the fence on the parcel",
+    lambda result, scene: result.peak_force,
+)  # fmt: skip
+TIP_DEFLECTION = Quantity(
+    "tip_deflection", "m", "largest deflection of the tip from the rigid link's line",
+    lambda result, scene: result.tip_deflection,
+)  # fmt: skip
+PEAK_STRESS = Quantity(
+    "peak_stress", "Pa", "largest bending stress in the flexible link",
+    lambda result, scene: result.peak_stress,
+)  # fmt: skip
+IMPULSE = Quantity(
+    "impulse", "N s", "integral of the fence's normal force",
+    lambda result, scene: result.impulse,
+)  # fmt: skip
+PEAK_TORQUE = Quantity(
+    "peak_torque", "N m", "largest moment of the drive at the hinge",
+    lambda result, scene: result.peak_torque,
+)  # fmt: skip
+BORDER_FORCE = Quantity(
+    "border_force", "N", "largest normal force of the border on the parcel",
+    lambda result, scene: result.peak_border_force,
+)  # fmt: skip
+CONTACT_TIME = Quantity(
+    "contact_time", "s", "time in contact with the fence",
+    lambda result, scene: result.contact_time,
+)  # fmt: skip
+INDENTATION = Quantity(
+    "indentation", "m", "how far a corner of the parcel is pressed in",
+    lambda result, scene: result.deepest,
+)  # fmt: skip
+CROSSING = Quantity(
+    "crossing", "m", "how far C_s gets beyond the belt's far edge, max y - s",
+    lambda result, scene: result.furthest_y - scene.belt.width,
+    needs=("belt",),
+)  # fmt: skip
+TIP_CLEARANCE = Quantity(
+    "tip_clearance", "m", "shortest distance along the fence from a loaded corner to the tip",
+    _tip_clearance,
+    needs=("fence", "history"),
+)  # fmt: skip
+
+OBJECTIVES: Mapping[str, Quantity] = {
+    quantity.name: quantity
+    for quantity in (
+        PEAK_FORCE, TIP_DEFLECTION, PEAK_STRESS, IMPULSE, PEAK_TORQUE, BORDER_FORCE,
+        CONTACT_TIME, INDENTATION, CROSSING, TIP_CLEARANCE,
+    )
+}  # fmt: skip
+"""Every quantity by name."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Limit:
+    """A bound on a quantity: at most, or at least.
+
+    margin = (bound - quantity) / scale (at most) or (quantity - bound) / scale (at least); the
+    limit holds where the margin is 0 or more.
+
+    **Fields:**
+
+    - `quantity`: what is limited.
+    - `bound` [the quantity's unit].
+    - `sense`: `"at most"` or `"at least"`.
+    - `scale` [the quantity's unit], above 0: what the margin is measured in; by default the
+      bound's magnitude.
+
+    Raises `ValueError` where the bound is 0 and no scale is given.
+    """
+
+    quantity: Quantity
+    bound: float
+    sense: str = "at most"
+    scale: float | None = None
+
+    def __post_init__(self):
+        name, unit = self.quantity.name, self.quantity.unit
+        _check.choice("sense", self.sense, ("at most", "at least"))
+        _check.scalar(f"{name} bound", self.bound, unit=unit)
+        _check.scalar(
+            f"{name} scale",
+            self.unit_of_margin,
+            above=0,
+            unit=unit,
+            remedy="Give `scale`, what the margin is to be measured in.",
+        )
+
+    @property
+    def name(self) -> str:
+        """The name of what is limited."""
+        return self.quantity.name
+
+    @property
+    def unit_of_margin(self) -> float:
+        """What the margin is measured in [the quantity's unit]."""
+        return abs(self.bound) if self.scale is None else self.scale
+
+    def margin_of(self, value: Array) -> Array:
+        """The margin [1] at a value of the quantity."""
+        left = self.bound - value if self.sense == "at most" else value - self.bound
+        return left / self.unit_of_margin
+
+    def margin(self, result: Result, scene: AnyScene) -> Array:
+        """The margin [1]; 0 or more where the limit holds."""
+        return self.margin_of(self.quantity(result, scene))
+
+
+def tip_deflection_limit(bound: float = 0.08) -> Limit:
+    """The tip deflects by at most `bound` [m]: the paper's fence near the tip."""
+    return Limit(TIP_DEFLECTION, bound)
+
+
+def stress_limit(bound: float = 40e6) -> Limit:
+    """The bending stress is at most `bound` [Pa].
+
+    The default is for polyamide PA6: it yields at about 80 MPa dry and 45 MPa conditioned in
+    humid air (data sheets), so 40 MPa keeps half of the dry strength in reserve for repeated
+    blows and stays below yield in either state.
+    """
+    return Limit(PEAK_STRESS, bound)
+
+
+def diverted_limit(bound: float = 0.0, scale: float = 0.7) -> Limit:
+    """The parcel is diverted: within the scene C_s gets at least `bound` [m] past the belt's far
+    edge, max over t of y_C - s >= `bound`.
+
+    Beyond that edge the parcel's weight rests on the chute. The margin is in belt widths
+    (`scale` [m]).
+    """
+    return Limit(CROSSING, bound, "at least", scale)
+
+
+def tip_clearance_limit(bound: float = 0.02) -> Limit:
+    """The contact stays on the fence: a corner that presses with more than 1 N stays at least
+    `bound` [m] short of the tip.
+
+    The differentiable form of `Status.LEFT_OVER_TIP`. It holds for a single blow; over a whole
+    sort the parcel leaves over the tip by design, once it is diverted. Past the tip the load
+    fades, so that the clearance saturates at a little below 0: start from a design that holds it.
+    """
+    return Limit(TIP_CLEARANCE, bound, "at least")
+
+
+LIMITS: Mapping[str, Limit] = {
+    limit.name: limit
+    for limit in (tip_deflection_limit(), stress_limit(), diverted_limit(), tip_clearance_limit())
+}
+"""The default limits by the name of what they limit."""

@@ -1,0 +1,330 @@
+"""Constrained design: the smallest worst case under limits, by an augmented Lagrangian."""
+
+import dataclasses
+import enum
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike
+
+from . import _check
+from .descent import Adam, Lbfgs, Merit
+from .lagrangian import (
+    Evaluation,
+    Multipliers,
+    Residual,
+    Vector,
+    augmented,
+    projected,
+    residual,
+    shortfall,
+    updated,
+)
+from .status import Status
+
+Problem = Callable[[Array], tuple[Array, Array, Array]]
+_METHODS = {"lbfgs": Lbfgs, "adam": Adam}
+
+
+class Stop(enum.Enum):
+    """Why an optimisation ended."""
+
+    OPTIMAL = "the conditions of Karush, Kuhn and Tucker hold within the tolerance"
+    INFEASIBLE = "no feasible design found: the violation is stationary above the tolerance"
+    STAGNATED = "no further progress, short of the tolerance"
+    BUDGET = "the budget of evaluations is spent"
+    FAILED_START = "the first design cannot be evaluated; see its status"
+
+
+class Record(NamedTuple):
+    """One evaluation. Times [s] since the start, compilation included."""
+
+    evaluation: int
+    outer: int
+    point: Vector
+    objective: float
+    violation: float
+    residual: Residual | None
+    status: int
+    failed: bool
+    elapsed: float
+
+    @property
+    def kkt(self) -> float:
+        """The larger of stationarity and complementarity; NaN where they are not known."""
+        return float("nan") if self.residual is None else max(self.residual[:2])
+
+
+@dataclasses.dataclass(frozen=True)
+class Optimum:
+    """The outcome of `minimize`.
+
+    **Fields:**
+
+    - `point`: the design z; where nothing feasible was found, the least-violating one.
+    - `objective`: its worst case, in the objective's own unit.
+    - `objectives`, `margins`: all of them at that point.
+    - `weights`: share of each objective in the worst case's gradient [1].
+    - `multipliers`: of the margins, the rate at which the worst case (over `scale`) grows as a
+      margin is demanded to be larger.
+    - `scale`: what the objective was divided by.
+    - `residual`: stationarity, complementarity and violation at that point.
+    - `stop`, `converged`, `feasible`: why it ended; whether optimal; whether all limits hold.
+    - `history`: every evaluation.
+    """
+
+    point: Vector
+    objective: float
+    objectives: Vector
+    margins: Vector
+    weights: Vector
+    multipliers: Vector
+    scale: float
+    residual: Residual
+    stop: Stop
+    feasible: bool
+    history: tuple[Record, ...]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the point meets the conditions of Karush, Kuhn and Tucker."""
+        return self.stop is Stop.OPTIMAL
+
+
+class _Run:
+    """What an optimisation remembers: the compiled problem, its evaluations, the best so far."""
+
+    def __init__(self, problem, logits, scale, budget, worst_status, progress):
+        def everything(z):
+            objectives, margins, status = problem(z)
+            numbers = (jnp.atleast_1d(objectives), jnp.atleast_1d(margins))
+            return numbers, (numbers, jnp.max(status, initial=0))
+
+        self._compiled = jax.jit(jax.jacfwd(everything, has_aux=True))
+        self.logits, self.scale, self.budget = logits, scale, budget
+        self._worst_status, self._progress = worst_status, progress
+        self.evaluations: list[Evaluation] = []
+        self.records: list[Record] = []
+        self.outer = 0
+        self.estimate: Callable[[Evaluation], Multipliers] | None = None
+        self._begin = time.perf_counter()
+
+    def __call__(self, point: Vector) -> Evaluation | None:
+        """Evaluate, unless the budget is spent."""
+        if len(self.records) >= self.budget:
+            return None
+        rows, (numbers, status) = jax.device_get(self._compiled(jnp.asarray(point)))
+        finite = all(np.all(np.isfinite(part)) for part in (*rows, *numbers))
+        failed = not finite or int(status) > self._worst_status
+        if self.scale is None and not failed:
+            self.scale = float(np.max(np.abs(numbers[0]))) or 1.0
+        scale = self.scale or 1.0
+        at = Evaluation(
+            np.asarray(point, dtype=float),
+            np.asarray(numbers[0], dtype=float) / scale,
+            np.asarray(numbers[1], dtype=float),
+            np.asarray(rows[0], dtype=float) / scale,
+            np.asarray(rows[1], dtype=float),
+            int(status),
+            failed,
+        )
+        known = self.estimate is not None and not failed
+        left = residual(at, self.estimate(at), self.logits) if known and self.estimate else None
+        record = Record(
+            len(self.records) + 1,
+            self.outer,
+            at.point,
+            at.worst * scale,
+            at.violation,
+            left,
+            at.status,
+            failed,
+            time.perf_counter() - self._begin,
+        )
+        self.records.append(record)
+        if not failed:
+            self.evaluations.append(at)
+        if self._progress is not None:
+            self._progress(record)
+        return at
+
+    @property
+    def spent(self) -> bool:
+        return len(self.records) >= self.budget
+
+
+def minimize(
+    problem: Problem,
+    start: ArrayLike,
+    *,
+    logits: bool = False,
+    method: str = "lbfgs",
+    tolerance: float = 1e-3,
+    feasibility: float = 1e-4,
+    penalty: float = 10.0,
+    scale: float | None = None,
+    budget: int = 150,
+    worst_status: int = Status.LEFT_OVER_TIP,
+    progress: Callable[[Record], None] | None = None,
+) -> Optimum:
+    """min over z of max_i F_i(z), subject to g_j(z) >= 0.
+
+    An augmented Lagrangian (`fencejax.lagrangian`) with an inner descent by optax. One evaluation
+    is one call of the compiled problem, which gives every F and g with the Jacobian.
+
+    **Arguments:**
+
+    - `problem`: z (n,) -> objectives F (k,), margins g (m,) [1], statuses of the lanes (any shape;
+      see `Status`, 0 where there are none).
+    - `start`: z at the start.
+    - `logits`: z are logits of shares in [0, 1], as those of `DesignSpace`; stationarity is then
+      that of the shares between their bounds.
+    - `method`: `"lbfgs"` or `"adam"`.
+    - `tolerance` [1]: on stationarity and complementarity, the objective over `scale`.
+    - `feasibility` [1]: the violation of a margin that still counts as none.
+    - `penalty`: rho at the start.
+    - `scale`: of the objective, by default its magnitude at the start.
+    - `budget`: evaluations at most.
+    - `worst_status`: an evaluation with a status above it, or with a number that is not finite,
+      has failed: the step towards it is shortened.
+    - `progress`: called with every `Record`.
+
+    Raises `ValueError` and `TypeError` for arguments out of their range.
+    """
+    _check.choice("method", method, tuple(_METHODS))
+    for name, number in (
+        ("tolerance", tolerance),
+        ("feasibility", feasibility),
+        ("penalty", penalty),
+    ):
+        _check.number(name, number, above=0)
+    _check.count("budget", budget, least=1)
+    if scale is not None:
+        _check.number("scale", scale, above=0)
+    point = np.asarray(_check.vector("start", np.asarray(start, dtype=float)))
+    run = _Run(problem, logits, scale, budget, worst_status, progress)
+    inner = _METHODS[method]()
+    at = run(point)
+    assert at is not None
+    if at.failed:
+        count = np.full(at.objectives.size, 1 / at.objectives.size)
+        blank = Multipliers(count, np.zeros(at.margins.size))
+        return _outcome(run, at, blank, Stop.FAILED_START, feasibility)
+    at, multipliers, stop = _outer_loop(run, inner, at, tolerance, feasibility, penalty)
+    if stop is not Stop.OPTIMAL:
+        at, multipliers, stop = _least_violating(
+            run, inner, at, multipliers, stop, tolerance, feasibility
+        )
+    return _outcome(run, at, multipliers, stop, feasibility)
+
+
+def _outer_loop(run: _Run, inner, at: Evaluation, tolerance, feasibility, penalty):
+    """Descend, update the multipliers, raise the penalty where the violation does not fall."""
+    count = at.objectives.size
+    multipliers = Multipliers(np.full(count, 1 / count), np.zeros(at.margins.size))
+    inner_tolerance, violation, idle = 0.1, np.inf, 0
+
+    def optimal(at, multipliers):
+        left = residual(at, multipliers, run.logits)
+        return max(left[:2]) <= tolerance and left.violation <= feasibility
+
+    for outer in range(1, 31):
+        run.outer = outer
+        held = multipliers
+
+        def merit(at, held=held, rho=penalty):
+            return augmented(at, held, rho)
+
+        def estimate(at, held=held, rho=penalty):
+            return updated(at, held, rho)
+
+        def accepted(at, merit=merit, estimate=estimate, within=inner_tolerance):
+            gradient = merit(at)[1]
+            return projected(at.point, gradient, run.logits) <= within or optimal(at, estimate(at))
+
+        run.estimate = estimate
+        made = len(run.records)
+        stalled = False
+        if not accepted(at):
+            at, stalled = inner.run(run, merit, at, tuple(run.evaluations), accepted)
+        multipliers = estimate(at)
+        if optimal(at, multipliers):
+            return at, multipliers, Stop.OPTIMAL
+        if run.spent:
+            return at, multipliers, Stop.BUDGET
+        idle = idle + 1 if stalled and len(run.records) - made < 25 else 0
+        slack = _slack(at, multipliers)
+        if idle >= 3:
+            return at, multipliers, Stop.STAGNATED
+        if penalty >= 1e5 and at.violation > 0.5 * violation > feasibility:
+            return at, multipliers, Stop.INFEASIBLE
+        if slack > 0.3 * violation:
+            penalty = min(5 * penalty, 1e6)
+        violation = slack
+        inner_tolerance = max(0.2 * inner_tolerance, 0.3 * tolerance)
+    return at, multipliers, Stop.STAGNATED
+
+
+def _slack(at: Evaluation, multipliers: Multipliers) -> float:
+    """What the multiplier updates still change: violation and complementarity together."""
+    open_margins = np.minimum(at.margins, multipliers.margins)
+    behind = multipliers.weights @ (at.worst - at.objectives)
+    return float(max(np.max(np.abs(open_margins), initial=0.0), behind))
+
+
+def _least_violating(run: _Run, inner, at, multipliers, stop, tolerance, feasibility):
+    """Where the limits do not hold: lower the violation alone, from the least-violating design.
+
+    A feasible design found on the way is kept, and the reason to stop with it.
+    """
+    best = min(run.evaluations, key=lambda e: (max(e.violation, feasibility), e.worst))
+    if best.violation <= feasibility:
+        same = best is at
+        return best, multipliers if same else _refit(best, multipliers), (
+            Stop.STAGNATED if stop is Stop.INFEASIBLE else stop
+        )
+
+    def held(at):
+        return at.violation <= feasibility
+
+    def stationary(at):
+        value, gradient = shortfall(at)
+        return held(at) or projected(at.point, gradient, run.logits) <= tolerance * np.sqrt(value)
+
+    run.outer += 1
+    run.budget += 30
+    merit: Merit = shortfall
+    if not stationary(best):
+        inner.run(run, merit, best, tuple(run.evaluations), stationary)
+    best = min(run.evaluations, key=lambda e: (max(e.violation, feasibility), e.worst))
+    if best.violation <= feasibility:
+        return best, _refit(best, multipliers), stop if stop is Stop.BUDGET else Stop.STAGNATED
+    return best, _refit(best, multipliers), Stop.INFEASIBLE
+
+
+def _refit(at: Evaluation, multipliers: Multipliers) -> Multipliers:
+    """The same weights; the multipliers of margins that are open are 0."""
+    return Multipliers(
+        multipliers.weights, np.where(at.margins > 0, 0.0, multipliers.margins)
+    )
+
+
+def _outcome(run: _Run, at: Evaluation, multipliers: Multipliers, stop, feasibility) -> Optimum:
+    scale = run.scale or 1.0
+    return Optimum(
+        point=at.point,
+        objective=at.worst * scale,
+        objectives=at.objectives * scale,
+        margins=at.margins,
+        weights=multipliers.weights,
+        multipliers=multipliers.margins,
+        scale=scale,
+        residual=residual(at, multipliers, run.logits),
+        stop=stop,
+        feasible=at.violation <= feasibility,
+        history=tuple(run.records),
+    )

@@ -1,0 +1,35 @@
+"""Settings of the whole test session, made before anything else is imported."""
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+from pathlib import Path  # noqa: E402
+
+import pytest  # noqa: E402
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--bench",
+        metavar="DIR",
+        default=None,
+        help="run the tests marked `bench` and write their figures into DIR",
+    )
+
+
+def pytest_collection_modifyitems(config, items):
+    if config.getoption("--bench") is not None:
+        return
+    skip = pytest.mark.skip(reason="measures speed: give --bench DIR")
+    for item in items:
+        if "bench" in item.keywords:
+            item.add_marker(skip)
+
+
+@pytest.fixture
+def bench_directory(request):
+    """The folder named by --bench, made where it is missing."""
+    directory = Path(request.config.getoption("--bench"))
+    directory.mkdir(parents=True, exist_ok=True)
+    return directory
