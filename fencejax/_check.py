@@ -25,7 +25,9 @@ def scalar(name: str, value: ArrayLike, *, above: float | None = None, least: fl
 def vector(name: str, value: ArrayLike, *, size_least: int = 1, above: float | None = None,
            least: float | None = None, most: float | None = None, unit: str = "1",
            remedy: str = "") -> Array:
-    """As `scalar`, for a one-dimensional array of at least `size_least` numbers."""
+    """As `scalar`, for a one-dimensional array or sequence of at least `size_least` numbers."""
+    if isinstance(value, (list, tuple)):
+        value = jnp.stack([jnp.asarray(v, dtype=float) for v in value]) if value else np.zeros(0)
     array = _checked(name, value, above, least, most, unit, remedy)
     if array.ndim < 1 or array.shape[-1] < size_least:
         raise ValueError(

@@ -118,7 +118,7 @@ def _clamped_modes(mass, stiffness, xp):
     reduced = xp.linalg.solve(lower, half.T)
     values, vectors = xp.linalg.eigh(0.5 * (reduced + reduced.T))
     shapes = xp.linalg.solve(lower.T, vectors)
-    return values, shapes * xp.sign(shapes[-2])
+    return values, shapes * xp.sign(shapes[-2])[None]
 
 
 def build_tables(
@@ -150,7 +150,7 @@ def build_tables(
 
     # Static compliance at the nodes: C_ww and d/dx of C(x, x), which is twice C_w'w.
     compliance = xp.linalg.solve(stiffness[2:, 2:], np.eye(2 * elements))
-    modal = (vectors / values) @ vectors.T if modes else 0.0 * compliance
+    modal = (vectors / values[None]) @ vectors.T if modes else 0.0 * compliance
     left = compliance - modal
     diagonal = xp.diagonal(left[0::2, 0::2])
     derivative = 2 * xp.diagonal(left[1::2, 0::2])
@@ -197,7 +197,7 @@ def _moments(taper, elements, values, full, xp):
     inertia = (weight * taper(position, tip_distance))[..., None] * phi
     nodes = np.arange(elements) / elements
     arm = np.maximum(position[None] - nodes[:, None, None], 0.0)
-    return values * xp.einsum("neq,eqm->nm", arm, inertia)
+    return values[None] * xp.einsum("neq,eqm->nm", arm, inertia)
 
 
 @functools.lru_cache(maxsize=64)

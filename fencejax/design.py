@@ -81,7 +81,7 @@ class DesignVariable:
 
 _FENCE_VARIABLES = (
     # name, lower, upper, unit, scaling
-    DesignVariable("thickness", 0.01, 0.12, "m"),
+    DesignVariable("thickness", 0.01, 0.09, "m"),
     DesignVariable("length_ratio", 0.0, 2.0, "1", "linear"),
     DesignVariable("reach", 0.9, 1.8, "m"),
     DesignVariable("width", 0.03, 0.40, "m"),

@@ -72,7 +72,7 @@ class AbstractDrive(eqx.Module):
         low, high = jax.lax.fori_loop(0, 60, halve, (low, high))
         time = 0.5 * (low + high)
         speed = frozen.motion(time).speed
-        moving = speed > 0
+        moving = (speed > 0) & (low > 0) & (high < frozen.turning_time)
         return time - jnp.where(
             moving, (self.angle(time) - angle) / jnp.where(moving, speed, 1.0), 0.0
         )
@@ -94,7 +94,7 @@ class HarmonicDrive(AbstractDrive):
         self.cycle_time = _check.scalar("cycle_time", cycle_time, above=0, unit="s")
 
     def angle(self, time: Array) -> Array:
-        phase = jnp.clip(time / self.cycle_time, 0.0, 1.0)
+        phase = _within(time / self.cycle_time)
         amplitude = self.top_speed * self.cycle_time / jnp.pi
         return 0.5 * amplitude * (1.0 - jnp.cos(2.0 * jnp.pi * phase))
 
@@ -166,8 +166,14 @@ def _out_and_back(time, dwell, stroke, impulses, power):
     total = jnp.zeros_like(time)
     for start, sign in ((0.0, 1.0), (stroke + dwell, -1.0)):
         for knot, weight in impulses:
-            total = total + sign * weight * jnp.maximum(time - start - knot, 0.0) ** power
+            since = time - start - knot
+            total = total + sign * weight * jnp.where(since < 0, 0.0, since) ** power
     return total
+
+
+def _within(phase):
+    """Clip to [0, 1] with the derivative from within at both ends (`jnp.clip` halves it there)."""
+    return jnp.where(phase < 0, 0.0, jnp.where(phase > 1, 1.0, phase))
 
 
 class TrapezoidDrive(AbstractDrive):
@@ -325,9 +331,9 @@ class SplineDrive(AbstractDrive):
     def angle(self, time: Array) -> Array:
         padded = jnp.pad(self.control_angles, (3, 3))
         spans = self.control_angles.shape[0] + 3
-        place = jnp.clip(time / self.cycle_time, 0.0, 1.0) * spans
-        index = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0, spans - 1).astype(int)
-        s = place - index
+        place = _within(time / self.cycle_time) * spans
+        floor = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0.0, spans - 1.0)
+        index, s = floor.astype(int), place - floor
         weights = (
             (1 - s) ** 3 / 6,
             (3 * s**3 - 6 * s**2 + 4) / 6,

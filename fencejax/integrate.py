@@ -201,7 +201,7 @@ def general(
         )
         return moved, Vibration(vibration.rate, bent)
 
-    times = clock.step * jnp.arange(steps + 1)
+    times = clock.step * jnp.arange(steps + 1, dtype=float)
     tolerance = fidelity.tolerance
     solvers = {"kvaerno5": diffrax.Kvaerno5, "tsit5": diffrax.Tsit5}
     solution = diffrax.diffeqsolve(

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from . import beam
@@ -146,12 +147,12 @@ class FlexibleLink(eqx.Module):
             fence.stiffness_scale * self.length * block for block in _blocks(tables.moment)
         )
         self.bending_flexibility = tuple(
-            block / (self.mass_scale * value)
+            block / (self.mass_scale * (value[None] if value.ndim else value))
             for block, value in zip(self.bending, self.frequency_squared, strict=True)
         )
         thickness = fence.thickness * jnp.asarray(tables.relative_thickness, dtype=float)
         self.stress_scale = 6 / (fence.width * thickness**2)
-        self.stations = self.length * jnp.arange(self.elements) / self.elements
+        self.stations = self.length * jnp.asarray(np.arange(self.elements) / self.elements, dtype=float)
         mass, first_moment, second_moment = self.mass_scale * jnp.asarray(tables.mass)
         arm = self.rigid_length
         self.swing_inertia = (
@@ -201,22 +202,31 @@ class FlexibleLink(eqx.Module):
         return tuple(-p * drive.acceleration for p in self.swing)
 
     def swung(self, drive: AbstractDrive, time: Array) -> Vibration:
-        """The state at `time` of a fence that has swung free of contact from rest at t = 0."""
+        """The state at `time` of a fence that has swung free of contact from rest at t = 0.
+
+        Each step takes the linear acceleration that has the drive's own change of speed and of
+        angle over it, so that the error is of the fourth order and jumps of the acceleration do
+        no harm.
+        """
+        if not self.swing:
+            return self.rest()
         step = jnp.maximum(time / _SWING_STEPS, 1e-9)
         maps = (self._propagator(step),)
         swing = jnp.concatenate([jnp.atleast_1d(p) for p in self.swing])
 
-        def force(index):
-            return (-swing * drive.motion(index * step).acceleration,)
-
         def advance(carry, index):
             state, before = carry
-            after = force(index + 1)
-            return (propagate(maps, state, before, after), after), None
+            after = drive.motion((index + 1) * step)
+            mean = (after.speed - before.speed) / step
+            moment = (after.angle - before.angle - step * before.speed) / step**2
+            start, end = 6 * moment - 2 * mean, 4 * mean - 6 * moment
+            forces = (-swing * start,), (-swing * end,)
+            return (propagate(maps, state, *forces), after), None
 
         zero = (jnp.zeros_like(self.eigenvalues),)
         indices = jnp.arange(_SWING_STEPS, dtype=step.dtype)
-        (state, _), _ = jax.lax.scan(advance, (Vibration(zero, zero), force(0.0)), indices)
+        begin = (Vibration(zero, zero), drive.motion(jnp.zeros_like(step)))
+        (state, _), _ = jax.lax.scan(advance, begin, indices)
         return Vibration(_blocks(state.amplitude[0]), _blocks(state.rate[0]))
 
     def shape(self, place: Array) -> Shape:
@@ -300,16 +310,10 @@ class FlexibleLink(eqx.Module):
         """Position in the turning frame of the point at `place` on the chain of chords."""
         index, s = self._element(place)
         size = self.length / self.elements
-        deflection = sum(
-            jnp.sum(table * value, -1) if jnp.ndim(value) else table * value
-            for table, value in zip(self.deflection, amplitude, strict=True)
-        )
-        slope = sum(
-            jnp.sum(table * value, -1) if jnp.ndim(value) else table * value
-            for table, value in zip(self.slope, amplitude, strict=True)
-        )
+        deflection = _combined(self.deflection, amplitude)
+        slope = _combined(self.slope, amplitude)
         angles = jnp.diff(deflection) / size
-        whole = jnp.arange(self.elements) < index
+        whole = jnp.arange(self.elements, dtype=index.dtype) < index
         x = self.rigid_length + size * jnp.sum(jnp.where(whole, jnp.cos(angles), 0.0))
         y = size * jnp.sum(jnp.where(whole, jnp.sin(angles), 0.0))
         # The partial chord's angle, (w(d) - w_i) / d, by the cubic divided by d: free of 0 / 0.
@@ -333,15 +337,23 @@ class FlexibleLink(eqx.Module):
         phi_i(sigma_j) / (m_0 w_i^2)]. It is exact in the static limit with any number of modes.
         `loads` are the lagged contact forces r_j [N].
         """
-        moment = jnp.zeros_like(self.stations)
-        for table, value in zip(self.bending, amplitude, strict=True):
-            moment = moment + (table @ value if jnp.ndim(value) else table * value)
+        if not self.bending:
+            return jnp.zeros_like(self.stations)
+        moment = _combined(self.bending, amplitude)
         for load, place, shape in zip(loads, places, shapes, strict=True):
             reached = jnp.minimum(place, self.reach)
             moment = moment - load * jnp.maximum(reached - self.rigid_length - self.stations, 0.0)
-            for table, value in zip(self.bending_flexibility, shape.load, strict=True):
-                moment = moment + load * (table @ value if jnp.ndim(value) else table * value)
+            moment = moment + load * _combined(self.bending_flexibility, shape.load)
         return jnp.abs(moment) * self.stress_scale
+
+
+def _combined(tables: Blocks, values: Blocks) -> Array:
+    """Sum over the modes of a table over the nodes (first axis) times the modes' values."""
+    parts = [
+        table @ value if jnp.ndim(value) else table * value
+        for table, value in zip(tables, values, strict=True)
+    ]
+    return sum(parts[1:], parts[0])
 
 
 def _flat(blocks: Blocks) -> list[Array]:

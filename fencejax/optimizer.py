@@ -71,6 +71,7 @@ class Optimum:
     - `weights`: share of each objective in the worst case's gradient [1].
     - `multipliers`: of the margins, the rate at which the worst case (over `scale`) grows as a
       margin is demanded to be larger.
+    - `objective_rows` (k, n), `margin_rows` (m, n): their derivatives in z.
     - `scale`: what the objective was divided by.
     - `residual`: stationarity, complementarity and violation at that point.
     - `stop`, `converged`, `feasible`: why it ended; whether optimal; whether all limits hold.
@@ -83,6 +84,8 @@ class Optimum:
     margins: Vector
     weights: Vector
     multipliers: Vector
+    objective_rows: Vector
+    margin_rows: Vector
     scale: float
     residual: Residual
     stop: Stop
@@ -322,6 +325,8 @@ def _outcome(run: _Run, at: Evaluation, multipliers: Multipliers, stop, feasibil
         margins=at.margins,
         weights=multipliers.weights,
         multipliers=multipliers.margins,
+        objective_rows=at.objective_rows * scale,
+        margin_rows=at.margin_rows,
         scale=scale,
         residual=residual(at, multipliers, run.logits),
         stop=stop,

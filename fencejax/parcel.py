@@ -89,14 +89,19 @@ class Parcel(eqx.Module):
         total = 0.0
         for a in (self.length / 2 - self.center_x, self.length / 2 + self.center_x):
             for b in (self.breadth / 2 - self.center_y, self.breadth / 2 + self.center_y):
-                total = total + _corner_integral(jnp.abs(a), jnp.abs(b))
+                total = total + _corner_integral(a, b)
         return total / (self.length * self.breadth)
 
 
 def _corner_integral(a, b):
-    """Integral of the distance from a corner over the rectangle a x b [m^3]; 0 where one is 0."""
-    flat = (a <= 0) | (b <= 0)
-    a, b = jnp.where(flat, 1.0, a), jnp.where(flat, 1.0, b)
-    diagonal = jnp.sqrt(a**2 + b**2)
-    value = a * b * diagonal / 3 + (a**3 * jnp.arcsinh(b / a) + b**3 * jnp.arcsinh(a / b)) / 6
-    return jnp.where(flat, 0.0, value)
+    """Integral of the distance from a corner over the rectangle a x b [m^3]; smooth where one of
+    the sides is 0."""
+    corner = (a == 0) & (b == 0)
+    diagonal = jnp.sqrt(jnp.where(corner, 1.0, a**2 + b**2))
+    return a * b * jnp.where(corner, 0.0, diagonal) / 3 + (_wing(a, b) + _wing(b, a)) / 6
+
+
+def _wing(a, b):
+    """a^3 asinh(b / |a|), 0 with its derivatives at a = 0."""
+    flat = a == 0
+    return a**3 * jnp.arcsinh(b / jnp.where(flat, 1.0, jnp.abs(a)))

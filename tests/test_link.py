@@ -121,6 +121,23 @@ def test_bending_stress_under_a_static_load(modes):
     np.testing.assert_allclose(ours, ours[0], rtol=1e-12)
 
 
+def test_load_and_vibration_add_with_their_signs():
+    # The fence takes -P at a and vibrates besides: E I w'' = -P (a - x) + sum E I phi_i'' eta_i.
+    # A mode that bends the tip up and a load that presses it down take from each other.
+    link, load, place = make(3), 400.0, RIGID + 0.9 * LENGTH
+    amplitude, shape = static_amplitude(link, place, -load)
+    extra = (0.03, 0.004, -0.001)
+    both = tuple(a + b for a, b in zip(amplitude, extra, strict=True))
+    ours = link.bending_stress(both, (load,), (place,), (shape,))
+    x = np.arange(ELEMENTS) / ELEMENTS
+    moment = sum(np.array(table) * eta for table, eta in zip(link.bending, extra, strict=True))
+    alone = np.abs(moment).max()
+    moment = moment - load * np.maximum(0.9 - x, 0) * LENGTH
+    exact = np.abs(moment) / (0.12 * 0.05**2 * (1 - x) / 6)
+    np.testing.assert_allclose(ours, exact, rtol=0, atol=100 * EPS * np.max(exact))
+    assert np.abs(moment).max() < alone
+
+
 def test_bending_stress_of_a_mode():
     # sigma_b = E (h / 2) |w''| of the first mode alone, w'' from the shape's second difference over
     # one element: in error by h^2 / 12 w'''' / w'' and the element's own, below (k h)^2, with
@@ -380,3 +397,13 @@ def test_few_and_many_modes_are_the_same_link():
     np.testing.assert_allclose(np.array(few.swing), many.swing[0][:3], rtol=1e-12)
     one, other = (np.array(link.propagators(1e-3)[0]) for link in (few, many))
     np.testing.assert_allclose(one, other[:, 0], rtol=1e-12)
+
+
+def test_a_fence_without_modes_is_rigid():
+    link = make(0)
+    shape = shape_at(link, 0.8)
+    assert shape.deflection == ()
+    assert shape.residual is None
+    assert float(link.tip_deflection(())) == 0.0
+    state = link.swung(HarmonicDrive(), jnp.asarray(0.3))
+    assert jax.tree.leaves(state) == []

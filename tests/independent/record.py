@@ -1,6 +1,6 @@
 """Record reference values and derivatives of the oblique impact in recorded.json.
 
-Run from the repository root: python -m tests.independent.record (about six minutes).
+Run from the repository root: python -m tests.independent.record (about ten minutes).
 
 Derivatives are central differences with relative steps h, h/2, h/4 and one Richardson
 extrapolation, (4 D(h/4) - D(h/2))/3. The error stated is the larger of its distance from
@@ -21,7 +21,11 @@ FINE_STEP = {"l_s": 0.001, "l_p": 0.001, "distance": 0.001}
 TOTAL_LENGTH = 1.2
 ONE_LINK = {"l_s": 0.0, "l_p": 1.2, "thickness": 0.073}
 QUANTITIES = ("peak_force", "tip_deflection", "impulse")
-SMOOTHINGS = ({"epsilon": 1e-3, "stribeck": 5e-3}, {"epsilon": 1e-2, "stribeck": 5e-2})
+DERIVED = {
+    "R = 1.0, derivatives": {},
+    "R = 1.0, consistent load, derivatives": {"load": "cubic"},
+    "R = 0.8, consistent load, derivatives": {"load": "cubic", "distance": 0.8},
+}
 CASES = {
     "R = 0.8": {"distance": 0.8},
     "R = 0.9": {"distance": 0.9},
@@ -123,10 +127,9 @@ def record():
     for name, fields in CASES.items():
         cases.append({"name": name, "fields": fields, "values": values(Impact(**fields))})
         print(name, cases[-1]["values"], flush=True)
-    for smoothing in SMOOTHINGS:
-        impact = Impact(**smoothing)
-        name = "R = 1.0, epsilon = {epsilon}, stribeck = {stribeck}".format(**smoothing)
-        case = {"name": name, "fields": smoothing, "values": values(impact)}
+    for name, fields in DERIVED.items():
+        impact = Impact(**fields)
+        case = {"name": name, "fields": fields, "values": values(impact)}
         print(name, case["values"], flush=True)
         case["history"] = history(impact)
         case["derivatives"] = derivatives(replace(impact, horizon=0.1))

@@ -1,0 +1,129 @@
+"""The impacts a fence is designed for, all of them in one batch, and what is asked of them."""
+
+import dataclasses
+
+import fencejax as fj
+import jax
+import jax.numpy as jnp
+import numpy as np
+from fencejax import objectives
+from fencejax.design import DesignSpace
+from fencejax.objectives import Limit
+from fencejax.plot import Trace
+from jaxtyping import Array
+
+
+@dataclasses.dataclass(frozen=True)
+class Impacts:
+    """Oblique impacts at several distances [m], each by parcels of several masses [kg].
+
+    `duration` [s] of each is long enough to see whether the parcel is diverted.
+    """
+
+    distances: tuple[float, ...]
+    masses: tuple[float, ...]
+    drive_angle: float
+    duration: float
+
+    @property
+    def lanes(self) -> tuple[tuple[float, float], ...]:
+        """(distance, mass) of every lane."""
+        return tuple((d, m) for d in self.distances for m in self.masses)
+
+    def scene(self, fence: fj.Fence, drive: fj.AbstractDrive, distance, mass) -> fj.Scene:
+        """One of the impacts."""
+        return fj.scenes.oblique_impact(
+            fence=fence,
+            drive=drive,
+            distance=distance,
+            drive_angle=self.drive_angle,
+            parcel=fj.Parcel(mass=mass),
+            duration=self.duration,
+        )
+
+
+class Measurement(dict[str, Array]):
+    """Values of the objective and of every limited quantity by name, one a lane; also `status`."""
+
+
+jax.tree_util.register_pytree_node(
+    Measurement,
+    lambda m: (tuple(m.values()), tuple(m)),
+    lambda names, values: Measurement(zip(names, values, strict=True)),
+)
+
+
+def measure(
+    space: DesignSpace,
+    impacts: Impacts,
+    limits: tuple[Limit, ...],
+    fidelity: fj.Fidelity,
+    values: Array,
+) -> tuple[Measurement, Trace]:
+    """What the impacts do to a design [SI], and the signals of each. Differentiable.
+
+    The history is kept here and used by the tip clearance and the signals alone: inside `jit` the
+    rest of it is not computed.
+    """
+    quantities = (objectives.PEAK_FORCE, *(limit.quantity for limit in limits))
+    fence, drive = space.apply(values)
+
+    def one(distance, mass):
+        scene = impacts.scene(fence, drive, distance, mass)
+        result = fj.simulate(scene, fidelity=fidelity, history=True)
+        history = result.history
+        read = Measurement({q.name: q(result, scene) for q in quantities})
+        read["status"] = result.status
+        return read, Trace(history.time, history.fence_force, history.tip_deflection)
+
+    distances, masses = (jnp.asarray(column) for column in zip(*impacts.lanes, strict=True))
+    return jax.vmap(one)(distances, masses)
+
+
+def margins(limits: tuple[Limit, ...], measured: Measurement) -> dict[str, Array]:
+    """Margins [1] by the limits' names, one a lane."""
+    return {limit.name: limit.margin_of(measured[limit.name]) for limit in limits}
+
+
+def problem(space: DesignSpace, impacts: Impacts, limits: tuple[Limit, ...],
+            fidelity: fj.Fidelity, reserve: float):
+    """z -> peak forces [N], margins less `reserve` [1], statuses: for `fencejax.minimize`."""
+
+    def evaluate(z):
+        values = space.from_unconstrained(z)
+        measured, _ = measure(space, impacts, limits, fidelity, values)
+        rows = list(margins(limits, measured).values())
+        left = jnp.concatenate(rows) - reserve if rows else jnp.zeros(0)
+        return measured["peak_force"], left, measured["status"]
+
+    return evaluate
+
+
+def whole_sorts(
+    space: DesignSpace, front: float, masses: tuple[float, ...], duration: float, values: Array
+) -> Measurement:
+    """How far beyond the belt's edge whole sorts carry parcels [m], their peak forces [N] and
+    statuses, one a mass; a check without derivatives."""
+    fence, drive = space.apply(values)
+
+    def one(mass):
+        scene = fj.scenes.whole_sort(
+            front=front, fence=fence, drive=drive, parcel=fj.Parcel(mass=mass), duration=duration
+        )
+        result = fj.simulate(scene, history=False)
+        return Measurement(
+            crossing=objectives.CROSSING(result, scene),
+            peak_force=result.peak_force,
+            status=result.status,
+        )
+
+    return jax.vmap(one)(jnp.asarray(masses))
+
+
+def stiff_force(impacts: Impacts, drive: fj.AbstractDrive, belt_speed: float, lane: int) -> float:
+    """N_stiff [N]: the same parcel at the same normal approach speed against a rigid obstacle."""
+    distance, mass = impacts.lanes[lane]
+    rate = drive.motion(drive.time_at(impacts.drive_angle)).speed
+    speed = belt_speed * np.sin(impacts.drive_angle) + distance * float(rate)
+    scene = fj.scenes.rigid_wall(speed=speed, parcel=fj.Parcel(mass=mass))
+    return float(fj.simulate(scene, history=False).peak_force)

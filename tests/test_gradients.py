@@ -1,0 +1,189 @@
+"""Gradients against converged differences of the independent version, and against each other."""
+
+import json
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fencejax as fj
+
+RECORDED = json.loads(
+    (Path(__file__).parent / "independent" / "recorded.json").read_text(encoding="utf-8")
+)["cases"]
+# The design variables, then what else the peak depends on.
+DESIGN = ("thickness", "E", "rho", "zeta", "width", "l_s", "l_p", "top_speed")
+OTHERS = ("belt_speed", "mass", "stiffness", "damping", "mu_fence", "mu_belt", "distance")
+NAMES = DESIGN + OTHERS
+
+
+def recorded(name):
+    (case,) = [case for case in RECORDED if case["name"] == name]
+    return case
+
+
+def build(x, duration=0.1):
+    """The recorded impact as a function of all its variables."""
+    material = fj.Material(x["E"], x["rho"], x["zeta"])
+    fence = fj.Fence(x["l_s"], x["l_p"], x["width"], x["thickness"], material)
+    return fj.scenes.oblique_impact(
+        fence=fence,
+        distance=x["distance"],
+        parcel=fj.Parcel(mass=x["mass"], stiffness=x["stiffness"], damping=x["damping"]),
+        drive=fj.HarmonicDrive(top_speed=x["top_speed"]),
+        belt=fj.Belt(speed=x["belt_speed"], friction=fj.Friction(x["mu_belt"], 0.85)),
+        fence_friction=fj.Friction(x["mu_fence"], 0.5),
+        duration=duration,
+    )
+
+
+def values_at(case):
+    return {name: jnp.asarray(case["derivatives"][name]["at"], dtype=float) for name in NAMES}
+
+
+def outputs(x, fidelity):
+    result = fj.simulate(build(x), fidelity=fidelity, history=False)
+    return {"peak_force": result.peak_force, "tip_deflection": result.tip_deflection}
+
+
+def elasticities(case, fidelity, quantity):
+    """d ln(quantity) / d ln(variable), ours and recorded, and the recorded error."""
+    x = values_at(case)
+    value, gradient = jax.jit(
+        jax.value_and_grad(lambda x: outputs(x, fidelity)[quantity])
+    )(x)
+    ours = np.array([float(gradient[n] * x[n] / value) for n in NAMES])
+    truth = case["values"][quantity]
+    table = case["derivatives"]
+    theirs = np.array([table[n][quantity]["derivative"] * table[n]["at"] / truth for n in NAMES])
+    error = np.array([table[n][quantity]["error"] * table[n]["at"] / truth for n in NAMES])
+    return ours, theirs, error
+
+
+CONSISTENT = ["R = 1.0, consistent load, derivatives", "R = 0.8, consistent load, derivatives"]
+
+
+@pytest.mark.parametrize("name", CONSISTENT)
+def test_standard_within_one_percent_of_the_gradient(name):
+    case = recorded(name)
+    ours, theirs, _ = elasticities(case, fj.Fidelity.standard(), "peak_force")
+    size = np.linalg.norm(theirs)
+    assert np.linalg.norm(ours - theirs) < 1e-2 * size
+    assert np.all(np.abs(ours - theirs) < 1e-2 * size)
+    matters = np.abs(theirs) > 1e-2 * size
+    assert np.all(np.sign(ours[matters]) == np.sign(theirs[matters]))
+    # The same for the design variables alone, whose gradient is what a designer follows.
+    design = slice(0, len(DESIGN))
+    assert np.linalg.norm((ours - theirs)[design]) < 1e-2 * np.linalg.norm(theirs[design])
+
+
+def test_converged_gradient():
+    # The paper's load sharing, all modes: what is left is the step, 25 us, and the recorded error.
+    case = recorded("R = 1.0, derivatives")
+    fidelity = fj.Fidelity.reference(modes=None, load="shared")
+    ours, theirs, error = elasticities(case, fidelity, "peak_force")
+    assert np.linalg.norm(ours - theirs) < 3e-4 * np.linalg.norm(theirs) + np.linalg.norm(error)
+
+
+def test_tip_deflection():
+    case = recorded("R = 1.0, consistent load, derivatives")
+    ours, theirs, _ = elasticities(case, fj.Fidelity.standard(), "tip_deflection")
+    assert np.linalg.norm(ours - theirs) < 2e-2 * np.linalg.norm(theirs)
+
+
+def test_forward_and_reverse_agree():
+    # The same program differentiated two ways: round-off, grown over 400 steps.
+    x = values_at(recorded("R = 1.0, derivatives"))
+    gradients = []
+    for gradient in ("forward", "reverse"):
+        fidelity = fj.Fidelity.standard(gradient=gradient)
+        peak = lambda x, f=fidelity: outputs(x, f)["peak_force"]  # noqa: E731
+        gradients.append(jax.jit(jax.grad(peak))(x))
+    for name in NAMES:
+        forward, reverse = (float(g[name]) for g in gradients)
+        assert forward == pytest.approx(reverse, rel=1e-8)
+
+
+def test_transformations_compose():
+    fidelity = fj.Fidelity.fast()
+
+    def peak(thickness):
+        fence = fj.Fence(thickness=thickness)
+        scene = fj.scenes.oblique_impact(fence=fence, duration=0.06)
+        return fj.simulate(scene, fidelity=fidelity, history=False).peak_force
+
+    thickness = jnp.array([0.04, 0.045, 0.05])
+    each = jnp.stack([jax.grad(peak)(h) for h in thickness])
+    # Lanes of a batch iterate until the last one is done: 5e-7 of the forces is what Newton leaves.
+    np.testing.assert_allclose(jax.jit(jax.vmap(jax.grad(peak)))(thickness), each, rtol=1e-5)
+    value, slope = jax.jvp(peak, (thickness[1],), (jnp.asarray(1.0),))
+    np.testing.assert_allclose(slope, each[1], rtol=1e-9)
+    np.testing.assert_allclose(jax.vmap(peak)(thickness)[1], value, rtol=1e-6)
+    with pytest.raises(NotImplementedError, match="Second derivatives"):
+        jax.hessian(peak)(thickness[1])
+
+
+def test_readme_gradient():
+    peak = lambda f: fj.simulate(  # noqa: E731
+        fj.scenes.oblique_impact(fence=f, distance=1.0, duration=0.06)
+    ).peak_force
+    gradient = eqx.filter_grad(peak)(fj.Fence())
+    assert float(gradient.thickness) > 0
+    assert float(gradient.material.youngs_modulus) > 0
+
+
+SCENES = {
+    "oblique_impact": lambda: fj.scenes.oblique_impact(duration=0.08),
+    "never_touches": lambda: fj.scenes.whole_sort(front=-3.0, duration=0.3),
+    "along_fence": lambda: fj.scenes.along_fence(duration=0.1),
+    "border_and_fence": lambda: fj.scenes.border_and_fence(duration=0.1),
+    "free_motion": lambda: fj.scenes.free_motion(duration=0.2),
+    "free_motion_with_fence": lambda: fj.scenes.free_motion(fence=fj.Fence(), duration=0.1),
+    "whole_sort": lambda: fj.scenes.whole_sort(duration=0.5),
+    "rigid_wall": lambda: fj.scenes.rigid_wall(),
+    "no_friction": lambda: fj.scenes.oblique_impact(
+        belt=None, fence_friction=None, velocity=(2.0, 0.0, 0.0), duration=0.08
+    ),
+    "traced_taper": lambda: fj.scenes.oblique_impact(
+        fence=fj.Fence(taper=fj.PowerTaper(0.5)), duration=0.06
+    ),
+    "held": lambda: fj.scenes.oblique_impact(drive=fj.HeldDrive(0.3), duration=0.08),
+    "spline": lambda: fj.scenes.oblique_impact(
+        drive=fj.SplineDrive(jnp.array([0.1, 0.4, 0.7, 0.7, 0.4, 0.1])), duration=0.08
+    ),
+}
+QUANTITIES = (
+    "peak_force", "tip_deflection", "peak_stress", "impulse", "contact_time", "peak_torque",
+    "peak_border_force", "furthest_y", "deepest",
+)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_gradient_is_finite(name):
+    """Every scalar of every part, every quantity of the result, every kind of scene."""
+    scene = SCENES[name]()
+    numbers, structure = eqx.partition(scene, eqx.is_inexact_array)
+
+    @jax.jit
+    def jacobian(numbers):
+        def quantities(numbers):
+            result = fj.simulate(
+                eqx.combine(numbers, structure), fidelity=fj.Fidelity.fast(), history=False
+            )
+            return {q: getattr(result, q) for q in QUANTITIES}
+
+        return quantities(numbers), jax.jacrev(quantities)(numbers)
+
+    value, slopes = jacobian(numbers)
+    for quantity in QUANTITIES:
+        assert np.isfinite(value[quantity]), quantity
+        for path, leaf in jax.tree_util.tree_leaves_with_path(slopes[quantity]):
+            assert np.all(np.isfinite(leaf)), (quantity, jax.tree_util.keystr(path))
+    if name in ("never_touches", "free_motion"):
+        assert value["peak_force"] == 0
+        assert all(np.all(leaf == 0) for leaf in jax.tree.leaves(slopes["peak_force"]))
+    else:
+        assert value["peak_force"] > 0 or name == "free_motion_with_fence"
