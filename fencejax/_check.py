@@ -3,9 +3,9 @@
 import math
 import operator
 
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
 
@@ -52,7 +52,7 @@ def _checked(name, value, above, least, most, unit, remedy) -> Array:
         )
     floating = jnp.issubdtype(dtype, jnp.floating) and hasattr(value, "dtype")
     array = jnp.asarray(value, dtype=dtype if floating else float)
-    if isinstance(array, jax.core.Tracer):
+    if isinstance(array, Tracer):
         return array
     host = np.asarray(array)
     bounds = [

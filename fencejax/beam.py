@@ -41,6 +41,8 @@ class BeamTables(NamedTuple):
     residual: Any
     """(n + 1, 2): deflection under a unit force at the same node, less the share of the m modes,
     and its derivative in x / l_p, in units of l_p^3 / (E I_1)."""
+    residual_tip: Any
+    """(n + 1, 2): the same for the deflection of the tip under a unit force at the node."""
     moment: Any
     """(n, m): bending moment of each mode at the nodes 0 ... n - 1, per unit modal amplitude, in
     units of E I_1 / l_p^2, from the balance of the inertia forces beyond the node."""
@@ -155,6 +157,7 @@ def build_tables(
     diagonal = xp.diagonal(left[0::2, 0::2])
     derivative = 2 * xp.diagonal(left[1::2, 0::2])
     residual = xp.concatenate([np.zeros((1, 2)), xp.stack([diagonal, derivative], -1)])
+    tip = xp.stack([left[-2, 0::2], left[-2, 1::2]], -1)
 
     return BeamTables(
         eigenvalues=values,
@@ -164,6 +167,7 @@ def build_tables(
         swing_tip=swing_tip,
         mass=moments_of_mass,
         residual=residual,
+        residual_tip=xp.concatenate([np.zeros((1, 2)), tip]),
         moment=_moments(taper, elements, values, full, xp),
         relative_thickness=taper(stations[:-1], 1.0 - stations[:-1]) + 0.0 * values[:1].sum(),
         shortening=_integrated(lambda s: 0.5 * s[..., :, None] * s[..., None, :], full, xp),

@@ -32,32 +32,35 @@ class Descent(NamedTuple):
     stalled: bool
 
 
-def _lbfgs():
-    transform = optax.scale_by_lbfgs(memory_size=_MEMORY)
+class _Directions:
+    """An optax transformation as a source of steps, compiled.
 
-    @jax.jit
-    def advance(state, point, gradient):
-        direction, state = transform.update(gradient, state, point)
-        return -direction, state
+    optax mixes widths of integers, which a session with strict promotion of types refuses; the
+    promotion is therefore named here.
+    """
 
-    return transform.init, advance
+    def __init__(self, transform: optax.GradientTransformation):
+        self._init, self._update = transform.init, jax.jit(transform.update)
 
+    def fresh(self, point: Vector):
+        """The state of a transformation that has seen nothing."""
+        with jax.numpy_dtype_promotion("standard"):
+            return self._init(jnp.asarray(point))
 
-def _adam(rate: float):
-    transform = optax.adam(rate)
-
-    @jax.jit
-    def advance(state, point, gradient):
-        return transform.update(gradient, state, point)
-
-    return transform.init, advance
+    def advance(self, state, point: Vector, gradient: Vector):
+        """The step [as numbers on the host] and the next state."""
+        with jax.numpy_dtype_promotion("standard"):
+            step, state = self._update(gradient, state, point)
+        return np.asarray(step), state
 
 
 class Lbfgs:
     """Limited-memory BFGS directions (`optax.scale_by_lbfgs`) with a cubic backtracking search."""
 
     def __init__(self):
-        self._init, self._advance = _lbfgs()
+        self._directions = _Directions(
+            optax.chain(optax.scale_by_lbfgs(memory_size=_MEMORY), optax.scale(-1.0))
+        )
 
     def run(
         self,
@@ -72,26 +75,27 @@ class Lbfgs:
         `past`: evaluations already made, oldest first; the memory is built from their gradients.
         `evaluate` gives `None` where the budget is spent.
         """
-        state = self._init(jnp.asarray(start.point))
+        directions = self._directions
+        state = directions.fresh(start.point)
         last: tuple[Vector, Vector] | None = None
         for old in past:
             if np.array_equal(old.point, start.point):
                 continue
             gradient = merit(old)[1]
             if last is None or (old.point - last[0]) @ (gradient - last[1]) > 1e-12:
-                _, state = self._advance(state, old.point, gradient)
+                _, state = directions.advance(state, old.point, gradient)
                 last = (old.point, gradient)
         at = start
         value, gradient = merit(at)
         while True:
             fresh = last is None
             if last is not None and (at.point - last[0]) @ (gradient - last[1]) <= 1e-12:
-                state, fresh = self._init(jnp.asarray(at.point)), True
-            direction, state = self._advance(state, at.point, gradient)
-            direction, last = np.asarray(direction), (at.point, gradient)
+                state, fresh = directions.fresh(at.point), True
+            direction, state = directions.advance(state, at.point, gradient)
+            last = (at.point, gradient)
             if direction @ gradient >= 0:
-                state, fresh = self._init(jnp.asarray(at.point)), True
-                _, state = self._advance(state, at.point, gradient)
+                state, fresh = directions.fresh(at.point), True
+                _, state = directions.advance(state, at.point, gradient)
                 direction = -gradient
             length = float(np.linalg.norm(direction))
             first = 0.3 * _LONGEST if fresh else min(length, _LONGEST)
@@ -139,7 +143,7 @@ class Adam:
     """`optax.adam`: a step at every evaluation, halved where the evaluation failed."""
 
     def __init__(self, rate: float = 0.05):
-        self._init, self._advance = _adam(rate)
+        self._directions = _Directions(optax.adam(rate))
 
     def run(
         self,
@@ -151,11 +155,11 @@ class Adam:
     ) -> Descent:
         """As `Lbfgs.run`; `past` is not used."""
         del past
-        state = self._init(jnp.asarray(start.point))
+        directions = self._directions
+        state = directions.fresh(start.point)
         at = start
         while True:
-            step, state = self._advance(state, at.point, merit(at)[1])
-            step = np.asarray(step)
+            step, state = directions.advance(state, at.point, merit(at)[1])
             if np.linalg.norm(step) < _SHORTEST:
                 return Descent(at, True)
             trial = evaluate(at.point + step)

@@ -80,12 +80,13 @@ class DesignVariable:
 
 
 _FENCE_VARIABLES = (
-    # name, lower, upper, unit, scaling
+    # name, lower, upper, unit, scaling. The flexible link is at least half of the reach; the
+    # moduli run from polyethylene to glass-filled polyamide.
     DesignVariable("thickness", 0.01, 0.09, "m"),
-    DesignVariable("length_ratio", 0.0, 2.0, "1", "linear"),
+    DesignVariable("length_ratio", 0.0, 1.0, "1", "linear"),
     DesignVariable("reach", 0.9, 1.8, "m"),
     DesignVariable("width", 0.03, 0.40, "m"),
-    DesignVariable("youngs_modulus", 0.5e9, 20e9, "Pa"),
+    DesignVariable("youngs_modulus", 0.5e9, 10e9, "Pa"),
     DesignVariable("density", 900.0, 2000.0, "kg/m^3"),
     DesignVariable("damping_ratio", 0.005, 0.20, "1"),
 )

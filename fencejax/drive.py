@@ -340,7 +340,10 @@ class SplineDrive(AbstractDrive):
             (-3 * s**3 + 3 * s**2 + 3 * s + 1) / 6,
             s**3 / 6,
         )
-        return sum(padded[index + k] * weight for k, weight in enumerate(weights))
+        total = jnp.zeros_like(s)
+        for k, weight in enumerate(weights):
+            total = total + padded[index + k] * weight
+        return total
 
     @property
     def cycle(self) -> Array:

@@ -7,8 +7,9 @@ from jaxtyping import Array
 
 from . import contact
 from .drive import DriveMotion
+from .kinematics import Acceleration, Body
 from .link import Blocks, FlexibleLink, Shape, Vibration, dot, total
-from .mechanics import Acceleration, BeltForce, Body, Contact, Forces, Mechanics
+from .mechanics import BeltForce, Contact, Forces, Mechanics
 
 
 class Energy(NamedTuple):
@@ -41,10 +42,11 @@ class Power(NamedTuple):
 
 
 class FenceState(NamedTuple):
-    """The fence at an instant: the drive's motion, the vibration with its modal forces, the
-    contact loads as the modes left out carry them (lagged force r [N] and its rate [N/s])."""
+    """The fence at an instant: the drive's motion (`None` where it is not kept), the vibration with
+    its modal forces, the contact loads as the modes left out carry them (lagged force r [N] and
+    its rate [N/s])."""
 
-    drive: DriveMotion
+    drive: DriveMotion | None
     vibration: Vibration
     modal_force: Blocks
     shapes: tuple[Shape, ...]
@@ -98,13 +100,14 @@ def describe(
         beam_damping=zero,
     )
     if forces.belt is not None:
+        assert mechanics.belt is not None
         power = power._replace(
-            belt=forces.belt.x * mechanics.belt_speed, belt_friction=forces.belt.dissipated
+            belt=forces.belt.x * mechanics.belt.speed, belt_friction=forces.belt.dissipated
         )
     if fence is not None:
         link = mechanics.link
         assert link is not None
-        tip = link.tip_deflection(fence.vibration.amplitude)
+        tip = link.tip_deflection(fence.vibration.amplitude, fence.lagged, fence.shapes)
         stresses = link.bending_stress(
             fence.vibration.amplitude,
             fence.lagged,
@@ -138,18 +141,8 @@ def describe(
 def _torque(link: FlexibleLink, fence: FenceState, forces: Forces) -> Array:
     """Moment of the drive [N m]: the generalised force on alpha_w,
     (I_root + Phi^T M Phi) alpha'' + Phi^T M u'' + sum N sigma."""
-    damping = link.damping
-    accelerations = tuple(
-        f - c * v - k * q
-        for f, c, v, k, q in zip(
-            fence.modal_force,
-            damping,
-            fence.vibration.rate,
-            link.frequency_squared,
-            fence.vibration.amplitude,
-            strict=True,
-        )
-    )
+    assert fence.drive is not None
+    accelerations = link.acceleration(fence.vibration, fence.modal_force)
     torque = (link.root_inertia + link.swing_inertia) * fence.drive.acceleration
     torque = torque + link.mass_scale * dot(link.swing, accelerations)
     for c in forces.fence:
@@ -158,6 +151,7 @@ def _torque(link: FlexibleLink, fence: FenceState, forces: Forces) -> Array:
 
 
 def _fence_energy(link: FlexibleLink, fence: FenceState, energy: Energy) -> Energy:
+    assert fence.drive is not None
     amplitude, rate = fence.vibration
     speed = fence.drive.speed
     kinetic = 0.5 * (link.root_inertia + link.swing_inertia) * speed**2
@@ -176,6 +170,7 @@ def _fence_energy(link: FlexibleLink, fence: FenceState, energy: Energy) -> Ener
 def _fence_power(
     link: FlexibleLink, fence: FenceState, forces: Forces, torque: Array, power: Power
 ) -> Power:
+    assert fence.drive is not None
     damped = link.mass_scale * total(
         c * v * v for c, v in zip(link.damping, fence.vibration.rate, strict=True)
     )

@@ -1,6 +1,6 @@
-"""Integration through diffrax: this package's own solver, and general ones as a check.
+"""Integration through diffrax by this package's own solver.
 
-diffrax's clock counts steps in the first case, so that it is exact and the same for every lane of
+diffrax's clock counts steps, so that it is exact and the same for every lane of
 a batch whatever the lane's own start time. The private types that diffrax asks of a solver are
 met here and nowhere else.
 """
@@ -14,10 +14,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from . import modal_step, tally
+from .clock import Clock
 from .fidelity import Fidelity
-from .instant import FenceState, Instant, describe
-from .link import Vibration
-from .mechanics import Body, Mechanics
+from .instant import Instant
+from .mechanics import Mechanics
 from .tally import Tally
 
 
@@ -53,7 +53,7 @@ class _CountSteps(diffrax.AbstractStepSizeController):
 class Stepper(diffrax.AbstractSolver):
     """Wraps a one-step map `advance(args, y, index) -> y` as a diffrax solver of second order."""
 
-    advance: Callable[[Any, Any, Array], Any]
+    advance: Callable[[Any, Any, Any], Any]
     term_structure: ClassVar = _Steps
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
 
@@ -71,7 +71,8 @@ class Stepper(diffrax.AbstractSolver):
         return terms.vf(t0, y0, args)
 
 
-def _adjoint(fidelity: Fidelity) -> diffrax.AbstractAdjoint:
+def adjoint(fidelity: Fidelity) -> diffrax.AbstractAdjoint:
+    """How diffrax's loop is to be differentiated."""
     if fidelity.gradient == "reverse":
         return diffrax.RecursiveCheckpointAdjoint()
     return diffrax.ForwardMode()
@@ -102,7 +103,7 @@ def run_steps(advance, begin, args, sample, steps: int, fidelity: Fidelity, hist
         args=args,
         saveat=diffrax.SaveAt(subs=saves),
         stepsize_controller=_CountSteps(),
-        adjoint=_adjoint(fidelity),
+        adjoint=adjoint(fidelity),
         max_steps=steps,
         throw=False,
     )
@@ -117,7 +118,7 @@ def join(first, rest):
 
 
 def modal(
-    mechanics: Mechanics, clock: modal_step.Clock, start, steps: int, history: bool
+    mechanics: Mechanics, clock: Clock, start, steps: int, history: bool
 ) -> tuple[Tally, Instant | None]:
     """Integrate a scene by the package's own solver."""
     memory, instant = start
@@ -140,97 +141,3 @@ def modal(
         history,
     )
     return tallied, None if samples is None else join(instant, samples)
-
-
-def general(
-    mechanics: Mechanics,
-    clock: modal_step.Clock,
-    body: Body,
-    vibration: Vibration | None,
-    steps: int,
-) -> tuple[Tally, Instant, Array]:
-    """Integrate a scene as a plain ordinary differential equation by a solver of diffrax.
-
-    Every mode is a state (all of them: the full finite-element model), the contact force follows
-    from the state, and the foot of each corner is found anew. The samples are those at every
-    `step`; peaks and integrals are taken from them. The last value returned is whether the solver
-    came through.
-    """
-    fidelity = mechanics.fidelity
-    link = mechanics.link
-
-    def evaluate(time, body, vibration):
-        drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
-        places, shapes, points = (), (), ()
-        if link is not None:
-            places = tuple(
-                modal_step.foot(mechanics, body, number, vibration, drive)
-                for number in mechanics.fence_corners
-            )
-            shapes = tuple(link.shape(place) for place in places)
-            points = tuple(modal_step.fence_point(mechanics, s, vibration) for s in shapes)
-        arms = mechanics.arms(body.angle)
-        forces = mechanics.forces(body, arms, mechanics.frame(drive, places), points)
-        if link is None:
-            return forces, None
-        normals = tuple(c.normal for c in forces.fence)
-        load = modal_step.contact_load(
-            shapes, normals, link.mass_scale, link.inertia_force(drive)
-        )
-        still = tuple(jnp.zeros_like(n) for n in normals)
-        return forces, FenceState(drive, vibration, load, shapes, normals, still)
-
-    def field(time, y, args):
-        del args
-        body, vibration = y
-        forces, fence = evaluate(time, body, vibration)
-        moved = Body(*body[3:], *forces.acceleration)
-        if fence is None:
-            return moved, None
-        assert link is not None
-        bent = tuple(
-            f - c * v - k * q
-            for f, c, v, k, q in zip(
-                fence.modal_force,
-                link.damping,
-                vibration.rate,
-                link.frequency_squared,
-                vibration.amplitude,
-                strict=True,
-            )
-        )
-        return moved, Vibration(vibration.rate, bent)
-
-    times = clock.step * jnp.arange(steps + 1, dtype=float)
-    tolerance = fidelity.tolerance
-    solvers = {"kvaerno5": diffrax.Kvaerno5, "tsit5": diffrax.Tsit5}
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(field),
-        solvers[fidelity.integrator](),
-        t0=times[0],
-        t1=times[-1],
-        dt0=1e-6,
-        y0=(body, vibration),
-        saveat=diffrax.SaveAt(ts=times),
-        stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=1e-3 * tolerance),
-        adjoint=_adjoint(fidelity),
-        max_steps=500_000,
-        throw=False,
-    )
-
-    def sample(time, y):
-        forces, fence = evaluate(time, *y)
-        return describe(mechanics, time, y[0], forces, fence)
-
-    samples = jax.vmap(sample)(times, solution.ys)
-    reach = None if link is None else link.reach
-    first = jax.tree.map(lambda x: x[0], samples)
-    rest = jax.tree.map(lambda x: x[1:], samples)
-
-    def take(tallied, instant):
-        zero = jnp.zeros_like(instant.time)
-        return tally.add(tallied, instant, clock.step, reach, zero), None
-
-    tallied, _ = jax.lax.scan(take, tally.begin(first, reach), rest)
-    done = (solution.result == diffrax.RESULTS.successful).astype(times.dtype)
-    return tallied, samples, done

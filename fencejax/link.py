@@ -5,6 +5,7 @@ compiler fuses and `vmap` turns into arrays with the batch last, or one array fo
 are many.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -34,7 +35,7 @@ def _blocks(values) -> Blocks:
     return tuple(jnp.asarray(values[..., i], dtype=float) for i in range(modes))
 
 
-def dot(left: Blocks, right: Blocks) -> Array:
+def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
     """Sum over the modes of the product of two blocks."""
     return total(a * b for a, b in zip(left, right, strict=True))
 
@@ -56,13 +57,14 @@ class Vibration(NamedTuple):
 
 class Shape(NamedTuple):
     """The mode shapes at one arc coordinate: deflection [1] and slope [1/m], as blocks; `load` [1],
-    the share of a force there that each mode gets; the compliance [m/N] of the modes left out
-    (`None` where there is none); the `arc` integrals (`None` unless the geometry needs them)."""
+    the share of a force there that each mode gets; the compliances [m/N] of the modes left out, at
+    the place itself and at the tip (`None` where there are none); the `arc` integrals (`None` unless the geometry needs them)."""
 
     deflection: Blocks
     slope: Blocks
     load: Blocks
     residual: Array | None
+    residual_tip: Array | None
     arc: tuple[tuple[Array, ...], Array] | None
     place: Array
 
@@ -98,6 +100,7 @@ class FlexibleLink(eqx.Module):
     pairs: tuple[tuple[tuple[Array, ...], ...], tuple[Array, ...]] | None
     swing: Blocks
     residual: tuple[Array, ...] | None
+    residual_tip: tuple[Array, ...] | None
     bending: Blocks
     bending_flexibility: Blocks
     stress_scale: Array
@@ -106,10 +109,12 @@ class FlexibleLink(eqx.Module):
     root_inertia: Array
     elements: int = eqx.field(static=True)
     arc_modes: int = eqx.field(static=True)
+    geometry: str = eqx.field(static=True)
 
     def __init__(self, fence: Fence, fidelity: Fidelity):
         tables = beam.tables(fence.taper, fidelity.elements, fidelity.mode_count)
         self.elements = fidelity.elements
+        self.geometry = fidelity.geometry
         self.rigid_length = fence.rigid_length
         self.length = fence.flexible_length
         self.mass_scale = fence.mass_scale
@@ -138,10 +143,15 @@ class FlexibleLink(eqx.Module):
             for a, b in zip(_blocks(tables.swing_root), _blocks(tables.swing_tip), strict=True)
         )
         flexibility = 1 / fence.stiffness_scale
-        self.residual = None
+        self.residual = self.residual_tip = None
         if fidelity.residual:
-            residual = flexibility * jnp.asarray(tables.residual, dtype=float)
-            self.residual = _coefficients(residual[:, 0], residual[:, 1] / self.elements)
+            self.residual, self.residual_tip = (
+                _coefficients(flexibility * table[:, 0], flexibility * table[:, 1] / self.elements)
+                for table in (
+                    jnp.asarray(tables.residual, dtype=float),
+                    jnp.asarray(tables.residual_tip, dtype=float),
+                )
+            )
         # Bending stress at the nodes: E (h / 2) |w''| = M (h / 2) / I.
         self.bending = tuple(
             fence.stiffness_scale * self.length * block for block in _blocks(tables.moment)
@@ -201,6 +211,24 @@ class FlexibleLink(eqx.Module):
         """-p_i alpha'' [m/s^2]: what the swing of the root does to each mode."""
         return tuple(-p * drive.acceleration for p in self.swing)
 
+    def loaded(self, inertia: Blocks, shapes: tuple["Shape", ...], normals) -> Blocks:
+        """Modal forces [m/s^2]: those of the swing, less the contact forces [N] at the shapes."""
+        force = list(inertia)
+        for shape, normal in zip(shapes, normals, strict=True):
+            share = normal / self.mass_scale
+            force = [f - phi * share for f, phi in zip(force, shape.load, strict=True)]
+        return tuple(force)
+
+    def acceleration(self, state: Vibration, force: Blocks) -> Blocks:
+        """eta'' = f - c eta' - w^2 eta [m/s^2]."""
+        return tuple(
+            f - c * v - k * q
+            for f, c, v, k, q in zip(
+                force, self.damping, state.rate, self.frequency_squared, state.amplitude,
+                strict=True,
+            )
+        )
+
     def swung(self, drive: AbstractDrive, time: Array) -> Vibration:
         """The state at `time` of a fence that has swung free of contact from rest at t = 0.
 
@@ -242,9 +270,10 @@ class FlexibleLink(eqx.Module):
             slope = slope * (self.elements / self.length)
             slopes.append(slope)
             deflections.append(deflection + slope * beyond)
-        residual = None
-        if self.residual is not None:
+        residual, residual_tip = None, None
+        if self.residual is not None and self.residual_tip is not None:
             residual, _ = _cubic(self.residual, index, s)
+            residual_tip, _ = _cubic(self.residual_tip, index, s)
         load = tuple(deflections)
         if self.linear is not None:
             load = tuple(_line(table, index, s) for table in self.linear)
@@ -252,7 +281,9 @@ class FlexibleLink(eqx.Module):
         if self.pairs is not None:
             pairs = tuple(_cubic(table, index, s)[0] for table in self.pairs[0])
             arc = (pairs, _cubic(self.pairs[1], index, s)[0])
-        return Shape(tuple(deflections), tuple(slopes), load, residual, arc, place)
+        return Shape(
+            tuple(deflections), tuple(slopes), load, residual, residual_tip, arc, place
+        )
 
     def _element(self, place):
         """Element [0, n) and local coordinate in [0, 1] of an arc coordinate."""
@@ -262,9 +293,30 @@ class FlexibleLink(eqx.Module):
         # Unsigned, so that no test for a negative index is compiled.
         return floor.astype(jnp.uint32), position - floor
 
-    def tip_deflection(self, amplitude: Blocks) -> Array:
-        """Deflection of the tip [m] from the straight line of the rigid link."""
-        return dot(tuple(block[-1] for block in self.deflection), amplitude)
+    def tip_deflection(
+        self, amplitude: Blocks, loads: tuple[Array, ...], shapes: tuple[Shape, ...]
+    ) -> Array:
+        """Deflection of the tip [m] from the straight line of the rigid link, that of the modes
+        left out under the lagged contact forces `loads` [N] included."""
+        deflection = dot(tuple(block[-1] for block in self.deflection), amplitude)
+        for load, shape in zip(loads, shapes, strict=True):
+            if shape.residual_tip is not None:
+                deflection = deflection - shape.residual_tip * load
+        return deflection
+
+    def point(self, shape: Shape, state: Vibration) -> FencePoint:
+        """The point of the fence at a shape's place, in the geometry of the fidelity."""
+        zero = jnp.zeros_like(shape.place)
+        if not self.frequency_squared:
+            return self.small_point(shape, zero, zero, zero)
+        if self.geometry == "chord":
+            return self.chord_point(shape, state, zero, zero)
+        deflection = dot(shape.deflection, state.amplitude)
+        rate = dot(shape.deflection, state.rate)
+        slope = dot(shape.slope, state.amplitude)
+        if self.geometry == "arc":
+            return self.arc_point(shape, state, deflection, rate, slope)
+        return self.small_point(shape, deflection, rate, slope)
 
     def arc_point(self, shape: Shape, state: Vibration, y: Array, y_rate: Array, slope: Array):
         """The chords' geometry in the limit of many elements, to the third order in the slope:

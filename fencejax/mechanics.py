@@ -1,4 +1,5 @@
-"""Newton-Euler for a parcel on the belt, at the fence and at the border: the forces at an instant.
+"""Newton-Euler for a parcel on the belt, at the fence and at the border: the forces at an instant,
+and how they answer to a small change.
 
 Everything a scene does not hold is `None` or an empty tuple here, and traces to nothing.
 """
@@ -12,41 +13,19 @@ from jaxtyping import Array
 from . import contact
 from .drive import AbstractDrive, DriveMotion
 from .fidelity import Fidelity
-from .friction import Friction, belt_grip, corner_share
+from .friction import Friction, Smoothing, belt_grip, corner_share
+from .kinematics import (
+    Acceleration,
+    Body,
+    Touch,
+    border_touch,
+    corner_from_arm,
+    fence_touch,
+)
 from .link import FencePoint, FlexibleLink
 
 if TYPE_CHECKING:
     from .scenes import Scene
-
-
-class Body(NamedTuple):
-    """Motion of the parcel: C_s at (x, y) [m], angle phi [rad], and their rates."""
-
-    x: Array
-    y: Array
-    angle: Array
-    x_rate: Array
-    y_rate: Array
-    spin: Array
-
-
-class Acceleration(NamedTuple):
-    """Acceleration of C_s [m/s^2] and angular acceleration [rad/s^2]."""
-
-    x: Array
-    y: Array
-    angle: Array
-
-
-class Corner(NamedTuple):
-    """A corner's place from C_s [m], its position [m] and its velocity [m/s], in fixed axes."""
-
-    arm_x: Array
-    arm_y: Array
-    x: Array
-    y: Array
-    x_rate: Array
-    y_rate: Array
 
 
 class Contact(NamedTuple):
@@ -71,23 +50,6 @@ class BeltForce(NamedTuple):
     y: Array
     moment: Array
     dissipated: Array
-
-
-class Touch(NamedTuple):
-    """Kinematics of a corner at a surface, with the surface's axes there in fixed axes.
-
-    `foot_offset` [m] is how far along the surface the foot of the corner lies from the point U;
-    `normal` and `tangent` are the directions (x, y, moment) in which a unit force acts on the
-    parcel; `rates` is the velocity of U along the normal and the tangent [m/s].
-    """
-
-    gap: Array
-    gap_rate: Array
-    sliding: Array
-    foot_offset: Array
-    normal: tuple[Array, Array, Array]
-    tangent: tuple[Array, Array, Array]
-    rates: tuple[Array, Array]
 
 
 class Response(NamedTuple):
@@ -117,67 +79,33 @@ class Forces(NamedTuple):
     slip: tuple[Array, Array, Array] | None
 
 
-def corner_from_arm(body: Body, arm_x: Array, arm_y: Array) -> Corner:
-    """Position and velocity of the point of the parcel at `arm` from C_s, in fixed axes."""
-    return Corner(
-        arm_x,
-        arm_y,
-        body.x + arm_x,
-        body.y + arm_y,
-        body.x_rate - body.spin * arm_y,
-        body.y_rate + body.spin * arm_x,
-    )
-
-
-def fence_touch(
-    corner: Corner, point: FencePoint, turn: tuple[Array, Array], speed: Array
-) -> Touch:
-    """Gap (2.13), its rate (2.18) and sliding speed of a corner at a point U of the fence.
-
-    D = -(C - U).n, Ddot = -(v_C - v_U).n, w = (v_C - v_U).t; `turn` is (cos, sin) of alpha_w and
-    `speed` its rate [rad/s].
-    """
-    cosine, sine = turn
-    # U and its velocity in fixed axes.
-    across_x = point.x_rate - speed * point.y
-    across_y = point.y_rate + speed * point.x
-    offset_x = corner.x - (cosine * point.x - sine * point.y)
-    offset_y = corner.y - (sine * point.x + cosine * point.y)
-    fence_x, fence_y = cosine * across_x - sine * across_y, sine * across_x + cosine * across_y
-    bend_cosine, bend_sine = jnp.cos(point.slope), jnp.sin(point.slope)
-    x = cosine * bend_cosine - sine * bend_sine
-    y = sine * bend_cosine + cosine * bend_sine
-    slip_x, slip_y = corner.x_rate - fence_x, corner.y_rate - fence_y
-    return Touch(
-        gap=y * offset_x - x * offset_y,
-        gap_rate=y * slip_x - x * slip_y,
-        sliding=x * slip_x + y * slip_y,
-        foot_offset=x * offset_x + y * offset_y,
-        normal=(-y, x, corner.arm_x * x + corner.arm_y * y),
-        tangent=(x, y, corner.arm_x * y - corner.arm_y * x),
-        rates=(x * fence_y - y * fence_x, x * fence_x + y * fence_y),
-    )
-
-
-def border_touch(corner: Corner) -> Touch:
-    """The same at the border y = 0: D = -y_C, Ddot = -v_C.(0, 1), w = v_C.(1, 0)."""
-    zero, one = jnp.zeros_like(corner.x), jnp.ones_like(corner.x)
-    return Touch(
-        gap=-corner.y,
-        gap_rate=-corner.y_rate,
-        sliding=corner.x_rate,
-        foot_offset=zero,
-        normal=(zero, one, corner.arm_x),
-        tangent=(one, zero, -corner.arm_y),
-        rates=(zero, zero),
-    )
-
-
 def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
     """Share t <= 1 at which s - t d is nearest to rest, given s.d and d.d; 1 where that lies
     beyond the step, or behind, or where s is not `sliding` but all but at rest."""
     turns = sliding & (ahead > 0) & (ahead < square)
     return jnp.where(turns, ahead / jnp.where(turns, square, 1.0), 1.0)
+
+
+class BeltContact(eqx.Module):
+    """The parcel's contact with the belt: the belt's speed v [m/s], the friction, the weight m_p g
+    [N] and the mean distance c [m] of the parcel's points from C_s."""
+
+    speed: Array
+    friction: Friction
+    weight: Array
+    mean_distance: Array
+
+    def slip(self, body: Body) -> tuple[Array, Array, Array]:
+        """Velocity relative to the belt, (x, y) [m/s] and c phidot [m/s]."""
+        return body.x_rate - self.speed, body.y_rate, self.mean_distance * body.spin
+
+    def force(self, body: Body, smoothing: Smoothing) -> tuple[BeltForce, tuple[Array, Array]]:
+        """The belt's force, and (grip, d grip / d s^2) of `belt_grip`."""
+        x, y, turning = self.slip(body)
+        square = x**2 + y**2 + turning**2
+        grip, bend = belt_grip(self.friction, self.weight, square, smoothing)
+        moment = -grip * self.mean_distance * turning
+        return BeltForce(-grip * x, -grip * y, moment, grip * square), (grip, bend)
 
 
 class FenceFrame(NamedTuple):
@@ -199,10 +127,7 @@ class Mechanics(eqx.Module):
     corners: dict[int, tuple[Array, Array]]
     stiffness: Array
     viscosity: Array
-    belt_speed: Array | None
-    belt_friction: Friction | None
-    weight: Array | None
-    mean_distance: Array | None
+    belt: BeltContact | None
     size: Array
     link: FlexibleLink | None
     drive: AbstractDrive | None
@@ -219,10 +144,10 @@ class Mechanics(eqx.Module):
         touching = sorted({*self.fence_corners, *self.border_corners})
         self.corners = {number: parcel.corner(number) for number in touching}
         self.stiffness, self.viscosity = parcel.stiffness, contact.viscosity(parcel)
-        self.belt_speed = None if belt is None else belt.speed
-        self.belt_friction = None if belt is None else belt.friction
-        self.weight = None if belt is None else parcel.mass * belt.gravity
-        self.mean_distance = None if belt is None else parcel.mean_distance
+        self.belt = None
+        if belt is not None:
+            weight = parcel.mass * belt.gravity
+            self.belt = BeltContact(belt.speed, belt.friction, weight, parcel.mean_distance)
         self.size = jnp.sqrt(self.inertia / self.mass)
         self.link = None if scene.fence is None else FlexibleLink(scene.fence, fidelity)
         self.drive = scene.drive
@@ -312,9 +237,9 @@ class Mechanics(eqx.Module):
             ]
 
         belt, belt_slopes, slip = None, None, None
-        if self.belt_friction is not None:
-            belt, belt_slopes = self._belt(body)
-            slip = (body.x_rate - self.belt_speed, body.y_rate, body.spin)
+        if self.belt is not None:
+            belt, belt_slopes = self.belt.force(body, self.fidelity.smoothing)
+            slip = self.belt.slip(body)
             total = [q + f for q, f in zip(total, belt[:3], strict=True)]
 
         return Forces(
@@ -329,22 +254,11 @@ class Mechanics(eqx.Module):
             slip,
         )
 
-    def _belt(self, body: Body):
-        """The belt's force, and (grip, d grip / d s^2)."""
-        square_arm = self.mean_distance**2
-        slip_x, slip_y = self.belt_speed - body.x_rate, -body.y_rate
-        square = slip_x**2 + slip_y**2 + square_arm * body.spin**2
-        grip, bend = belt_grip(self.belt_friction, self.weight, square, self.fidelity.smoothing)
-        force = BeltForce(
-            grip * slip_x, grip * slip_y, -grip * square_arm * body.spin, grip * square
-        )
-        return force, (grip, bend)
-
     def force_scale(self, forces: Forces) -> Array:
         """Size of the forces at play [N]: the normal ones, and the weight on a belt."""
         scale = jnp.full_like(forces.acceleration.x, 1e-6)
-        if self.weight is not None:
-            scale = scale + self.weight
+        if self.belt is not None:
+            scale = scale + self.belt.weight
         for what, law in zip(forces.fence, forces.laws, strict=True):
             scale = scale + jnp.abs(what.normal) + law
         for what in forces.border:
@@ -357,30 +271,31 @@ class Mechanics(eqx.Module):
         share = jnp.ones_like(forces.acceleration.x)
         rest = (0.3 * self.fidelity.slip_speed) ** 2
         for what, parts in zip((*forces.fence, *forces.border), forces.touches, strict=True):
-            turn = sum(t * c for t, c in zip(parts.tangent, change, strict=True))
+            x, y, turning = (t * c for t, c in zip(parts.tangent, change, strict=True))
+            turn = x + y + turning
             share = jnp.minimum(share, _stop(what.sliding * turn, turn**2, what.sliding**2 > rest))
-        if forces.slip is not None:
-            x, y, spin = forces.slip
-            square_arm = self.mean_distance**2
-            ahead = x * change[0] + y * change[1] + square_arm * spin * change[2]
-            square = change[0] ** 2 + change[1] ** 2 + square_arm * change[2] ** 2
-            slipping = x**2 + y**2 + square_arm * spin**2 > rest
+        if self.belt is not None and forces.slip is not None:
+            x, y, turning = forces.slip
+            turned = self.belt.mean_distance * change[2]
+            ahead = x * change[0] + y * change[1] + turning * turned
+            square = change[0] ** 2 + change[1] ** 2 + turned**2
+            slipping = x**2 + y**2 + turning**2 > rest
             share = jnp.minimum(share, _stop(ahead, square, slipping))
         return share
 
-    def rate_matrix(self, body: Body, forces: Forces, step: float, unknown_normals: bool):
+    def rate_matrix(self, forces: Forces, step: float, unknown_normals: bool):
         """-d(generalised force)/d(velocities) [N s/m], 3 x 3, at frozen directions and arms, where
         positions follow the velocities by `step` / 3.
 
         With `unknown_normals` the normal forces at the fence are held.
         """
-        zero = jnp.zeros_like(body.x)
+        zero = jnp.zeros_like(forces.acceleration.x)
         matrix = [[zero] * 3 for _ in range(3)]
-        if forces.belt_slopes is not None:
+        if self.belt is not None and forces.belt_slopes is not None and forces.slip is not None:
             grip, bend = forces.belt_slopes
-            square_arm = self.mean_distance**2
-            slip = (body.x_rate - self.belt_speed, body.y_rate, square_arm * body.spin)
-            weights = (1.0, 1.0, square_arm)
+            arm = self.belt.mean_distance
+            x, y, turning = forces.slip
+            slip, weights = (x, y, arm * turning), (1.0, 1.0, arm**2)
             for i in range(3):
                 for j in range(3):
                     matrix[i][j] = 2 * bend * slip[i] * slip[j]

@@ -65,32 +65,46 @@ class Optimum:
 
     **Fields:**
 
-    - `point`: the design z; where nothing feasible was found, the least-violating one.
-    - `objective`: its worst case, in the objective's own unit.
-    - `objectives`, `margins`: all of them at that point.
+    - `first`, `last`: the evaluations at the start and at the end, objectives over `scale`; where
+      nothing feasible was found, the last one is the least-violating of all that were made.
     - `weights`: share of each objective in the worst case's gradient [1].
-    - `multipliers`: of the margins, the rate at which the worst case (over `scale`) grows as a
-      margin is demanded to be larger.
-    - `objective_rows` (k, n), `margin_rows` (m, n): their derivatives in z.
-    - `scale`: what the objective was divided by.
-    - `residual`: stationarity, complementarity and violation at that point.
-    - `stop`, `converged`, `feasible`: why it ended; whether optimal; whether all limits hold.
+    - `multipliers`: of the margins: the rate at which the worst case (over `scale`) grows with the
+      margin that is demanded.
+    - `scale`: what the objectives were divided by.
+    - `residual`: stationarity, complementarity and violation at `last`.
+    - `stop`, `feasible`: why it ended; whether all limits hold.
     - `history`: every evaluation.
     """
 
-    point: Vector
-    objective: float
-    objectives: Vector
-    margins: Vector
+    first: Evaluation
+    last: Evaluation
     weights: Vector
     multipliers: Vector
-    objective_rows: Vector
-    margin_rows: Vector
     scale: float
     residual: Residual
     stop: Stop
     feasible: bool
     history: tuple[Record, ...]
+
+    @property
+    def point(self) -> Vector:
+        """The design z, shape (n,)."""
+        return self.last.point
+
+    @property
+    def objectives(self) -> Vector:
+        """Every objective there, in its own unit."""
+        return self.last.objectives * self.scale
+
+    @property
+    def objective(self) -> float:
+        """The worst case there, in the objective's own unit."""
+        return self.last.worst * self.scale
+
+    @property
+    def margins(self) -> Vector:
+        """Every margin there [1]."""
+        return self.last.margins
 
     @property
     def converged(self) -> bool:
@@ -113,6 +127,7 @@ class _Run:
         self.evaluations: list[Evaluation] = []
         self.records: list[Record] = []
         self.outer = 0
+        self.first: Evaluation
         self.estimate: Callable[[Evaluation], Multipliers] | None = None
         self._begin = time.perf_counter()
 
@@ -213,10 +228,9 @@ def minimize(
     inner = _METHODS[method]()
     at = run(point)
     assert at is not None
+    run.first = at
     if at.failed:
-        count = np.full(at.objectives.size, 1 / at.objectives.size)
-        blank = Multipliers(count, np.zeros(at.margins.size))
-        return _outcome(run, at, blank, Stop.FAILED_START, feasibility)
+        return _outcome(run, at, _initial(at), Stop.FAILED_START, feasibility)
     at, multipliers, stop = _outer_loop(run, inner, at, tolerance, feasibility, penalty)
     if stop is not Stop.OPTIMAL:
         at, multipliers, stop = _least_violating(
@@ -227,8 +241,7 @@ def minimize(
 
 def _outer_loop(run: _Run, inner, at: Evaluation, tolerance, feasibility, penalty):
     """Descend, update the multipliers, raise the penalty where the violation does not fall."""
-    count = at.objectives.size
-    multipliers = Multipliers(np.full(count, 1 / count), np.zeros(at.margins.size))
+    multipliers = _initial(at)
     inner_tolerance, violation, idle = 0.1, np.inf, 0
 
     def optimal(at, multipliers):
@@ -270,6 +283,11 @@ def _outer_loop(run: _Run, inner, at: Evaluation, tolerance, feasibility, penalt
         violation = slack
         inner_tolerance = max(0.2 * inner_tolerance, 0.3 * tolerance)
     return at, multipliers, Stop.STAGNATED
+
+
+def _initial(at: Evaluation) -> Multipliers:
+    count = at.objectives.size
+    return Multipliers(np.full(count, 1 / count), np.zeros(at.margins.size))
 
 
 def _slack(at: Evaluation, multipliers: Multipliers) -> float:
@@ -317,17 +335,12 @@ def _refit(at: Evaluation, multipliers: Multipliers) -> Multipliers:
 
 
 def _outcome(run: _Run, at: Evaluation, multipliers: Multipliers, stop, feasibility) -> Optimum:
-    scale = run.scale or 1.0
     return Optimum(
-        point=at.point,
-        objective=at.worst * scale,
-        objectives=at.objectives * scale,
-        margins=at.margins,
+        first=run.first,
+        last=at,
         weights=multipliers.weights,
         multipliers=multipliers.margins,
-        objective_rows=at.objective_rows * scale,
-        margin_rows=at.margin_rows,
-        scale=scale,
+        scale=run.scale or 1.0,
         residual=residual(at, multipliers, run.logits),
         stop=stop,
         feasible=at.violation <= feasibility,

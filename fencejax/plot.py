@@ -77,8 +77,18 @@ def _over_time(signals: Signals, field: str, factor: float, axes: "Axes | None")
 
 
 def _legend(axes: "Axes") -> None:
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(frameon=False, fontsize="small")
+    count = len(axes.get_legend_handles_labels()[0])
+    if count:
+        columns = 2 if count == 4 else 3
+        # Above the axes, where it hides nothing.
+        axes.legend(
+            frameon=False,
+            fontsize="small",
+            ncols=columns,
+            loc="lower left",
+            bbox_to_anchor=(0, 1.0),
+            columnspacing=1.2,
+        )
 
 
 def force(
@@ -129,8 +139,8 @@ def convergence(
     """Above, the worst case [`unit`] at each evaluation; below, violation and the residual of the
     conditions of Karush, Kuhn and Tucker [1], with `tolerance` as a line.
 
-    Evaluations that failed are left out of the lines and marked on the horizontal axis. Values
-    below 1e-8 are drawn there.
+    Evaluations that failed are left out of the lines and marked on the horizontal axis; a point
+    with no violation has no mark below.
     """
     if axes is None:
         from matplotlib.figure import Figure
@@ -149,7 +159,8 @@ def convergence(
         ("largest violation", _COLORS[2], [record.violation for record in good]),
         ("KKT residual", _COLORS[1], [record.kkt for record in good]),
     ):
-        shown = np.maximum(np.asarray(values, dtype=float), 1e-8)
+        shown = np.asarray(values, dtype=float)
+        shown = np.where(shown > 0, shown, np.nan)
         lower.semilogy(number, shown, "o-", color=color, markersize=3, label=label)
     if tolerance is not None:
         lower.axhline(tolerance, color="black", linestyle="--", linewidth=1, label="tolerance")
@@ -161,6 +172,8 @@ def convergence(
         )  # fmt: skip
     lower.set_xlabel("evaluation")
     lower.set_ylabel("violation, residual [1]")
+    if not any(record.violation > 0 or record.kkt > 0 for record in good):
+        lower.set_yscale("linear")
     _legend(lower)
     return upper, lower
 

@@ -1,13 +1,13 @@
 """What a simulation returns."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array
 
 from .instant import Instant, Power
-from .mechanics import Body
+from .kinematics import Body
 from .status import Status
 from .tally import Tally
 
@@ -107,6 +107,8 @@ class Result(eqx.Module):
     """y of C_s at the last contact [m]."""
     furthest_y: Array
     """Largest y of C_s at a step [m]: how far the parcel got across the belt."""
+    largest_place: Array
+    """Largest arc coordinate of a corner under load [m]: how far out on the fence the contact got."""
     peak_border_force: Array
     """Largest normal force of the border on the parcel [N]."""
     peak_torque: Array
@@ -128,7 +130,7 @@ class Result(eqx.Module):
 
     def __str__(self) -> str:
         leaf = self.peak_force
-        if isinstance(leaf, jax.core.Tracer):
+        if isinstance(leaf, Tracer):
             return "Result(traced)"
         if leaf.ndim:
             counts = np.unique(np.asarray(self.status), return_counts=True)
@@ -187,6 +189,7 @@ def gather(
         leave_x=stay.x,
         leave_y=stay.y,
         furthest_y=tally.furthest,
+        largest_place=tally.largest_place,
         peak_border_force=tally.border.value,
         peak_torque=tally.torque.value,
         deepest=tally.deepest,

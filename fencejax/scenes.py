@@ -3,8 +3,8 @@
 from typing import Literal
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
 from . import _check
@@ -12,7 +12,7 @@ from .belt import Belt, Border
 from .drive import AbstractDrive, HarmonicDrive
 from .fence import Fence
 from .friction import Friction
-from .mechanics import Body
+from .kinematics import Body
 from .parcel import Parcel
 from .start import (
     AbstractStart,
@@ -73,7 +73,7 @@ def _belt(belt: Belt | None | Default) -> Belt | None:
 
 def _place(distance: ArrayLike, fence: Fence) -> Array:
     place = _check.scalar("distance", distance, least=0, unit="m")
-    if not isinstance(place + fence.reach, jax.core.Tracer):
+    if not isinstance(place + fence.reach, Tracer):
         _check.scalar(
             "distance",
             place,
@@ -87,7 +87,7 @@ def _place(distance: ArrayLike, fence: Fence) -> Array:
 def _drive_angle(angle: ArrayLike, drive: AbstractDrive) -> Array:
     checked = _check.scalar("drive_angle", angle, least=-1.5, most=1.5, unit="rad")
     furthest = drive.angle(drive.turning_time)
-    if not isinstance(checked + furthest, jax.core.Tracer):
+    if not isinstance(checked + furthest, Tracer):
         _check.scalar(
             "drive_angle",
             checked,
@@ -104,7 +104,7 @@ def _duration(duration: float | None, default: float) -> float:
 
 def _cycle(drive: AbstractDrive) -> float:
     cycle = drive.cycle
-    if isinstance(cycle, jax.core.Tracer) or cycle.ndim > 0:
+    if isinstance(cycle, Tracer) or cycle.ndim > 0:
         raise ValueError(
             "Argument `duration` [s] must be given where the drive's cycle time is traced, but is "
             "None. Write, for example, duration=1.36: it sets the number of steps."

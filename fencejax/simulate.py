@@ -1,17 +1,18 @@
 """Run a scene."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array
 
-from . import integrate, wall
+from . import general, integrate, modal_step, wall
+from .clock import Clock
 from .fidelity import Fidelity
 from .forward import by_columns
+from .kinematics import Body
 from .link import Vibration
-from .mechanics import Body, Mechanics
-from .modal_step import Clock, fence_point, first_instant
+from .mechanics import Mechanics
 from .result import Result, gather
 from .scenes import Scene, WallScene
 from .start import Pose
@@ -58,7 +59,7 @@ def simulate(
 
 def raise_for(result: Result) -> None:
     """Raise `RuntimeError` if any lane's status is not among those with good numbers."""
-    if isinstance(result.status, jax.core.Tracer):
+    if isinstance(result.status, Tracer):
         raise TypeError("throw=True needs concrete numbers: read `status` inside a transformation.")
     outcome = Status(int(np.max(np.asarray(result.status))))
     if outcome > Status.LEFT_OVER_TIP:
@@ -75,9 +76,8 @@ def _compiled(scene, fidelity: Fidelity, history: bool) -> Result:
             return wall.run(whole, fidelity, history)
         return _run(whole, fidelity, history)
 
-    if fidelity.gradient == "forward":
-        outcome = by_columns(outcome)
-    result = outcome(numbers)
+    run = by_columns(outcome) if fidelity.gradient == "forward" else outcome
+    result = run(numbers)
     return eqx.tree_at(lambda r: r.status, result, result.status.astype(jnp.int32))
 
 
@@ -96,7 +96,7 @@ def initial_state(
         distance = scene.start.distance()
         if distance is not None:
             drive = scene.drive.motion(time)
-            point = fence_point(mechanics, link.shape(distance), vibration)
+            point = link.point(link.shape(distance), vibration)
             cosine, sine = jnp.cos(drive.angle), jnp.sin(drive.angle)
             normal_rate = (point.y_rate + drive.speed * point.x) * jnp.cos(point.slope)
             normal_rate = normal_rate - (point.x_rate - drive.speed * point.y) * jnp.sin(
@@ -121,12 +121,12 @@ def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
     steps = integrate.count_steps(scene.duration, fidelity.step)
     clock = Clock(mechanics, time, scene.duration / steps)
     drive = None if scene.drive is None else scene.drive.motion(time)
-    memory, first = first_instant(mechanics, clock, body, vibration, drive)
+    memory, first = modal_step.first(mechanics, body, vibration, drive)
     done: Array | float = 1.0
     if fidelity.integrator == "modal":
         tally, samples = integrate.modal(mechanics, clock, (memory, first), steps, history)
     else:
-        tally, samples, done = integrate.general(mechanics, clock, body, vibration, steps)
+        tally, samples, done = general.run(mechanics, clock, body, vibration, steps)
     return gather(
         tally,
         first,

@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from .belt import Belt
 from .drive import AbstractDrive, DriveMotion
-from .mechanics import Body
+from .kinematics import Body
 from .parcel import Parcel
 
 

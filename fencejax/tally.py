@@ -71,6 +71,7 @@ class Tally(NamedTuple):
     stay: Stay
     deepest: Array
     furthest: Array
+    largest_place: Array
     over_tip: Array
     defect: Array
 
@@ -83,6 +84,7 @@ def _gap(instant: Instant, reach: Array | None) -> Array:
     """The deepest gap of the corners that are over the fence; -1 m where there is none."""
     gap = jnp.full_like(instant.time, -1.0)
     for c in instant.fence:
+        assert reach is not None
         over = (c.place >= 0) & (c.place <= reach)
         gap = jnp.maximum(gap, jnp.where(over, c.gap, -1.0))
     return gap
@@ -116,6 +118,7 @@ def begin(instant: Instant, reach: Array | None) -> Tally:
         stay=stay,
         deepest=_deepest(instant, zero),
         furthest=instant.body.y,
+        largest_place=_largest_place(instant, zero),
         over_tip=zero,
         defect=zero,
     )
@@ -124,6 +127,12 @@ def begin(instant: Instant, reach: Array | None) -> Tally:
 def _deepest(instant, least):
     for c in (*instant.fence, *instant.border):
         least = jnp.maximum(least, jnp.where(c.normal > 0, c.gap, 0.0))
+    return least
+
+
+def _largest_place(instant, least):
+    for c in instant.fence:
+        least = jnp.maximum(least, jnp.where(c.normal > 0, c.place, 0.0))
     return least
 
 
@@ -162,6 +171,7 @@ def add(
     higher = instant.stress >= tally.stress.value
     over = tally.over_tip
     for c in instant.fence:
+        assert reach is not None
         passed = (c.place > reach) & (c.gap > 0) & (c.normal > 0)
         over = jnp.where(passed, 1.0, over)
     return Tally(
@@ -177,6 +187,7 @@ def add(
         stay=_stayed(tally.stay, instant, before, _gap(instant, reach), step),
         deepest=_deepest(instant, tally.deepest),
         furthest=jnp.maximum(tally.furthest, instant.body.y),
+        largest_place=_largest_place(instant, tally.largest_place),
         over_tip=over,
         defect=jnp.maximum(tally.defect, defect),
     )

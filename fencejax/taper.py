@@ -1,6 +1,7 @@
 """The thickness of the flexible link along its length, h(x) = h_1 g(x / l_p)."""
 
 import abc
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -19,7 +20,7 @@ class AbstractTaper(eqx.Module):
     """
 
     @abc.abstractmethod
-    def __call__(self, position, tip_distance):
+    def __call__(self, position: Any, tip_distance: Any) -> Any:
         """g(x / l_p) [1] at `position` = x / l_p, of any shape.
 
         `tip_distance` = 1 - x / l_p is given beside it, free of cancellation. The array functions

@@ -2,14 +2,14 @@
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from . import contact, integrate, newton, tally
 from .fidelity import Fidelity
 from .instant import Energy, Instant, Power
-from .mechanics import Acceleration, Body, Contact
+from .kinematics import Acceleration, Body
+from .mechanics import Contact
 from .result import Result, gather
 from .scenes import WallScene
 from .status import Status, worst

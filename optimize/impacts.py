@@ -2,15 +2,16 @@
 
 import dataclasses
 
-import fencejax as fj
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
+
+import fencejax as fj
 from fencejax import objectives
 from fencejax.design import DesignSpace
 from fencejax.objectives import Limit
 from fencejax.plot import Trace
-from jaxtyping import Array
 
 
 @dataclasses.dataclass(frozen=True)

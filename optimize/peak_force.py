@@ -8,69 +8,29 @@ the tip clearance and the sort itself. The limits are asked of every impact.
 
 What is designed, by default: the thickness h_1 and the length ratio l_s / l_p at a fixed reach,
 and Young's modulus, the choice of the material. The damping ratio and the density can be added,
-but move the force by less than 0.1 % for each 1 % of theirs, and always the same way: they would
-only go to a bound.
+but 1 % of theirs moves the worst peak force of the paper's fence by less than 0.1 %.
 
 Whether the parcel is diverted is asked of the impacts themselves: within `duration` its centre of
 gravity must pass the belt's far edge. Whole sorts of the optimum are then run as a check.
 """
 
-import argparse
+import concurrent.futures
 import dataclasses
 import sys
 import time
-from collections.abc import Sequence
-from pathlib import Path
 
-import fencejax as fj
 import jax
 import jax.numpy as jnp
 import numpy as np
-from fencejax import objectives
+
+import fencejax as fj
 from fencejax.design import VARIABLES, DesignSpace, DesignVariable
+from fencejax.lagrangian import Evaluation
 from fencejax.optimizer import Optimum, minimize
 from fencejax.plot import Trace
 
 from . import impacts as batch, report
-
-
-@dataclasses.dataclass(frozen=True)
-class PeakForceConfig:
-    """Every number of the job; `help` in the metadata is what `--help` shows."""
-
-    out: Path = Path("out")
-    distances: tuple[float, ...] = (0.8, 0.9, 1.0)
-    masses: tuple[float, ...] = (10.0, 15.0, 20.0)
-    drive_angle: float = 0.30
-    duration: float = 0.25
-    variables: tuple[str, ...] = ("thickness", "length_ratio", "youngs_modulus")
-    bounds: tuple[tuple[str, float, float], ...] = ()
-    tip_limit: float = 0.08
-    stress_limit: float = 40e6
-    tip_clearance: float = 0.02
-    crossing: float = 0.0
-    reserve: float = 0.005
-    method: str = "lbfgs"
-    tolerance: float = 1e-3
-    feasibility: float = 1e-4
-    penalty: float = 10.0
-    budget: int = 120
-    fidelity: str = "standard"
-    reference: bool = True
-    agreement: float = 0.01
-    sort_masses: tuple[float, ...] = (10.0, 15.0, 20.0)
-    sort_front: float = 0.1
-    plots: bool = True
-
-    @property
-    def limits(self) -> tuple[objectives.Limit, ...]:
-        """What every impact must hold."""
-        return (
-            objectives.tip_deflection_limit(self.tip_limit),
-            objectives.stress_limit(self.stress_limit),
-            objectives.diverted_limit(self.crossing),
-            objectives.tip_clearance_limit(self.tip_clearance),
-        )
+from .configuration import PeakForceConfig, configure
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,14 +71,53 @@ def _space(config: PeakForceConfig) -> DesignSpace:
     return DesignSpace(chosen)
 
 
-def _measured(limits, optimum_objectives, optimum_margins, reserve) -> batch.Measurement:
+def _measured(config: PeakForceConfig, optimum: Optimum, at: Evaluation) -> batch.Measurement:
     """Values of an evaluation, from its margins."""
-    lanes = optimum_objectives.size
-    found = batch.Measurement(peak_force=optimum_objectives)
-    for limit, row in zip(limits, optimum_margins.reshape(len(limits), lanes), strict=True):
-        span = (row + reserve) * limit.unit_of_margin
+    lanes = at.objectives.size
+    found = batch.Measurement(peak_force=at.objectives * optimum.scale)
+    rows = at.margins.reshape(len(config.limits), lanes) + config.reserve
+    for limit, row in zip(config.limits, rows, strict=True):
+        span = row * limit.unit_of_margin
         found[limit.name] = limit.bound - span if limit.sense == "at most" else limit.bound + span
     return found
+
+
+class _Checks:
+    """The programs run once the optimum is known, compiled beside the optimisation."""
+
+    def __init__(self, config: PeakForceConfig, space: DesignSpace, impacts: batch.Impacts):
+        name = "reference" if config.reference else config.fidelity
+        fidelity = getattr(fj.Fidelity, name)()
+        cycle = float(space.drive.cycle)
+
+        def impact(values):
+            return batch.measure(space, impacts, config.limits, fidelity, values)
+
+        def sort(values):
+            return batch.whole_sorts(
+                space, config.sort_front, config.sort_masses, cycle, values
+            )
+
+        size = len(space.variables)
+        pool = concurrent.futures.ThreadPoolExecutor(max_workers=1)
+
+        def compiled(function, *shape):
+            values = jax.ShapeDtypeStruct(shape, jnp.zeros(()).dtype)
+            return pool.submit(lambda: jax.jit(function).lower(values).compile())
+
+        self._impacts = compiled(jax.vmap(impact), 2, size)
+        self._sorts = compiled(sort, size) if config.sort_masses else None
+        pool.shutdown(wait=False)
+
+    def impacts(self, before, after):
+        """Measurements and signals of both designs, stacked."""
+        return jax.device_get(self._impacts.result()(jnp.stack([before, after])))
+
+    def sorts(self, after):
+        """Measurements of the whole sorts; `None` where none are asked for."""
+        if self._sorts is None:
+            return None
+        return jax.device_get(self._sorts.result()(jnp.asarray(after)))
 
 
 def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outcome:
@@ -134,6 +133,7 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     config.out.mkdir(parents=True, exist_ok=True)
     fidelity = getattr(fj.Fidelity, config.fidelity)()
     before = np.asarray(space.values_of(space.fence, space.drive))
+    checks = _Checks(config, space, impacts)
     say(f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling ...")
     optimum = minimize(
         batch.problem(space, impacts, limits, fidelity, config.reserve),
@@ -148,25 +148,15 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     )
     after = np.asarray(space.from_unconstrained(optimum.point))
     say(f"\nstopped: {optimum.stop.value} ({len(optimum.history)} evaluations)")
-    return _confirm(config, optimum, space, impacts, before, after, say, begin)
+    return _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
 
 
-def _confirm(config, optimum, space, impacts, before, after, say, begin) -> Outcome:
+def _confirm(config, optimum, space, impacts, checks, before, after, say, begin) -> Outcome:
     """Re-run the two designs, say and write what came out."""
     limits = config.limits
-    fidelity = fj.Fidelity.reference() if config.reference else getattr(
-        fj.Fidelity, config.fidelity)()  # fmt: skip
-
-    @jax.jit
-    def both(designs):
-        def one(values):
-            return batch.measure(space, impacts, limits, fidelity, values)
-
-        return jax.vmap(one)(designs)
-
-    measured, signals = jax.device_get(both(jnp.stack([before, after])))
+    measured, signals = checks.impacts(before, after)
     old, new = ({k: v[i] for k, v in measured.items()} for i in (0, 1))
-    found = _measured(limits, optimum.objectives, optimum.margins, config.reserve)
+    found = _measured(config, optimum, optimum.last)
     label = "reference" if config.reference else config.fidelity
     rows = {f"before, {label}": old, f"after, {config.fidelity}": found, f"after, {label}": new}
     say("\n" + report.design_table(space, before, after))
@@ -183,30 +173,22 @@ def _confirm(config, optimum, space, impacts, before, after, say, begin) -> Outc
             f"{least:+.4f}, status {fj.Status(int(np.max(new['status']))).name}: "
             f"{'confirmed' if confirmed else 'NOT confirmed'}"
         )
-    sorted_out = _sorts(config, space, after, say)
+    sorted_out = _sorted_out(config, checks.sorts(after), say)
     drop = 1 - np.max(new["peak_force"]) / np.max(old["peak_force"])
     outcome = Outcome(
         optimum, space, before, after, {"before": old, "found": found, "after": new},
         confirmed, sorted_out, time.perf_counter() - begin,
     )  # fmt: skip
     say("\n" + _verdict(outcome, drop))
-    _write(config, outcome, impacts, signals, fj.Belt().speed)
+    _write(config, outcome, impacts, signals)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
 
 
-def _sorts(config, space, after, say) -> bool | None:
-    """Whether whole sorts of the optimum divert the parcel; `None` where none are asked for."""
-    if not config.sort_masses:
+def _sorted_out(config, sorts, say) -> bool | None:
+    """Whether whole sorts of the optimum divert the parcel; `None` where none were run."""
+    if sorts is None:
         return None
-    fence, drive = space.apply(after)
-    del fence
-    run = jax.jit(
-        lambda values: batch.whole_sorts(
-            space, config.sort_front, config.sort_masses, float(drive.cycle), values
-        )
-    )
-    sorts = jax.device_get(run(jnp.asarray(after)))
     least = float(np.min(sorts["crossing"]))
     worst = fj.Status(int(np.max(sorts["status"])))
     fine = least >= config.crossing and worst <= fj.Status.LEFT_OVER_TIP
@@ -231,7 +213,8 @@ def _verdict(outcome: Outcome, drop: float) -> str:
             f"were tried: it breaks a limit by {100 * left.violation:.3g} % (reserve included). "
             "Relax that limit, widen the bounds, or add variables."
         )
-    text += f"the worst peak force falls by {100 * drop:.1f} %"
+    word = "falls" if drop > 0 else "rises, to hold the limits,"
+    text += f"the worst peak force {word} by {100 * abs(drop):.1f} %"
     if not optimum.converged:
         return text + ", but the design is not shown to be optimal: " + optimum.stop.value
     if not outcome.succeeded:
@@ -239,9 +222,16 @@ def _verdict(outcome: Outcome, drop: float) -> str:
     return text
 
 
-def _write(config, outcome, impacts, signals, belt_speed) -> None:
+def _write(config, outcome, impacts, signals) -> None:
     space, optimum = outcome.space, outcome.optimum
-    bars = report.elasticities(space, config.limits, optimum, outcome.measured["found"])
+    first = _measured(config, optimum, optimum.first)
+    bars = {
+        when: report.elasticities(space, config.limits, at, values)
+        for when, at, values in (
+            ("before", optimum.first, first),
+            ("after", optimum.last, outcome.measured["found"]),
+        )
+    }
     report.write_json(config.out / "history.json", report.history_rows(space, optimum))
     content = {
         "config": dataclasses.asdict(config),
@@ -273,87 +263,36 @@ def _write(config, outcome, impacts, signals, belt_speed) -> None:
     }
     report.write_json(config.out / "result.json", content)
     if config.plots:
-        lane = int(np.argmax(optimum.objectives))
+        _draw(config, outcome, impacts, signals, bars)
+
+
+def _draw(config, outcome, impacts, signals, bars) -> None:
+    found = outcome.measured["found"]
+
+    def shown(lane):
         distance, mass = impacts.lanes[lane]
-        where = f"R = {distance:g} m, {mass:g} kg"
-        shown = {
-            f"{name}, {where}": Trace(*(part[index, lane] for part in signals))
+        return {
+            f"{name}, R = {distance:g} m, {mass:g} kg": Trace(
+                *(part[index, lane] for part in signals)
+            )
             for index, name in enumerate(("before", "after"))
         }
-        stiff = batch.stiff_force(impacts, space.apply(outcome.after)[1], float(belt_speed), lane)
-        report.draw(
-            config.out, shown, stiff, config.tip_limit, optimum, config.tolerance, bars
-        )
 
-
-_HELP = {
-    "out": "folder for history.json, result.json and the figures",
-    "distances": "arc coordinates of the first touch [m]",
-    "masses": "parcel masses [kg]",
-    "drive_angle": "drive angle at the first touch [rad]",
-    "duration": "length of each impact [s]; the parcel must be diverted within it",
-    "variables": f"what is designed, of {', '.join(VARIABLES)}",
-    "bounds": "bounds in SI units instead of the default ones, as name=lower:upper",
-    "tip_limit": "largest tip deflection [m]",
-    "stress_limit": "largest bending stress [Pa]; 40 MPa stays below the yield of PA6, dry or not",
-    "tip_clearance": "shortest distance from a loaded corner to the tip [m]",
-    "crossing": "how far the parcel's centre must get past the belt's edge [m]",
-    "reserve": "kept in hand of every margin [1], for the difference to the reference fidelity",
-    "method": "inner descent: lbfgs or adam",
-    "tolerance": "on stationarity and complementarity [1]",
-    "feasibility": "violation of a margin that counts as none [1]",
-    "penalty": "penalty of the augmented Lagrangian at the start [1]",
-    "budget": "evaluations at most",
-    "fidelity": "fidelity of the optimisation: fast, standard or reference",
-    "reference": "re-run the first and the last design at the reference fidelity",
-    "agreement": "largest relative difference of the force at the reference that confirms it [1]",
-    "sort_masses": "parcel masses of the whole sorts run as a check [kg]; none: no check",
-    "sort_front": "where the parcel's front is when such a sort starts [m]",
-    "plots": "draw the figures",
-}
-
-
-def _bounds(text: str) -> tuple[str, float, float]:
-    name, _, span = text.partition("=")
-    lower, _, upper = span.partition(":")
-    try:
-        return name, float(lower), float(upper)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"must be name=lower:upper, but is {text!r}") from error
-
-
-def parser() -> argparse.ArgumentParser:
-    """One flag for each field of the configuration."""
-    result = argparse.ArgumentParser(
-        prog="python -m optimize.peak_force",
-        description=(__doc__ or "").partition("\n")[0],
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-    )
-    for field in dataclasses.fields(PeakForceConfig):
-        flag, default = "--" + field.name.replace("_", "-"), field.default
-        settings: dict = {"default": default, "help": _HELP[field.name]}
-        if isinstance(default, bool):
-            settings["action"] = argparse.BooleanOptionalAction
-        elif field.name == "bounds":
-            settings.update(type=_bounds, nargs="*", metavar="NAME=LOWER:UPPER")
-        elif isinstance(default, tuple):
-            kind = type(default[0])
-            settings.update(type=kind, nargs="*" if field.name == "sort_masses" else "+")
-        else:
-            settings["type"] = type(default) if not isinstance(default, Path) else Path
-        if field.name == "method":
-            settings["choices"] = ("lbfgs", "adam")
-        if field.name == "fidelity":
-            settings["choices"] = ("fast", "standard", "reference")
-        result.add_argument(flag, **settings)
-    return result
-
-
-def configure(arguments: Sequence[str] | None = None) -> PeakForceConfig:
-    """The configuration that flags describe."""
-    given = vars(parser().parse_args(arguments))
-    return PeakForceConfig(
-        **{name: tuple(v) if isinstance(v, list) else v for name, v in given.items()}
+    worst = int(np.argmax(found["peak_force"]))
+    drive, speed = outcome.space.apply(outcome.after)[1], float(fj.Belt().speed)
+    report.draw(
+        config.out,
+        shown(worst),
+        shown(int(np.argmax(found["tip_deflection"]))),
+        batch.stiff_force(impacts, drive, speed, worst),
+        config.tip_limit,
+        outcome.optimum,
+        config.tolerance,
+        {
+            f"{name}, {when}": bars[when][name]
+            for name in ("peak_force", "tip_deflection")
+            for when in ("before", "after")
+        },
     )
 
 

@@ -5,8 +5,10 @@ import math
 from pathlib import Path
 
 import numpy as np
+
 from fencejax import plot
 from fencejax.design import DesignSpace
+from fencejax.lagrangian import Evaluation
 from fencejax.objectives import Limit
 from fencejax.optimizer import Optimum, Record
 from fencejax.status import Status
@@ -75,29 +77,32 @@ def design_table(space: DesignSpace, before, after) -> str:
     return "\n".join(lines)
 
 
-def elasticities(space: DesignSpace, limits: tuple[Limit, ...], optimum: Optimum,
-                 measured) -> dict[str, dict[str, float]]:
-    """d ln Q / d ln p [1] at the optimum, of the peak force and of the limited quantities that are
-    positive, each in the impact where it is worst."""
-    values = np.asarray(space.from_unconstrained(optimum.point))
-    share = 1 / (1 + np.exp(-optimum.point))
-    span = np.array([
-        v.upper - v.lower if v.scaling == "linear" else x * math.log(v.upper / v.lower)
-        for v, x in zip(space.variables, values, strict=True)
-    ])  # fmt: skip
-    factor = values / (span * np.maximum(share * (1 - share), 1e-12))
-    count = optimum.objectives.size
-    worst = int(np.argmax(optimum.objectives))
-    row = optimum.objective_rows[worst] / optimum.objectives[worst]
-    table = {"peak_force": row}
+def elasticities(
+    space: DesignSpace, limits: tuple[Limit, ...], at: Evaluation, measured
+) -> dict[str, dict[str, float]]:
+    """d ln Q / d ln p [1] of the peak force and of the limited quantities that are positive, each
+    in the impact where it is worst. A variable whose value is 0 has none: 0."""
+    values = np.asarray(space.from_unconstrained(at.point))
+    share = 1 / (1 + np.exp(-at.point))
+    spans = [
+        variable.upper - variable.lower
+        if variable.scaling == "linear"
+        else value * math.log(variable.upper / variable.lower)
+        for variable, value in zip(space.variables, values, strict=True)
+    ]
+    # d ln p / dz = (dp / ds) s (1 - s) / p.
+    factor = values / (np.asarray(spans) * np.maximum(share * (1 - share), 1e-12))
+    count = at.objectives.size
+    worst = int(np.argmax(at.objectives))
+    rows = {"peak_force": at.objective_rows[worst] / at.objectives[worst]}
     for index, limit in enumerate(limits):
         value, _, lane = _worst(limit, measured[limit.name])
         if value > 0:
-            slope = optimum.margin_rows[index * count + lane] * limit.unit_of_margin
-            table[limit.name] = (-slope if limit.sense == "at most" else slope) / value
+            slope = at.margin_rows[index * count + lane] * limit.unit_of_margin / value
+            rows[limit.name] = -slope if limit.sense == "at most" else slope
     return {
         name: dict(zip(space.names, (row * factor).tolist(), strict=True))
-        for name, row in table.items()
+        for name, row in rows.items()
     }
 
 
@@ -141,12 +146,20 @@ def history_rows(space: DesignSpace, optimum: Optimum) -> list[dict]:
     return rows
 
 
-def draw(out: Path, signals: dict[str, plot.Trace], stiff: float | None, tip_limit: float,
-         optimum: Optimum, tolerance: float, bars: dict) -> None:
-    """Write the four figures."""
+def draw(
+    out: Path,
+    force: dict[str, plot.Trace],
+    deflection: dict[str, plot.Trace],
+    stiff: float | None,
+    tip_limit: float,
+    optimum: Optimum,
+    tolerance: float,
+    bars: dict[str, dict[str, float]],
+) -> None:
+    """Write the four figures: force and deflection in the impact where each is worst."""
     drawn = {
-        "force": plot.force(signals, stiff_force=stiff),
-        "tip_deflection": plot.tip_deflection(signals, limit=tip_limit),
+        "force": plot.force(force, stiff_force=stiff),
+        "tip_deflection": plot.tip_deflection(deflection, limit=tip_limit),
         "convergence": plot.convergence(optimum.history, tolerance=tolerance)[0],
         "gradient": plot.gradient_bars(bars),
     }

@@ -383,7 +383,9 @@ def test_rest_and_tip():
     state = vibration(link)
     shape = shape_at(link, link.reach)
     np.testing.assert_allclose(
-        link.tip_deflection(state.amplitude), dot(shape.deflection, state.amplitude), rtol=1e-12
+        link.tip_deflection(state.amplitude, (), ()),
+        dot(shape.deflection, state.amplitude),
+        rtol=1e-12,
     )
 
 
@@ -404,6 +406,6 @@ def test_a_fence_without_modes_is_rigid():
     shape = shape_at(link, 0.8)
     assert shape.deflection == ()
     assert shape.residual is None
-    assert float(link.tip_deflection(())) == 0.0
+    assert float(link.tip_deflection((), (), ())) == 0.0
     state = link.swung(HarmonicDrive(), jnp.asarray(0.3))
     assert jax.tree.leaves(state) == []

@@ -11,8 +11,9 @@ from independent import polar
 
 import fencejax as fj
 from fencejax.drive import DriveMotion
+from fencejax.kinematics import Body
 from fencejax.link import FencePoint
-from fencejax.mechanics import Body, Mechanics
+from fencejax.mechanics import Mechanics
 
 COUNT = 200
 PARCEL = {"mass": 11.0, "length": 0.43, "breadth": 0.31, "center_x": 0.04, "center_y": -0.05}

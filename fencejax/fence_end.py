@@ -1,0 +1,140 @@
+"""The fence at the end of a step, as a function of the contact forces there."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .clock import Clock
+from .drive import DriveMotion
+from .instant import FenceState
+from .link import Blocks, FencePoint, FlexibleLink, Shape, Vibration, dot, propagate
+
+
+class FenceEnd(eqx.Module):
+    """The fence at the end of a step as a function of the contact forces there.
+
+    With the small-deflection geometry the deflection, its rate and the slope at each place are
+    affine in the forces, and Newton's method sees these few numbers instead of the modes.
+    """
+
+    link: FlexibleLink
+    clock: Clock
+    drive: DriveMotion
+    places: tuple[Array, ...]
+    normals_before: tuple[Array, ...]
+    lagged_before: tuple[Array, ...]
+    shapes: tuple[Shape, ...]
+    inertia: Blocks
+    free: Vibration
+    affine: tuple
+
+    def __init__(
+        self,
+        link: FlexibleLink,
+        clock: Clock,
+        drive: DriveMotion,
+        before: FenceState,
+        normals: tuple[Array, ...],
+        places: tuple[Array, ...],
+    ):
+        """`before` is the fence at the start of the step, under the contact forces `normals` [N];
+        `places` are the arc coordinates [m] under the corners at its end."""
+        self.link, self.clock, self.drive, self.places = link, clock, drive, places
+        self.normals_before, self.lagged_before = normals, before.lagged_rate
+        self.shapes = tuple(link.shape(place) for place in places)
+        self.inertia = link.inertia_force(drive)
+        self.free = propagate(clock.maps, before.vibration, before.modal_force, self.inertia)
+        self.affine = tuple(self._affine(k) for k in range(len(places)))
+
+    @property
+    def flexible(self) -> bool:
+        """Whether there are modes: a rigid fence does not answer to the forces."""
+        return len(self.link.frequency_squared) > 0
+
+    def _affine(self, k: int):
+        """Deflection, its rate and slope at one place: at no contact force, and per newton [1/N]
+        of each contact's force at the step's end."""
+        shape, link = self.shapes[k], self.link
+        free = (
+            dot(shape.deflection, self.free.amplitude),
+            dot(shape.deflection, self.free.rate),
+            dot(shape.slope, self.free.amplitude),
+        )
+        gains = []
+        for other in self.shapes:
+            pushed = [m.q_end * b for m, b in zip(self.clock.maps, other.load, strict=True)]
+            struck = [m.v_end * b for m, b in zip(self.clock.maps, other.load, strict=True)]
+            gains.append(
+                (
+                    dot(shape.deflection, pushed) / link.mass_scale,
+                    dot(shape.deflection, struck) / link.mass_scale,
+                    dot(shape.slope, pushed) / link.mass_scale,
+                )
+            )
+        return free, tuple(gains)
+
+    def compliance(self, k: int, other: int):
+        """How far [m/N] and how fast [m/s/N] place k gives way at the step's end for a force at
+        another place there."""
+        give, give_rate, _ = self.affine[k][1][other]
+        own = self.shapes[k].residual
+        if own is not None and k == other:
+            by_rate = (1 - self.clock.lag_decay) / self.clock.step
+            give = give + own * (1 - self.link.lag * by_rate)
+            give_rate = give_rate + own * by_rate
+        return give, give_rate
+
+    def points(self, normals) -> tuple[FencePoint, ...]:
+        """The point of the fence under each corner."""
+        if not self.flexible:
+            zero = jnp.zeros_like(self.drive.angle)
+            return tuple(FencePoint(place, zero, zero, zero, zero) for place in self.places)
+        return tuple(self._point(k, normals) for k in range(len(self.places)))
+
+    def _point(self, k: int, normals) -> FencePoint:
+        link, shape = self.link, self.shapes[k]
+        extra, extra_rate = self._residual(k, normals[k])
+        if link.geometry == "chord":
+            return link.chord_point(shape, self._vibration(normals), extra, extra_rate)
+        (deflection, rate, slope), gains = self.affine[k]
+        for normal, (give, give_rate, lean) in zip(normals, gains, strict=True):
+            deflection = deflection - give * normal
+            rate = rate - give_rate * normal
+            slope = slope - lean * normal
+        if link.geometry == "arc":
+            return link.arc_point(shape, self.free, deflection + extra, rate + extra_rate, slope)
+        return link.small_point(shape, deflection + extra, rate + extra_rate, slope)
+
+    def _residual(self, k: int, normal):
+        """Deflection [m] of the modes left out and its rate: G r with r + beta rdot = N."""
+        compliance = self.shapes[k].residual
+        if compliance is None:
+            return jnp.zeros_like(normal), jnp.zeros_like(normal)
+        rate = self._lagged_rate(k, normal)
+        return -compliance * (normal - self.link.lag * rate), -compliance * rate
+
+    def _lagged_rate(self, k: int, normal):
+        """rdot at the step's end, exact for a force linear over the step; finite as beta -> 0."""
+        decay = self.clock.lag_decay
+        slope = (normal - self.normals_before[k]) / self.clock.step
+        return decay * self.lagged_before[k] + (1 - decay) * slope
+
+    def _vibration(self, normals) -> Vibration:
+        """The modes at the step's end."""
+        amplitude, rate = list(self.free.amplitude), list(self.free.rate)
+        for shape, normal in zip(self.shapes, normals, strict=True):
+            share = normal / self.link.mass_scale
+            for i, (phi, m) in enumerate(zip(shape.load, self.clock.maps, strict=True)):
+                amplitude[i] = amplitude[i] - m.q_end * phi * share
+                rate[i] = rate[i] - m.v_end * phi * share
+        return Vibration(tuple(amplitude), tuple(rate))
+
+    def state(self, normals) -> FenceState:
+        """The fence under the solved forces."""
+        load = self.link.loaded(self.inertia, self.shapes, normals)
+        lagged, rates = normals, tuple(jnp.zeros_like(n) for n in normals)
+        if self.link.residual is not None:
+            rates = tuple(self._lagged_rate(k, n) for k, n in enumerate(normals))
+            lagged = tuple(n - self.link.lag * r for n, r in zip(normals, rates, strict=True))
+        vibration = self._vibration(normals)
+        return FenceState(self.drive, vibration, load, self.shapes, lagged, rates)

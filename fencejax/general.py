@@ -1,0 +1,82 @@
+"""Integration by a general solver of diffrax: slower by far, and an independent check."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from . import tally
+from .clock import Clock
+from .explicit import at_state
+from .instant import Instant, describe
+from .integrate import adjoint
+from .kinematics import Body
+from .link import Vibration
+from .mechanics import Mechanics
+from .tally import Tally
+
+
+def run(
+    mechanics: Mechanics,
+    clock: Clock,
+    body: Body,
+    vibration: Vibration | None,
+    steps: int,
+) -> tuple[Tally, Instant, Array]:
+    """Integrate a scene as a plain ordinary differential equation by a solver of diffrax.
+
+    Every mode is a state (all of them: the full finite-element model), the contact force follows
+    from the state, and the foot of each corner is found anew; modes left out do not yield. The
+    samples are those at every
+    `step`; peaks and integrals are taken from them. The last value returned is whether the solver
+    came through.
+    """
+    fidelity = mechanics.fidelity
+    link = mechanics.link
+
+    def drive_at(time):
+        return None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
+
+    def field(time, y, args):
+        del args
+        body, vibration = y
+        forces, fence = at_state(mechanics, body, vibration, drive_at(time))
+        moved = Body._make((*body[3:], *forces.acceleration))
+        if link is None or fence is None:
+            return moved, None
+        return moved, Vibration(vibration.rate, link.acceleration(vibration, fence.modal_force))
+
+    times = clock.step * jnp.arange(steps + 1, dtype=float)
+    tolerance = fidelity.tolerance
+    solvers = {"kvaerno5": diffrax.Kvaerno5, "tsit5": diffrax.Tsit5}
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(field),
+        solvers[fidelity.integrator](),
+        t0=times[0],
+        t1=times[-1],
+        dt0=1e-6,
+        y0=(body, vibration),
+        saveat=diffrax.SaveAt(ts=times),
+        stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=1e-3 * tolerance),
+        adjoint=adjoint(fidelity),
+        max_steps=500_000,
+        throw=False,
+    )
+
+    def sample(time, y):
+        body, vibration = y
+        forces, fence = at_state(mechanics, body, vibration, drive_at(time))
+        return describe(mechanics, time, body, forces, fence)
+
+    samples = jax.vmap(sample)(times, solution.ys)
+    reach = None if link is None else link.reach
+    first = jax.tree.map(lambda x: x[0], samples)
+    rest = jax.tree.map(lambda x: x[1:], samples)
+
+    def take(tallied, instant):
+        zero = jnp.zeros_like(instant.time)
+        return tally.add(tallied, instant, clock.step, reach, zero), None
+
+    tallied, _ = jax.lax.scan(take, tally.begin(first, reach), rest)
+    done = (solution.result == diffrax.RESULTS.successful).astype(times.dtype)
+    return tallied, samples, done
