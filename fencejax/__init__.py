@@ -1,7 +1,8 @@
 """Differentiable simulation and design of flexible sorting fences, in JAX."""
 
-from . import scenes as scenes
+from . import objectives as objectives, plot as plot, scenes as scenes
 from .belt import Belt as Belt, Border as Border
+from .design import DesignSpace as DesignSpace, DesignVariable as DesignVariable
 from .drive import (
     AbstractDrive as AbstractDrive,
     ConstantSpeedDrive as ConstantSpeedDrive,
@@ -15,6 +16,13 @@ from .fence import Fence as Fence
 from .fidelity import Fidelity as Fidelity
 from .friction import Friction as Friction
 from .material import Material as Material
+from .objectives import (
+    LIMITS as LIMITS,
+    OBJECTIVES as OBJECTIVES,
+    Limit as Limit,
+    Quantity as Quantity,
+)
+from .optimizer import Optimum as Optimum, Record as Record, Stop as Stop, minimize as minimize
 from .parcel import Parcel as Parcel
 from .result import Ledger as Ledger, Result as Result
 from .scenes import Scene as Scene, WallScene as WallScene

@@ -22,7 +22,7 @@ Accepted = Callable[[Evaluation], bool]
 
 _MEMORY = 10
 _LONGEST = 1.0
-_SHORTEST = 1e-6
+_SHORTEST = 1e-10
 
 
 class Descent(NamedTuple):
@@ -98,7 +98,10 @@ class Lbfgs:
                 _, state = directions.advance(state, at.point, gradient)
                 direction = -gradient
             length = float(np.linalg.norm(direction))
-            first = 0.3 * _LONGEST if fresh else min(length, _LONGEST)
+            if fresh:
+                first = min(0.3 * _LONGEST, float(np.linalg.norm(gradient)))
+            else:
+                first = min(length, _LONGEST)
             direction = direction * (first / max(length, 1e-300))
             found = self._search(evaluate, merit, at, direction, value, gradient)
             if found is None:

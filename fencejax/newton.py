@@ -73,22 +73,44 @@ def solve(
         shapes = jax.eval_shape(trip, (most, most, guess, guess, None))
         empty = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
         start = (jnp.zeros((), most.dtype), jnp.full_like(empty[1], jnp.inf), guess, *empty[3:])
-        _, _, _, root, extra = jax.lax.while_loop(go_on, trip, start)
-        return root, extra
+        count, _, _, root, extra = jax.lax.while_loop(go_on, trip, start)
+        return (root, extra), count
 
     @run.defjvp
     def _(primals, tangents):
         given, guess, most = primals
-        root, extra = run(given, guess, most)
-        _, matrix, _, _ = evaluate(given, root)
+        (root, extra), count = run(given, guess, most)
 
         def at_root(given):
             residual, _, _, extra = evaluate(given, root)
             return residual, extra
 
-        _, (residual_dot, extra_dot) = jax.jvp(at_root, (given,), (tangents[0],))
-        root_dot = tuple(-d for d in eliminate(matrix, residual_dot))
-        _, moved = jax.jvp(lambda x: evaluate(given, x)[3], (root,), (root_dot,))
-        return (root, extra), (root_dot, jax.tree.map(jnp.add, extra_dot, moved))
+        def moved(given_dot):
+            _, matrix, _, _ = evaluate(given, root)
+            _, (residual_dot, extra_dot) = jax.jvp(at_root, (given,), (given_dot,))
+            return tuple(-d for d in eliminate(matrix, residual_dot)), extra_dot
 
-    return run(given, jax.lax.stop_gradient(guess), most)
+        def total(root_dot, extra_dot):
+            _, along = jax.jvp(lambda x: evaluate(given, x)[3], (root,), (root_dot,))
+            return jax.tree.map(jnp.add, extra_dot, along)
+
+        root_dot, extra_dot = _kept(count, moved, tangents[0])
+        extra_dot = _kept(count, total, root_dot, extra_dot)
+        return ((root, extra), count), ((root_dot, extra_dot), jnp.zeros_like(count))
+
+    return run(given, jax.lax.stop_gradient(guess), most)[0]
+
+
+def _kept(count: Array, function: Callable, *arguments):
+    """`function(*arguments)`, with its results put in memory once.
+
+    The compiler would otherwise work them out anew in every place that reads them. A branch that
+    is always taken, as `count` is above 0, which the compiler cannot know, keeps it from that.
+    """
+    shapes = jax.eval_shape(function, *arguments)
+    return jax.lax.cond(
+        count > 0,
+        function,
+        lambda *_: jax.tree.map(lambda leaf: jnp.full(leaf.shape, jnp.nan, leaf.dtype), shapes),
+        *arguments,
+    )

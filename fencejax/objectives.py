@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -29,7 +30,7 @@ class Quantity:
     name: str
     unit: str
     meaning: str
-    read: Callable[[Result, AnyScene], Array]
+    read: Callable[..., Array]
     needs: tuple[str, ...] = ()
 
     def applies_to(self, scene: AnyScene) -> bool:
@@ -76,7 +77,8 @@ def _largest_place(result: Result, least_force: float) -> Array:
     return largest
 
 
-def _tip_clearance(result: Result, scene: AnyScene) -> Array:
+def _tip_clearance(result: Result, scene: Scene) -> Array:
+    assert scene.fence is not None
     return scene.fence.reach - _largest_place(result, 1.0)
 
 
@@ -178,7 +180,7 @@ class Limit:
         """What the margin is measured in [the quantity's unit]."""
         return abs(self.bound) if self.scale is None else self.scale
 
-    def margin_of(self, value: Array) -> Array:
+    def margin_of(self, value: Any) -> Any:
         """The margin [1] at a value of the quantity."""
         left = self.bound - value if self.sense == "at most" else value - self.bound
         return left / self.unit_of_margin

@@ -2,17 +2,14 @@
 
 import dataclasses
 import enum
-import time
 from collections.abc import Callable
-from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from . import _check
 from .descent import Adam, Lbfgs, Merit
+from .evaluator import Evaluator, Problem, Record as Record
 from .lagrangian import (
     Evaluation,
     Multipliers,
@@ -26,8 +23,8 @@ from .lagrangian import (
 )
 from .status import Status
 
-Problem = Callable[[Array], tuple[Array, Array, Array]]
 _METHODS = {"lbfgs": Lbfgs, "adam": Adam}
+_ROUNDS = 30
 
 
 class Stop(enum.Enum):
@@ -38,25 +35,6 @@ class Stop(enum.Enum):
     STAGNATED = "no further progress, short of the tolerance"
     BUDGET = "the budget of evaluations is spent"
     FAILED_START = "the first design cannot be evaluated; see its status"
-
-
-class Record(NamedTuple):
-    """One evaluation. Times [s] since the start, compilation included."""
-
-    evaluation: int
-    outer: int
-    point: Vector
-    objective: float
-    violation: float
-    residual: Residual | None
-    status: int
-    failed: bool
-    elapsed: float
-
-    @property
-    def kkt(self) -> float:
-        """The larger of stationarity and complementarity; NaN where they are not known."""
-        return float("nan") if self.residual is None else max(self.residual[:2])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,69 +90,6 @@ class Optimum:
         return self.stop is Stop.OPTIMAL
 
 
-class _Run:
-    """What an optimisation remembers: the compiled problem, its evaluations, the best so far."""
-
-    def __init__(self, problem, logits, scale, budget, worst_status, progress):
-        def everything(z):
-            objectives, margins, status = problem(z)
-            numbers = (jnp.atleast_1d(objectives), jnp.atleast_1d(margins))
-            return numbers, (numbers, jnp.max(status, initial=0))
-
-        self._compiled = jax.jit(jax.jacfwd(everything, has_aux=True))
-        self.logits, self.scale, self.budget = logits, scale, budget
-        self._worst_status, self._progress = worst_status, progress
-        self.evaluations: list[Evaluation] = []
-        self.records: list[Record] = []
-        self.outer = 0
-        self.first: Evaluation
-        self.estimate: Callable[[Evaluation], Multipliers] | None = None
-        self._begin = time.perf_counter()
-
-    def __call__(self, point: Vector) -> Evaluation | None:
-        """Evaluate, unless the budget is spent."""
-        if len(self.records) >= self.budget:
-            return None
-        rows, (numbers, status) = jax.device_get(self._compiled(jnp.asarray(point)))
-        finite = all(np.all(np.isfinite(part)) for part in (*rows, *numbers))
-        failed = not finite or int(status) > self._worst_status
-        if self.scale is None and not failed:
-            self.scale = float(np.max(np.abs(numbers[0]))) or 1.0
-        scale = self.scale or 1.0
-        at = Evaluation(
-            np.asarray(point, dtype=float),
-            np.asarray(numbers[0], dtype=float) / scale,
-            np.asarray(numbers[1], dtype=float),
-            np.asarray(rows[0], dtype=float) / scale,
-            np.asarray(rows[1], dtype=float),
-            int(status),
-            failed,
-        )
-        known = self.estimate is not None and not failed
-        left = residual(at, self.estimate(at), self.logits) if known and self.estimate else None
-        record = Record(
-            len(self.records) + 1,
-            self.outer,
-            at.point,
-            at.worst * scale,
-            at.violation,
-            left,
-            at.status,
-            failed,
-            time.perf_counter() - self._begin,
-        )
-        self.records.append(record)
-        if not failed:
-            self.evaluations.append(at)
-        if self._progress is not None:
-            self._progress(record)
-        return at
-
-    @property
-    def spent(self) -> bool:
-        return len(self.records) >= self.budget
-
-
 def minimize(
     problem: Problem,
     start: ArrayLike,
@@ -224,7 +139,7 @@ def minimize(
     if scale is not None:
         _check.number("scale", scale, above=0)
     point = np.asarray(_check.vector("start", np.asarray(start, dtype=float)))
-    run = _Run(problem, logits, scale, budget, worst_status, progress)
+    run = Evaluator(problem, logits, scale, budget, worst_status, progress)
     inner = _METHODS[method]()
     at = run(point)
     assert at is not None
@@ -239,48 +154,57 @@ def minimize(
     return _outcome(run, at, multipliers, stop, feasibility)
 
 
-def _outer_loop(run: _Run, inner, at: Evaluation, tolerance, feasibility, penalty):
+@dataclasses.dataclass(frozen=True)
+class _Round:
+    """One inner descent: its multipliers and penalty, and when it is done."""
+
+    held: Multipliers
+    penalty: float
+    within: float
+    tolerance: float
+    feasibility: float
+    logits: bool
+
+    def merit(self, at: Evaluation) -> tuple[float, Vector]:
+        return augmented(at, self.held, self.penalty)
+
+    def estimate(self, at: Evaluation) -> Multipliers:
+        return updated(at, self.held, self.penalty)
+
+    def optimal(self, at: Evaluation) -> bool:
+        left = residual(at, self.estimate(at), self.logits)
+        return max(left[:2]) <= self.tolerance and left.violation <= self.feasibility
+
+    def accepted(self, at: Evaluation) -> bool:
+        slope = self.merit(at)[1]
+        return projected(at.point, slope, self.logits) <= self.within or self.optimal(at)
+
+
+def _outer_loop(run: Evaluator, inner, at: Evaluation, tolerance, feasibility, penalty):
     """Descend, update the multipliers, raise the penalty where the violation does not fall."""
     multipliers = _initial(at)
-    inner_tolerance, violation, idle = 0.1, np.inf, 0
+    inner_tolerance, left, idle = 0.1, np.inf, 0
 
-    def optimal(at, multipliers):
-        left = residual(at, multipliers, run.logits)
-        return max(left[:2]) <= tolerance and left.violation <= feasibility
-
-    for outer in range(1, 31):
+    for outer in range(1, _ROUNDS + 1):
         run.outer = outer
-        held = multipliers
-
-        def merit(at, held=held, rho=penalty):
-            return augmented(at, held, rho)
-
-        def estimate(at, held=held, rho=penalty):
-            return updated(at, held, rho)
-
-        def accepted(at, merit=merit, estimate=estimate, within=inner_tolerance):
-            gradient = merit(at)[1]
-            return projected(at.point, gradient, run.logits) <= within or optimal(at, estimate(at))
-
-        run.estimate = estimate
-        made = len(run.records)
+        this = _Round(multipliers, penalty, inner_tolerance, tolerance, feasibility, run.logits)
+        run.estimate = this.estimate
         stalled = False
-        if not accepted(at):
-            at, stalled = inner.run(run, merit, at, tuple(run.evaluations), accepted)
-        multipliers = estimate(at)
-        if optimal(at, multipliers):
+        if not this.accepted(at):
+            at, stalled = inner.run(run, this.merit, at, tuple(run.evaluations), this.accepted)
+        multipliers = this.estimate(at)
+        if this.optimal(at):
             return at, multipliers, Stop.OPTIMAL
         if run.spent:
             return at, multipliers, Stop.BUDGET
-        idle = idle + 1 if stalled and len(run.records) - made < 25 else 0
-        slack = _slack(at, multipliers)
+        idle = idle + 1 if stalled else 0
         if idle >= 3:
             return at, multipliers, Stop.STAGNATED
-        if penalty >= 1e5 and at.violation > 0.5 * violation > feasibility:
+        if penalty >= 1e5 and at.violation > 0.5 * left > feasibility:
             return at, multipliers, Stop.INFEASIBLE
-        if slack > 0.3 * violation:
+        was, left = left, _slack(at, multipliers)
+        if left > 0.3 * was:
             penalty = min(5 * penalty, 1e6)
-        violation = slack
         inner_tolerance = max(0.2 * inner_tolerance, 0.3 * tolerance)
     return at, multipliers, Stop.STAGNATED
 
@@ -297,7 +221,7 @@ def _slack(at: Evaluation, multipliers: Multipliers) -> float:
     return float(max(np.max(np.abs(open_margins), initial=0.0), behind))
 
 
-def _least_violating(run: _Run, inner, at, multipliers, stop, tolerance, feasibility):
+def _least_violating(run: Evaluator, inner, at, multipliers, stop, tolerance, feasibility):
     """Where the limits do not hold: lower the violation alone, from the least-violating design.
 
     A feasible design found on the way is kept, and the reason to stop with it.
@@ -334,7 +258,9 @@ def _refit(at: Evaluation, multipliers: Multipliers) -> Multipliers:
     )
 
 
-def _outcome(run: _Run, at: Evaluation, multipliers: Multipliers, stop, feasibility) -> Optimum:
+def _outcome(
+    run: Evaluator, at: Evaluation, multipliers: Multipliers, stop: Stop, feasibility: float
+) -> Optimum:
     return Optimum(
         first=run.first,
         last=at,

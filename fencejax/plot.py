@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike
 
-from .optimizer import Record
+from .evaluator import Record
 from .result import Result
 
 if TYPE_CHECKING:

@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from fencejax import objectives
 from fencejax.design import VARIABLES
@@ -114,7 +115,7 @@ def parser() -> argparse.ArgumentParser:
 
 def configure(arguments: Sequence[str] | None = None) -> PeakForceConfig:
     """The configuration that flags describe."""
-    given = vars(parser().parse_args(arguments))
-    return PeakForceConfig(
-        **{name: tuple(v) if isinstance(v, list) else v for name, v in given.items()}
-    )
+    given: dict[str, Any] = vars(parser().parse_args(arguments))
+    for name, value in given.items():
+        given[name] = tuple(value) if isinstance(value, list) else value
+    return PeakForceConfig(**given)

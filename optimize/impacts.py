@@ -43,15 +43,8 @@ class Impacts:
         )
 
 
-class Measurement(dict[str, Array]):
-    """Values of the objective and of every limited quantity by name, one a lane; also `status`."""
-
-
-jax.tree_util.register_pytree_node(
-    Measurement,
-    lambda m: (tuple(m.values()), tuple(m)),
-    lambda names, values: Measurement(zip(names, values, strict=True)),
-)
+Measurement = dict[str, Array]
+"""Values of the peak force and of every limited quantity by name, one a lane; also `status`."""
 
 
 def measure(
@@ -73,7 +66,8 @@ def measure(
         scene = impacts.scene(fence, drive, distance, mass)
         result = fj.simulate(scene, fidelity=fidelity, history=True)
         history = result.history
-        read = Measurement({q.name: q(result, scene) for q in quantities})
+        assert history is not None
+        read = {q.name: q(result, scene) for q in quantities}
         read["status"] = result.status
         return read, Trace(history.time, history.fence_force, history.tip_deflection)
 
@@ -86,8 +80,13 @@ def margins(limits: tuple[Limit, ...], measured: Measurement) -> dict[str, Array
     return {limit.name: limit.margin_of(measured[limit.name]) for limit in limits}
 
 
-def problem(space: DesignSpace, impacts: Impacts, limits: tuple[Limit, ...],
-            fidelity: fj.Fidelity, reserve: float):
+def problem(
+    space: DesignSpace,
+    impacts: Impacts,
+    limits: tuple[Limit, ...],
+    fidelity: fj.Fidelity,
+    reserve: float,
+):
     """z -> peak forces [N], margins less `reserve` [1], statuses: for `fencejax.minimize`."""
 
     def evaluate(z):
@@ -112,11 +111,11 @@ def whole_sorts(
             front=front, fence=fence, drive=drive, parcel=fj.Parcel(mass=mass), duration=duration
         )
         result = fj.simulate(scene, history=False)
-        return Measurement(
-            crossing=objectives.CROSSING(result, scene),
-            peak_force=result.peak_force,
-            status=result.status,
-        )
+        return {
+            "crossing": objectives.CROSSING(result, scene),
+            "peak_force": result.peak_force,
+            "status": result.status,
+        }
 
     return jax.vmap(one)(jnp.asarray(masses))
 

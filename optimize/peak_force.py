@@ -18,6 +18,7 @@ import concurrent.futures
 import dataclasses
 import sys
 import time
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -41,7 +42,7 @@ class Outcome:
     space: DesignSpace
     before: np.ndarray
     after: np.ndarray
-    measured: dict[str, batch.Measurement]
+    measured: dict[str, dict[str, Any]]
     confirmed: bool | None
     sorted_out: bool | None
     elapsed: float
@@ -71,10 +72,10 @@ def _space(config: PeakForceConfig) -> DesignSpace:
     return DesignSpace(chosen)
 
 
-def _measured(config: PeakForceConfig, optimum: Optimum, at: Evaluation) -> batch.Measurement:
+def _measured(config: PeakForceConfig, optimum: Optimum, at: Evaluation) -> dict[str, Any]:
     """Values of an evaluation, from its margins."""
     lanes = at.objectives.size
-    found = batch.Measurement(peak_force=at.objectives * optimum.scale)
+    found: dict[str, Any] = {"peak_force": at.objectives * optimum.scale}
     rows = at.margins.reshape(len(config.limits), lanes) + config.reserve
     for limit, row in zip(config.limits, rows, strict=True):
         span = row * limit.unit_of_margin

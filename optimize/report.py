@@ -8,9 +8,10 @@ import numpy as np
 
 from fencejax import plot
 from fencejax.design import DesignSpace
+from fencejax.evaluator import Record
 from fencejax.lagrangian import Evaluation
 from fencejax.objectives import Limit
-from fencejax.optimizer import Optimum, Record
+from fencejax.optimizer import Optimum
 from fencejax.status import Status
 
 _SHOWN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N": (1.0, "N"), "1": (1.0, "1")}
@@ -164,4 +165,6 @@ def draw(
         "gradient": plot.gradient_bars(bars),
     }
     for name, axes in drawn.items():
-        axes.figure.savefig(out / f"{name}.png", dpi=150)
+        figure = axes.get_figure(root=True)
+        assert figure is not None
+        figure.savefig(out / f"{name}.png", dpi=150)

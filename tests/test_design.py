@@ -1,11 +1,12 @@
 """Design variables: the map to unconstrained space, what they change, and what is refused."""
 
 import equinox as eqx
-import fencejax as fj
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+
+import fencejax as fj
 from fencejax.design import VARIABLES, DesignSpace, DesignVariable
 
 _FENCE = [

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+
 from fencejax.lagrangian import Evaluation, Multipliers, augmented, onto_simplex
 from fencejax.optimizer import Stop, minimize
 

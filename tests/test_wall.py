@@ -2,8 +2,8 @@
 
     m_p Dddot = -N,  N = max(0, b_p m_p^0.4 Ddot D^2 + k_p D^4),  D(0) = 0, Ddot(0) = v_n
 
-The scheme is of the second order. A contact lasts T ~ 20 ms here, so that a step h leaves some
-(h / T)^2: 2e-4 at 0.25 ms and 2e-6 at 25 us.
+The scheme is of the second order. A contact lasts T ~ 50 ms here, so that a step h leaves some
+(h / T)^2: 3e-5 at 0.25 ms and 3e-7 at 25 us, for a slope a few times that.
 """
 
 import functools
@@ -41,12 +41,11 @@ def lanes(x, fidelity=FINE):
 
 
 def batch(fidelity=FINE, **changes):
+    """`lanes` of up to eight sets of numbers, always by the program for eight."""
     width = max(np.size(values) for values in changes.values())
-    x = {
-        name: jnp.broadcast_to(jnp.asarray(changes.get(name, value), dtype=float), (width,))
-        for name, value in POINT.items()
-    }
-    return lanes(x, fidelity)
+    x = {name: np.resize(changes.get(name, value), 8) for name, value in POINT.items()}
+    found = lanes({name: jnp.asarray(values, dtype=float) for name, values in x.items()}, fidelity)
+    return jax.tree.map(lambda leaf: leaf[:width], found)
 
 
 def restitution(result, speed):
@@ -90,7 +89,9 @@ def scipy_strike(speed, mass, stiffness, damping):
 
 
 @pytest.mark.parametrize("fidelity", [FINE, fj.Fidelity.standard()], ids=["reference", "standard"])
-@pytest.mark.parametrize(("speed", "peak", "ratio"), [(2.426, 3293.85, 0.4388), (0.5, 283.93, 0.5318)])
+@pytest.mark.parametrize(
+    ("speed", "peak", "ratio"), [(2.426, 3293.85, 0.4388), (0.5, 283.93, 0.5318)]
+)
 def test_recorded_figures(fidelity, speed, peak, ratio):
     result = strike(POINT | {"speed": speed}, fidelity)
     # Half a unit of the last digit, and the step: 1e-4 is what the coarser one may leave.
@@ -103,22 +104,25 @@ def test_elastic_in_closed_form():
     # b_p = 0: k D^5 / 5 = m v^2 / 2 at the crest, N = k D^4 there, and it bounces back whole.
     # The time to the crest is D / v times the integral of ds / sqrt(1 - s^5) over 0 ... 1,
     # B(1/5, 1/2) / 5, and the contact lasts twice that. Newton leaves 1e-9 of the force.
-    speed, mass = np.array([0.5, 1.0, 2.426]), np.array([15.0, 4.0, 30.0])
+    speed, mass = np.array([0.7, 1.0, 2.426]), np.array([15.0, 4.0, 30.0])
     result, slopes = batch(speed=speed, mass=mass, damping=0.0)
     depth = (2.5 * mass * speed**2 / STIFFNESS) ** 0.2
     peak = STIFFNESS * depth**4
     crest = depth / speed * beta(0.2, 0.5) / 5
-    np.testing.assert_allclose(result.peak_force, peak, rtol=4e-6)
-    np.testing.assert_allclose(result.deepest, depth, rtol=4e-6)
-    np.testing.assert_allclose(result.peak_time, crest, rtol=1e-4)
-    np.testing.assert_allclose(result.contact_time, 2 * crest, rtol=1e-4)
+    np.testing.assert_allclose(result.peak_force, peak, rtol=1e-6)
+    np.testing.assert_allclose(result.peak_time, crest, rtol=5e-6)
+    # The deepest gap is that of a sample: below the crest by at most N / m (h / 2)^2 / 2.
+    below = peak / mass * (FINE.step / 2) ** 2 / 2
+    assert np.all(np.abs(depth - result.deepest) < below + 1e-6 * depth)
+    # The end of the contact is found where the gap, straight over the step, is zero.
+    np.testing.assert_allclose(result.contact_time, 2 * crest, rtol=5e-6)
     # The scheme's own energy is the parcel's, k D^5 / 5 by its trapezoid: round-off and Newton.
     np.testing.assert_allclose(restitution(result, speed), 1.0, rtol=1e-8)
     np.testing.assert_allclose(result.impulse, 2 * mass * speed, rtol=1e-8)
     # N = k^(1/5) (5 m v^2 / 2)^(4/5): elasticities 8/5, 4/5, 1/5.
-    np.testing.assert_allclose(slopes["speed"], 1.6 * peak / speed, rtol=4e-6)
-    np.testing.assert_allclose(slopes["mass"], 0.8 * peak / mass, rtol=4e-6)
-    np.testing.assert_allclose(slopes["stiffness"], 0.2 * peak / STIFFNESS, rtol=4e-6)
+    np.testing.assert_allclose(slopes["speed"], 1.6 * peak / speed, rtol=5e-6)
+    np.testing.assert_allclose(slopes["mass"], 0.8 * peak / mass, rtol=5e-6)
+    np.testing.assert_allclose(slopes["stiffness"], 0.2 * peak / STIFFNESS, rtol=5e-6)
 
 
 def test_restitution_is_independent_of_the_mass():
@@ -143,7 +147,8 @@ def test_one_number_governs_the_restitution():
     ratios = restitution(result, speed)
     np.testing.assert_allclose(ratios, ratios[0], rtol=1e-4)
     scale = stiffness**0.2 * speed**1.6
-    np.testing.assert_allclose(result.peak_force / scale, result.peak_force[0] / scale[0], rtol=1e-4)
+    peaks = np.asarray(result.peak_force) / scale
+    np.testing.assert_allclose(peaks, peaks[0], rtol=1e-4)
 
 
 def test_forces_scale_step_by_step():
@@ -161,49 +166,50 @@ def test_forces_scale_step_by_step():
 @pytest.mark.parametrize("fidelity", [FINE, fj.Fidelity.fast()], ids=["reference", "fast"])
 def test_momentum_is_the_impulse(fidelity):
     # m dv = h / 2 (N0 + N1) in every step, which is how the impulse is summed: exact at any step,
-    # but for the 1e-9 of the force that Newton leaves.
+    # but for the 1e-9 of the force that Newton leaves. The energy closes just so: what a step's
+    # two trapezoids differ by, h^2 / 8 m (N1^2 - N0^2), adds up to nothing when both ends are free.
     result, _ = batch(fidelity, speed=np.array([0.5, 2.426]))
     change = MASS * (np.asarray(result.final.y_rate) + np.array([0.5, 2.426]))
     np.testing.assert_allclose(result.impulse, change, rtol=1e-8)
 
 
-def test_second_order_in_the_step():
-    # Three steps, each half the last; the kink where the force ends moves over the grid, so that
-    # the order is of the largest error over several speeds.
-    speed = np.linspace(1.0, 2.426, 7)
-    truth = [scipy_strike(float(v), MASS, STIFFNESS, DAMPING) for v in speed]
-    peaks, _, after = np.array(truth).T
-    errors = []
-    for step in (4e-4, 2e-4, 1e-4):
-        result, _ = batch(fj.Fidelity.standard(step=step), speed=speed)
-        errors.append(
-            [
-                np.max(np.abs(np.asarray(result.peak_force) / peaks - 1)),
-                np.max(np.abs(np.asarray(result.final.y_rate) / after - 1)),
-            ]
+def scipy_slope(name, speed):
+    """Derivative of the peak force by Richardson's central differences, to some 1e-8."""
+    at = POINT | {"speed": speed}
+
+    def central(share):
+        up, down = (
+            scipy_strike(**(at | {name: at[name] * factor}))[0]
+            for factor in (1 + share, 1 - share)
         )
-    orders = np.log2(np.array(errors)[:-1] / np.array(errors)[1:])
-    assert np.all(orders > 1.6), orders
-    assert np.all(np.array(errors)[-1] < 1e-4), errors
+        return (up - down) / (2 * share * at[name])
+
+    return (4 * central(1e-3) - central(2e-3)) / 3
 
 
-def test_gradient_of_the_peak():
-    # Central differences of SciPy's peak at 1e-3 relative, Richardson's: some 1e-8.
-    def scipy_slope(name):
-        def central(h):
-            up, down = (scipy_strike(*(POINT | {name: POINT[name] * f}).values())[0]
-                        for f in (1 + h, 1 - h))
-            return (up - down) / (2 * h * POINT[name])
-
-        return (4 * central(1e-3) - central(2e-3)) / 3
-
+def test_second_order_in_the_step_values_and_gradients():
+    # The kink where the force ends moves over the grid with the step, so that the order is that
+    # of the largest error over several speeds, and over two halvings; the crest is clear of it.
+    speed = np.linspace(1.0, 2.426, 7)
+    truth = np.array([scipy_strike(**(POINT | {"speed": float(v)})) for v in speed]).T
+    slope = {name: np.array([scipy_slope(name, float(v)) for v in speed]) for name in POINT}
     errors = []
-    for step in (2e-4, 1e-4, 2.5e-5):
-        _, slopes = batch(fj.Fidelity.standard(step=step), speed=SPEED)
-        errors.append([float(slopes[name][0]) / scipy_slope(name) - 1 for name in POINT])
-    # Second order: (h / T)^2 at 25 us is some 2e-6; the factor 10 is for the relative size.
-    assert np.all(np.abs(errors[-1]) < 2e-5), errors
-    assert np.all(np.abs(errors[0]) < 64 * 2e-5), errors
+    for step in (4e-4, 2e-4, 1e-4, 2.5e-5):
+        result, slopes = batch(FINE.replace(step=step), speed=speed)
+        found = {"peak": result.peak_force, "time": result.peak_time, "after": result.final.y_rate}
+        wanted = dict(zip(found, truth, strict=True)) | slope
+        found |= slopes
+        errors.append(
+            {k: float(np.max(np.abs(found[k] / v - 1))) for k, v in wanted.items()}
+        )
+    coarse, middle, fine, finest = errors
+    for first, second in ((coarse, middle), (middle, fine)):
+        assert np.log2(first["peak"] / second["peak"]) == pytest.approx(2, abs=0.2)
+    for name in coarse:
+        assert np.log2(coarse[name] / fine[name]) / 2 > 1.7, (name, errors)
+    # Sixteen times finer than the first, 256 times better; 3e-7 by the estimate on top.
+    assert finest["peak"] < 1e-6
+    assert max(finest.values()) < 5e-6, finest
 
 
 def test_receding_parcel_never_touches():
@@ -222,8 +228,6 @@ def test_history_is_the_law():
     gap, rate = np.asarray(history.fence[0].gap), np.asarray(history.fence[0].gap_rate)
     forces = [law(POINT, *state) for state in zip(gap, rate, strict=True)]
     np.testing.assert_allclose(history.fence_force, forces, rtol=1e-12)
-    # The crest and the time of it, against SciPy: second order, then the parabola's third.
-    peak, time, after = scipy_strike(**POINT)
-    assert float(result.peak_force) == pytest.approx(peak, rel=1e-5)
-    assert float(result.peak_time) == pytest.approx(time, rel=1e-4)
-    assert float(result.final.y_rate) == pytest.approx(after, rel=1e-5)
+    # The parabola's crest lies above the highest sample, by less than a step could raise it.
+    highest = np.max(forces)
+    assert highest <= float(result.peak_force) < highest + 1e-3

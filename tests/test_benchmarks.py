@@ -1,0 +1,108 @@
+"""Speed and accuracy of the fidelities. Skipped unless `pytest --bench DIR` asks for it.
+
+Writes `speed.json` and `speed.txt` into DIR: medians and spread over repeats, errors against
+`Fidelity.reference()` over sixteen impacts of different distance, mass and drive angle.
+"""
+
+import json
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fencejax as fj
+
+pytestmark = pytest.mark.bench
+
+START = jnp.array([0.045, 3.0e9, 1130.0, 0.05, 0.132, 0.45, 0.75, 1.53])
+FIDELITIES = {
+    "fast": fj.Fidelity.fast(),
+    "standard": fj.Fidelity.standard(),
+    "reference": fj.Fidelity.reference(),
+}
+
+
+def peak(fidelity, x, distance=1.0, mass=15.0, angle=0.30):
+    """Peak force in eight design variables."""
+    material = fj.Material(x[1], x[2], x[3])
+    fence = fj.Fence(x[5], x[6], x[4], x[0], material)
+    scene = fj.scenes.oblique_impact(
+        fence=fence,
+        distance=distance,
+        drive_angle=angle,
+        parcel=fj.Parcel(mass=mass),
+        drive=fj.HarmonicDrive(top_speed=x[7]),
+        duration=0.13,
+    )
+    return fj.simulate(scene, fidelity=fidelity, history=False).peak_force
+
+
+def compiled(function, *arguments):
+    start = time.perf_counter()
+    program = jax.jit(function).lower(*arguments).compile()
+    return program, time.perf_counter() - start
+
+
+def median_time(program, *arguments, repeats=15):
+    jax.block_until_ready(program(*arguments))
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        jax.block_until_ready(program(*arguments))
+        times.append(time.perf_counter() - start)
+    return float(np.median(times)), float(np.quantile(times, 0.9))
+
+
+def sixteen():
+    rng = np.random.default_rng(1)
+    distance = rng.uniform(0.65, 1.06, 16)
+    mass = np.exp(rng.uniform(np.log(2), np.log(25), 16))
+    return jnp.asarray(distance), jnp.asarray(mass), jnp.asarray(rng.uniform(0.2, 0.4, 16))
+
+
+def elasticities(fidelity):
+    function = jax.value_and_grad(lambda x, *case: peak(fidelity, x, *case))
+    value, gradient = jax.jit(jax.vmap(function, in_axes=(None, 0, 0, 0)))(START, *sixteen())
+    return np.asarray(value), np.asarray(gradient) * np.asarray(START) / np.asarray(value)[:, None]
+
+
+def test_speed(bench_directory):
+    truth, slopes = elasticities(FIDELITIES["reference"])
+    rows = []
+    for name, fidelity in FIDELITIES.items():
+        row = {"fidelity": name}
+        one = lambda x, f=fidelity: peak(f, x)  # noqa: E731
+        program, row["compile value [s]"] = compiled(one, START)
+        row["value [ms]"], row["value, 90 % [ms]"] = (
+            1e3 * t for t in median_time(program, START)
+        )
+        program, row["compile gradient [s]"] = compiled(jax.value_and_grad(one), START)
+        row["gradient [ms]"] = 1e3 * median_time(program, START)[0]
+        row["gradient / value"] = row["gradient [ms]"] / row["value [ms]"]
+        if name != "reference":
+            for lanes in (256, 4096):
+                spread = np.random.default_rng(0).uniform(0.95, 1.05, (lanes, START.size))
+                batch = START[None] * jnp.asarray(spread)
+                program, _ = compiled(jax.vmap(one), batch)
+                row[f"lanes/s at {lanes}"] = lanes / median_time(program, batch, repeats=5)[0]
+            value, gradient = elasticities(fidelity)
+            row["value error, largest"] = float(np.max(np.abs(value / truth - 1)))
+            size = np.linalg.norm(slopes, axis=1)
+            error = np.linalg.norm(gradient - slopes, axis=1) / size
+            row["gradient error, largest"] = float(np.max(error))
+        rows.append(row)
+        print(row, flush=True)
+    (bench_directory / "speed.json").write_text(json.dumps(rows, indent=1) + "\n")
+    keys = list(dict.fromkeys(key for row in rows for key in row))
+    lines = [
+        f"{key:>26}" + "".join(
+            f"{row.get(key, ''):>14.4g}" if isinstance(row.get(key), float)
+            else f"{row.get(key, ''):>14}"
+            for row in rows
+        )
+        for key in keys
+    ]
+    (bench_directory / "speed.txt").write_text("\n".join(lines) + "\n")
+    assert all(row["value [ms]"] > 0 for row in rows)
