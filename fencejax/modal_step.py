@@ -114,7 +114,7 @@ class _End(eqx.Module):
         scale = mechanics.force_scale(forces)
         for defect in residual[3:]:
             unbalance = jnp.maximum(unbalance, jnp.abs(defect))
-        size = unbalance / (_tolerance(scale.dtype) * scale)
+        size = unbalance / (tolerance(scale.dtype) * scale)
         return tuple(residual), matrix, size, (forces, unbalance)
 
     def shorten(self, extra, change):
@@ -126,8 +126,9 @@ class _End(eqx.Module):
         return self.mechanics.reversal(extra[0], change[:3])
 
 
-def _tolerance(dtype) -> float:
-    """Unbalanced force that is let be, relative to the forces: 5e-7 in double precision."""
+def tolerance(dtype) -> float:
+    """Unbalanced force that is let be, relative to the forces: 5e-7 in double precision, 2e-3 in
+    single precision."""
     return float(jnp.finfo(dtype).eps) ** 0.4
 
 

@@ -28,26 +28,30 @@ class Propagator(NamedTuple):
 
 
 def _series(stiffness, damping, step):
-    """g and its first and second integrals by their power series, for small frequency x step.
+    """g' and g and its first and second integrals by their power series, for small frequency x step.
 
     g'' + c g' + w^2 g = 0, g(0) = 0, g'(0) = 1: g = sum a_k t^(k+1) / (k+1)!, with
-    a_k = -c a_(k-1) - w^2 a_(k-2).
+    a_k = -c a_(k-1) - w^2 a_(k-2). Summed in units of the step, so that nothing over- or
+    underflows in single precision.
     """
-    one = jnp.ones_like(stiffness)
+    stiffness, damping = stiffness * step**2, damping * step
+    one, zero = jnp.ones_like(stiffness), jnp.zeros_like(stiffness)
 
     def term(k, carry):
-        before, now, power, sums = carry
-        # power = step^k / k!
-        first = power * step / (k + 1)
-        second = first * step / (k + 2)
-        third = second * step / (k + 3)
-        parts = (now * power, now * first, now * second, now * third)
-        sums = tuple(total + part for total, part in zip(sums, parts, strict=True))
+        before, now, share, sums = carry
+        # share = 1 / k!
+        first = share / (k + 1)
+        second = first / (k + 2)
+        third = second / (k + 3)
+        sums = tuple(
+            total + now * part
+            for total, part in zip(sums, (share, first, second, third), strict=True)
+        )
         return now, -damping * now - stiffness * before, first, sums
 
-    zero = jnp.zeros_like(stiffness)
     carry = (zero, one, one, (zero, zero, zero, zero))
-    return jax.lax.fori_loop(0, _SERIES_TERMS, term, carry)[3]
+    velocity, value, first, second = jax.lax.fori_loop(0, _SERIES_TERMS, term, carry)[3]
+    return velocity, value * step, first * step**2, second * step**3
 
 
 def _closed(stiffness, damping, step):

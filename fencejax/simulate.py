@@ -143,7 +143,8 @@ def _status(scene: Scene, tally: Tally, done: Array | float) -> Array:
     checks = [(Status.DEEP_PENETRATION, tally.deepest > side / 2)]
     forces = jnp.maximum(tally.force.value, tally.border.value)
     weight = parcel.mass * (0.0 if scene.belt is None else scene.belt.gravity)
-    checks.append((Status.STEP_TOO_COARSE, tally.defect > 1e-3 * (forces + weight) + 1e-9))
+    allowed = max(1e-3, 2 * modal_step.tolerance(parcel.mass.dtype)) * (forces + weight)
+    checks.append((Status.STEP_TOO_COARSE, tally.defect > allowed + 1e-9))
     checks.append((Status.STEP_TOO_COARSE, jnp.asarray(done) < 0.5))
     if scene.fence is not None:
         limit = scene.fence.flexible_length / 4
