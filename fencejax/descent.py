@@ -21,7 +21,8 @@ Evaluate = Callable[[Vector], Evaluation | None]
 Accepted = Callable[[Evaluation], bool]
 
 _MEMORY = 10
-_LONGEST = 1.0
+# Lengths of a step in z: beyond the longest a sigmoid is flat; below the shortest all is rounding.
+_LONGEST = 3.0
 _SHORTEST = 1e-10
 
 
@@ -99,7 +100,7 @@ class Lbfgs:
                 direction = -gradient
             length = float(np.linalg.norm(direction))
             if fresh:
-                first = min(0.3 * _LONGEST, float(np.linalg.norm(gradient)))
+                first = min(0.1 * _LONGEST, float(np.linalg.norm(gradient)))
             else:
                 first = min(length, _LONGEST)
             direction = direction * (first / max(length, 1e-300))

@@ -41,7 +41,7 @@ class AbstractDrive(eqx.Module):
         """End [s] of the way out: until then alpha_w does not decrease."""
 
     def motion(self, time: ArrayLike) -> DriveMotion:
-        """Angle, speed and acceleration at `time` [s]; speed and acceleration by differentiation."""
+        """Angle, speed and acceleration at `time` [s], the last two by differentiation."""
         one = jnp.ones_like(jnp.asarray(time, dtype=jnp.result_type(time, float)))
         time = one * time
 
@@ -209,7 +209,7 @@ class TrapezoidDrive(AbstractDrive):
             self.end_angle - self.top_speed**2 / self.acceleration,
             least=0,
             unit="rad",
-            remedy="Raise `acceleration` or lower `top_speed`: the stroke is too short to reach it.",
+            remedy="Raise `acceleration` or lower `top_speed`: the stroke is too short for it.",
         )
 
     @property

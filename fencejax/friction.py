@@ -1,4 +1,4 @@
-"""Dry friction: of a corner sliding along the fence or the border, and of the parcel on the belt."""
+"""Dry friction: of a corner along the fence or the border, and of the parcel on the belt."""
 
 from typing import NamedTuple
 

@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
 
 from . import modal_step, tally
 from .clock import Clock

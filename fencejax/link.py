@@ -58,7 +58,8 @@ class Vibration(NamedTuple):
 class Shape(NamedTuple):
     """The mode shapes at one arc coordinate: deflection [1] and slope [1/m], as blocks; `load` [1],
     the share of a force there that each mode gets; the compliances [m/N] of the modes left out, at
-    the place itself and at the tip (`None` where there are none); the `arc` integrals (`None` unless the geometry needs them)."""
+    the place itself and at the tip (`None` where there are none); the `arc` integrals (`None`
+    unless the geometry needs them)."""
 
     deflection: Blocks
     slope: Blocks
@@ -162,7 +163,8 @@ class FlexibleLink(eqx.Module):
         )
         thickness = fence.thickness * jnp.asarray(tables.relative_thickness, dtype=float)
         self.stress_scale = 6 / (fence.width * thickness**2)
-        self.stations = self.length * jnp.asarray(np.arange(self.elements) / self.elements, dtype=float)
+        nodes = np.arange(self.elements) / self.elements
+        self.stations = self.length * jnp.asarray(nodes, dtype=float)
         mass, first_moment, second_moment = self.mass_scale * jnp.asarray(tables.mass)
         arm = self.rigid_length
         self.swing_inertia = (
@@ -172,7 +174,7 @@ class FlexibleLink(eqx.Module):
         self.root_inertia = rigid_mass * arm**2 / 3
 
     def _arc_tables(self, tables):
-        """Element cubics of the arc integrals: [1/m] for every pair of modes, [1/m^2] for the cube."""
+        """Element cubics of the arc integrals: [1/m] for the pairs of modes, [1/m^2] for the cube."""
         pairs = []
         for i in range(self.arc_modes):
             for j in range(i, self.arc_modes):
@@ -375,7 +377,7 @@ class FlexibleLink(eqx.Module):
         # On the rigid link and beyond the tip the line goes on straight.
         before = jnp.minimum(place - self.rigid_length, 0.0)
         beyond = jnp.maximum(place - self.reach, 0.0)
-        end_slope = (b * 0 + d) / size
+        end_slope = d / size
         return (
             x + s * size * jnp.cos(angle) + before + beyond * jnp.cos(end_slope),
             y + s * size * jnp.sin(angle) + beyond * jnp.sin(end_slope),

@@ -92,12 +92,14 @@ def draw_scene(
             force = float(np.asarray(contact.normal)[index])
             if force > 0.02 * strongest:
                 px, py = parcel_outline(scene, result, index)
+                foot = px[corner - 1], py[corner - 1]
                 length = 0.25 * force / strongest
                 angle = _normal_angle(scene, result, index, contact, fidelity)
+                head = foot[0] + length * np.cos(angle), foot[1] + length * np.sin(angle)
                 axes.annotate(
                     "",
-                    (px[corner - 1] + length * np.cos(angle), py[corner - 1] + length * np.sin(angle)),
-                    (px[corner - 1], py[corner - 1]),
+                    head,
+                    foot,
                     arrowprops={"arrowstyle": "-|>", "color": "black", "alpha": shade},
                 )
     axes.plot(0.0, 0.0, "o", color=_FENCE, markersize=5)

@@ -28,7 +28,7 @@ class Propagator(NamedTuple):
 
 
 def _series(stiffness, damping, step):
-    """g' and g and its first and second integrals by their power series, for small frequency x step.
+    """g', g and its first and second integrals by their power series, for small frequency x step.
 
     g'' + c g' + w^2 g = 0, g(0) = 0, g'(0) = 1: g = sum a_k t^(k+1) / (k+1)!, with
     a_k = -c a_(k-1) - w^2 a_(k-2). Summed in units of the step, so that nothing over- or

@@ -108,7 +108,7 @@ class Result(eqx.Module):
     furthest_y: Array
     """Largest y of C_s at a step [m]: how far the parcel got across the belt."""
     largest_place: Array
-    """Largest arc coordinate of a corner under load [m]: how far out on the fence the contact got."""
+    """Largest arc coordinate of a corner under load [m]: how far out the contact got."""
     peak_border_force: Array
     """Largest normal force of the border on the parcel [N]."""
     peak_torque: Array

@@ -136,8 +136,8 @@ def oblique_impact(
     - `parcel_angle`: phi [rad]; by default such that C_s lies on the fence's normal through the
       corner.
     - `velocity`: (xdot, ydot, phidot) at that moment [m/s, m/s, rad/s]; by default the belt's.
-    - `fence`, `parcel`, `belt`, `drive`, `fence_friction`: the parts, by default the paper's; `None`
-      for `belt` or `fence_friction` leaves the part out.
+    - `fence`, `parcel`, `belt`, `drive`, `fence_friction`: the parts, by default the paper's;
+      `None` for `belt` or `fence_friction` leaves the part out.
     - `duration` [s], static, default 0.25.
 
     Raises `ValueError` where the distance or the angle is out of the fence's or drive's reach.

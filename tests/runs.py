@@ -1,0 +1,24 @@
+"""Every kind of scene, and its run at the standard fidelity, computed once for the session."""
+
+import functools
+
+import jax
+import numpy as np
+
+import fencejax as fj
+
+SCENES = {
+    "oblique_impact": lambda: fj.scenes.oblique_impact(duration=0.12),
+    "along_fence": lambda: fj.scenes.along_fence(duration=0.12),
+    "border_and_fence": lambda: fj.scenes.border_and_fence(duration=0.12),
+    "free_motion": lambda: fj.scenes.free_motion(duration=0.12),
+    "free_motion_with_fence": lambda: fj.scenes.free_motion(fence=fj.Fence(), duration=0.12),
+    "whole_sort": lambda: fj.scenes.whole_sort(),
+    "rigid_wall": lambda: fj.scenes.rigid_wall(),
+}
+
+
+@functools.cache
+def standard(name):
+    """The result of a scene with its history, as NumPy arrays."""
+    return jax.tree.map(np.asarray, fj.simulate(SCENES[name]()))

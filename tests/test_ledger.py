@@ -1,0 +1,202 @@
+"""The energy ledger and the balance of momentum, in every scene.
+
+Momentum: v1 - v0 = h / 2 (a0 + a1) in every step, so that m dv is the trapezoidal sum of the
+forces exactly, at any step; Newton's method leaves `defect`, half a step of which goes missing.
+
+Energy: the powers are summed by the trapezoidal rule. What that differs by from the change of the
+parcel's kinetic energy is h^2 / 8 (m |a|^2 + I phiddot^2) between the two ends, of the second
+order; the rest is of the second order as well.
+"""
+
+import functools
+
+import jax
+import numpy as np
+import pytest
+from runs import SCENES, standard
+
+import fencejax as fj
+
+WITH_FENCE = ["oblique_impact", "along_fence", "border_and_fence", "whole_sort"]
+LOSSES = (
+    "contact_loss", "fence_friction_loss", "border_friction_loss", "belt_friction_loss",
+    "damping_loss",
+)
+
+
+def turned_over(energy):
+    """Everything that changed hands [J]."""
+    return sum(abs(float(term)) for term in jax.tree.leaves(energy))
+
+
+def spacing(history):
+    return float(history.time[1] - history.time[0])
+
+
+def arms(scene, angle):
+    """The four corners from C_s in fixed axes."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    for number in (1, 2, 3, 4):
+        x, y = (float(q) for q in scene.parcel.corner(number))
+        yield number, (cosine * x - sine * y, sine * x + cosine * y)
+
+
+@functools.cache
+def smooth(name, step):
+    """The ledger where friction is smooth over many steps."""
+    fidelity = fj.Fidelity.standard(step=step, slip_speed=0.05, static_speed=0.25)
+    result = fj.simulate(SCENES[name](), fidelity=fidelity, history=False)
+    assert int(result.status) <= fj.Status.LEFT_OVER_TIP
+    return result
+
+
+@pytest.mark.parametrize("name", ["oblique_impact", "along_fence", "border_and_fence"])
+def test_closes_at_second_order(name):
+    coarse, fine = (smooth(name, step).energy for step in (4e-4, 2e-4))
+    order = np.log2(abs(float(coarse.residual) / float(fine.residual)))
+    # 1.75 to 2.0 while 4e-4 s is a sixth of the highest mode's period; 2 in the limit.
+    assert order > 1.7, (float(coarse.residual), float(fine.residual))
+    assert abs(float(fine.residual)) < 2e-5 * turned_over(fine)
+
+
+def test_whole_sort_closes():
+    # It begins and ends at rest with a whole cycle in between, so that most of what the trapezoids
+    # leave cancels: as good as what Newton's method leaves, `defect` along some metres of path.
+    result = smooth("whole_sort", 4e-4)
+    assert abs(float(result.energy.residual)) < 1e-6 * turned_over(result.energy)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_closes_at_standard_fidelity(name):
+    energy = standard(name).energy
+    assert abs(energy.residual) < 1e-3 * turned_over(energy)
+
+
+@pytest.mark.parametrize("name", ["free_motion", "rigid_wall"])
+def test_residual_in_closed_form(name):
+    # Nothing but the parcel: the residual is -h^2 / 8 (m |a|^2 + I phiddot^2), end less start.
+    # Newton leaves half of `defect` along the path, in each of the three motions.
+    scene, result = SCENES[name](), standard(name)
+    history = result.history
+    step = spacing(history)
+    mass, inertia = float(scene.parcel.mass), float(scene.parcel.inertia)
+    x, y, turn = history.acceleration
+    size = mass * (x**2 + y**2) + inertia * turn**2
+    wanted = -(step**2) / 8 * (size[-1] - size[0])
+    speeds = np.abs(history.body.x_rate) + np.abs(history.body.y_rate)
+    speeds = speeds + np.sqrt(inertia / mass) * np.abs(history.body.spin)
+    left = result.defect / 2 * step * np.sum(speeds)
+    # What the belt moves by counts as well where it is the belt that works.
+    assert abs(float(result.energy.residual) - wanted) < left + 1e-12
+    if name == "free_motion":
+        assert abs(wanted) < 1e-6
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_momentum_is_exact(name):
+    scene, result = SCENES[name](), standard(name)
+    history = result.history
+    step = spacing(history)
+    bodies = (history.body.x_rate, history.body.y_rate, history.body.spin)
+    mass, inertia = float(scene.parcel.mass), float(scene.parcel.inertia)
+    size = np.sqrt(inertia / mass)
+    weights = (mass, mass, inertia / size)
+    for weight, rate, acceleration in zip(weights, bodies, history.acceleration, strict=True):
+        mean = (acceleration[1:] + acceleration[:-1]) / 2
+        missing = weight * np.abs(np.diff(rate) - step * mean)
+        # Round-off of the rate on top.
+        assert np.max(missing) < step / 2 * result.defect * 1.001 + 1e-13 * weight
+
+
+@pytest.mark.parametrize("name", ["oblique_impact", "border_and_fence", "along_fence"])
+def test_forces_in_the_history_make_the_acceleration(name):
+    # m a less belt and border is what the fence gives. With one corner it is as long as (N, F)
+    # and its moment about C_s is that of a force at the corner; both corners of a wall that lies
+    # on the fence give what is along the wall and across.
+    scene, history = SCENES[name](), standard(name).history
+    mass, inertia = float(scene.parcel.mass), float(scene.parcel.inertia)
+    corner = dict(arms(scene, history.body.angle))
+    force_x = mass * history.acceleration.x - history.belt.x
+    force_y = mass * history.acceleration.y - history.belt.y
+    moment = inertia * history.acceleration.angle - history.belt.moment
+    for number, c in zip(scene.border_corners, history.border, strict=True):
+        force_x, force_y = force_x - c.friction, force_y - c.normal
+        moment = moment - corner[number][0] * c.normal + corner[number][1] * c.friction
+    scale = 1 + np.max(np.hypot(force_x, force_y))
+    if len(history.fence) == 1:
+        (c,), (number,) = history.fence, scene.fence_corners
+        np.testing.assert_allclose(
+            np.hypot(force_x, force_y), np.hypot(c.normal, c.friction), atol=1e-9 * scale
+        )
+        arm_x, arm_y = corner[number]
+        # The integrator turns the arms by a second-order formula, the error being cubic in a
+        # turn of some 1e-6 rad.
+        np.testing.assert_allclose(
+            moment, arm_x * force_y - arm_y * force_x, atol=1e-9 * scale
+        )
+    else:
+        length = sum(np.hypot(c.normal, c.friction) for c in history.fence)
+        assert np.all(np.hypot(force_x, force_y) <= length + 1e-9 * scale)
+        assert np.max(length) > 1.0
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_losses_are_losses(name):
+    result = standard(name)
+    for term in LOSSES:
+        assert getattr(result.energy, term) >= -1e-9 * turned_over(result.energy), term
+    # Friction and damping dissipate at every instant, not only on the whole.
+    power = result.history.power
+    for rate in (power.fence_friction, power.border_friction, power.belt_friction):
+        assert np.all(rate >= 0)
+    assert np.all(power.beam_damping >= 0)
+
+
+ABSENT = {
+    "oblique_impact": {"border_friction_loss"},
+    "along_fence": {"border_friction_loss"},
+    "border_and_fence": set(),
+    "free_motion": {
+        "drive_work", "fence_kinetic", "strain", "damping_loss", "geometry_work", "contact_loss",
+        "contact_stored", "fence_friction_loss", "border_friction_loss",
+    },
+    "free_motion_with_fence": {
+        "geometry_work", "contact_loss", "contact_stored", "fence_friction_loss",
+        "border_friction_loss",
+    },
+    "whole_sort": set(),
+    "rigid_wall": {
+        "drive_work", "fence_kinetic", "strain", "damping_loss", "geometry_work", "belt_work",
+        "fence_friction_loss", "border_friction_loss", "belt_friction_loss",
+    },
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_absent_parts_do_no_work(name):
+    # Left at 0 exactly, and what is there is not 0 (the contact is over at most ends).
+    terms = {k: float(v) for k, v in vars(standard(name).energy).items()}
+    for term, value in terms.items():
+        if term in ABSENT[name]:
+            assert value == 0, term
+        elif term != "contact_stored":
+            assert value != 0, term
+
+
+def test_totals_are_sums_of_the_history():
+    result = standard("border_and_fence")
+    history = result.history
+    step = spacing(history)
+
+    def integral(values):
+        return np.sum(step / 2 * (values[1:] + values[:-1]))
+
+    assert result.impulse == pytest.approx(integral(history.fence_force), rel=1e-12)
+    assert result.energy.belt_work == pytest.approx(integral(history.belt.x) * 2.0, rel=1e-12)
+    assert result.energy.drive_work == pytest.approx(
+        integral(history.torque * history.drive.speed), rel=1e-12
+    )
+    (c,) = history.border
+    assert result.energy.border_friction_loss == pytest.approx(
+        integral(-c.friction * c.sliding), rel=1e-12
+    )
