@@ -174,7 +174,7 @@ class FlexibleLink(eqx.Module):
         self.root_inertia = rigid_mass * arm**2 / 3
 
     def _arc_tables(self, tables):
-        """Element cubics of the arc integrals: [1/m] for the pairs of modes, [1/m^2] for the cube."""
+        """Element cubics of the arc integrals: [1/m] for the pairs, [1/m^2] for the cube."""
         pairs = []
         for i in range(self.arc_modes):
             for j in range(i, self.arc_modes):
