@@ -8,6 +8,8 @@ import jax.numpy as jnp
 from equinox.internal import unvmap_any
 from jaxtyping import Array
 
+from .keep import keep
+
 Unknowns = tuple[Array, ...]
 Matrix = list[list[Array]]
 
@@ -94,23 +96,8 @@ def solve(
             _, along = jax.jvp(lambda x: evaluate(given, x)[3], (root,), (root_dot,))
             return jax.tree.map(jnp.add, extra_dot, along)
 
-        root_dot, extra_dot = _kept(count, moved, tangents[0])
-        extra_dot = _kept(count, total, root_dot, extra_dot)
+        root_dot, extra_dot = keep(count > 0, moved, tangents[0])
+        extra_dot = keep(count > 0, total, root_dot, extra_dot)
         return ((root, extra), count), ((root_dot, extra_dot), jnp.zeros_like(count))
 
     return run(given, jax.lax.stop_gradient(guess), most)[0]
-
-
-def _kept(count: Array, function: Callable, *arguments):
-    """`function(*arguments)`, with its results put in memory once.
-
-    The compiler would otherwise work them out anew in every place that reads them. A branch that
-    is always taken, as `count` is above 0, which the compiler cannot know, keeps it from that.
-    """
-    shapes = jax.eval_shape(function, *arguments)
-    return jax.lax.cond(
-        count > 0,
-        function,
-        lambda *_: jax.tree.map(lambda leaf: jnp.full(leaf.shape, jnp.nan, leaf.dtype), shapes),
-        *arguments,
-    )

@@ -4,7 +4,10 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from equinox.internal import unvmap_any
 from jaxtyping import Array
+
+from .keep import keep
 
 _SERIES_TERMS = 14
 _SERIES_RANGE = 0.5
@@ -99,6 +102,18 @@ def _closed(stiffness, damping, step):
     return velocity, value, first, second
 
 
+def _response(stiffness, damping, step):
+    """g', g and its first and second integrals over the step."""
+    size = jnp.maximum(jnp.sqrt(stiffness), damping) * step
+    small = size < _SERIES_RANGE
+    safe = jnp.where(small, 0.0, 1.0)
+    # Each branch sees harmless numbers where the other one counts, so that neither spoils a
+    # derivative.
+    outer = _closed(safe * stiffness + (1 - safe) / step**2, safe * damping, step)
+    inner = _series((1 - safe) * stiffness, (1 - safe) * damping, step)
+    return tuple(jnp.where(small, a, b) for a, b in zip(inner, outer, strict=True))
+
+
 def propagator(stiffness: Array, damping: Array, step: Array | float) -> Propagator:
     """The exact one-step map for `stiffness` = w^2 [1/s^2], above 0, `damping` = c [1/s], at least
     0, and `step` [s]. Elementwise; no limit of stability and no numerical damping.
@@ -106,18 +121,8 @@ def propagator(stiffness: Array, damping: Array, step: Array | float) -> Propaga
     With g the response to a unit impulse, G1 and G2 its first and second integrals,
     q = (g' + c g) q0 + g v0 + G1 f0 + G2 (f1 - f0) / h, and the velocity is its derivative.
     """
-    size = jnp.maximum(jnp.sqrt(stiffness), damping) * step
-    small = size < _SERIES_RANGE
-    safe = jnp.where(small, 0.0, 1.0)
-    # Each branch sees harmless numbers where the other one counts, so that neither spoils a
-    # derivative.
-    outer = _closed(
-        safe * stiffness + (1 - safe) / step**2, safe * damping, step
-    )
-    inner = _series((1 - safe) * stiffness, (1 - safe) * damping, step)
-    velocity, value, first, second = (
-        jnp.where(small, a, b) for a, b in zip(inner, outer, strict=True)
-    )
+    sound = unvmap_any(jnp.any(stiffness > 0))
+    velocity, value, first, second = keep(sound, _response, stiffness, damping, step)
     q_end = second / step
     v_end = first / step
     return Propagator(

@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from equinox.internal import unvmap_any
 from jax.core import Tracer
 from jaxtyping import Array
 
@@ -10,6 +11,7 @@ from . import general, integrate, modal_step, wall
 from .clock import Clock
 from .fidelity import Fidelity
 from .forward import by_columns
+from .keep import keep
 from .kinematics import Body
 from .link import Vibration
 from .mechanics import Mechanics
@@ -116,12 +118,13 @@ def initial_state(
 
 
 def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
-    mechanics = Mechanics(scene, fidelity)
-    time, body, vibration = initial_state(scene, mechanics)
     steps = integrate.count_steps(scene.duration, fidelity.step)
-    clock = Clock(mechanics, time, scene.duration / steps)
+    sound = unvmap_any(scene.parcel.mass > 0)
+    mechanics = keep(sound, lambda s: Mechanics(s, fidelity), scene)
+    time, body, vibration = keep(sound, initial_state, scene, mechanics)
+    clock = keep(sound, lambda m, t: Clock(m, t, scene.duration / steps), mechanics, time)
     drive = None if scene.drive is None else scene.drive.motion(time)
-    memory, first = modal_step.first(mechanics, body, vibration, drive)
+    memory, first = keep(sound, modal_step.first, mechanics, body, vibration, drive)
     done: Array | float = 1.0
     if fidelity.integrator == "modal":
         tally, samples = integrate.modal(mechanics, clock, (memory, first), steps, history)

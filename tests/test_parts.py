@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import fencejax as fj
-from fencejax import integrate, modal_step, simulate as running
+from fencejax import integrate, modal_step
+from fencejax.clock import Clock
 from fencejax.mechanics import Mechanics
+from fencejax.simulate import _compiled, initial_state
 
 STANDARD = fj.Fidelity.standard()
 
@@ -19,10 +21,10 @@ def setup(scene, fidelity):
 
     def make():
         mechanics = Mechanics(scene, fidelity)
-        time, body, vibration = running.initial_state(scene, mechanics)
-        clock = modal_step.Clock(mechanics, time, fidelity.step)
+        time, body, vibration = initial_state(scene, mechanics)
+        clock = Clock(mechanics, time, fidelity.step)
         drive = None if scene.drive is None else scene.drive.motion(time)
-        memory, _ = modal_step.first_instant(mechanics, clock, body, vibration, drive)
+        memory, _ = modal_step.first(mechanics, body, vibration, drive)
         return mechanics, clock, memory
 
     return jax.eval_shape(make)
@@ -133,18 +135,18 @@ def test_operations_of_absent_parts_are_absent():
         operations = cost(name)[1]
         # No drive to take the cosine of, no corner to turn, no table of shapes to look up.
         assert not {"cos", "sin", "dynamic_slice", "gather", "floor"} & set(operations)
-        assert cost(name)[2].vibration is None
+        assert cost(name)[2].fence is None
     # Friction is the only one to take a reciprocal root or, of the coefficient, an exponential.
     for name in ("without belt", "free motion without belt"):
         assert not {"rsqrt", "exp"} & set(cost(name)[1])
     assert {"rsqrt", "exp"} <= set(cost("free motion")[1])
-    assert cost("rigid fence")[2].vibration == ((), ())
+    assert cost("rigid fence")[2].fence.vibration == ((), ())
 
 
 @functools.cache
 def lowered(name, history):
     scene = {"wall": fj.scenes.rigid_wall, "free": fj.scenes.free_motion}[name]()
-    text = running._compiled.lower(scene, STANDARD, history).as_text()
+    text = _compiled.lower(scene, STANDARD, history).as_text()
     return text.count("stablehlo.")
 
 
