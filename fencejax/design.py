@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
 from . import _check
@@ -191,7 +192,7 @@ class DesignSpace:
         return tuple(variable.name for variable in self.variables)
 
     def _in_bounds(self, values: Array) -> None:
-        if isinstance(values, jax.core.Tracer):
+        if isinstance(values, Tracer):
             return
         for variable, value in zip(self.variables, np.asarray(values), strict=True):
             rounding = 1e-12 * (variable.upper - variable.lower)

@@ -35,20 +35,26 @@ def by_columns(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
         sizes = [leaves[i].size for i in moved]
         count = sum(sizes)
 
-        def along(direction):
-            unit, at = {}, 0
-            for i, size in zip(moved, sizes, strict=True):
-                unit[i] = direction[at : at + size].reshape(leaves[i].shape)
-                at += size
-
-            def restricted(parts):
-                full = [parts.get(i, leaf) for i, leaf in enumerate(leaves)]
-                return function(jax.tree.unflatten(structure, full))
-
-            return jax.jvp(restricted, ({i: leaves[i] for i in moved},), (unit,))
-
         dtype = jnp.result_type(*(leaves[i] for i in moved))
-        value, columns = jax.vmap(along, out_axes=(None, 0))(jnp.eye(count, dtype=dtype))
+
+        # Compiled as one piece, so that the transformations around it see a single operation.
+        @jax.jit
+        def value_and_columns(leaves):
+            def along(direction):
+                unit, at = {}, 0
+                for i, size in zip(moved, sizes, strict=True):
+                    unit[i] = direction[at : at + size].reshape(leaves[i].shape)
+                    at += size
+
+                def restricted(parts):
+                    full = [parts.get(i, leaf) for i, leaf in enumerate(leaves)]
+                    return function(jax.tree.unflatten(structure, full))
+
+                return jax.jvp(restricted, ({i: leaves[i] for i in moved},), (unit,))
+
+            return jax.vmap(along, out_axes=(None, 0))(jnp.eye(count, dtype=dtype))
+
+        value, columns = value_and_columns(leaves)
         flat = jnp.concatenate([dots[i].reshape(-1) for i in moved])
         columns = jax.tree.map(_final, columns)
         change = jax.tree.map(lambda c: jnp.tensordot(flat.astype(c.dtype), c, 1), columns)

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import jax.numpy as jnp
 from jaxtyping import Array
 
 from . import _check
@@ -24,7 +23,7 @@ class Quantity:
 
     - `name`, `unit`, `meaning`: what it is.
     - `read`: the function of the result and the scene behind it.
-    - `needs`: what it cannot do without: `"fence"`, `"belt"` (parts of the scene), `"history"`.
+    - `needs`: the parts of the scene that it cannot do without: `"fence"`, `"belt"`.
     """
 
     name: str
@@ -35,51 +34,19 @@ class Quantity:
 
     def applies_to(self, scene: AnyScene) -> bool:
         """Whether the scene has the parts that the quantity needs."""
-        parts = [part for part in self.needs if part != "history"]
-        return all(getattr(scene, part, None) is not None for part in parts)
+        return all(getattr(scene, part, None) is not None for part in self.needs)
 
     def __call__(self, result: Result, scene: AnyScene) -> Array:
         """The value [`unit`].
 
-        Raises `ValueError` where the scene lacks a part or the result its history.
+        Raises `ValueError` where the scene lacks a part.
         """
         if not self.applies_to(scene):
             raise ValueError(
                 f"Argument `scene` must have {self.needs} for `{self.name}`, but a part of that "
                 "is None."
             )
-        if "history" in self.needs and result.history is None:
-            raise ValueError(
-                f"Argument `result` must hold its history for `{self.name}`, but has none. Write "
-                "simulate(scene, history=True)."
-            )
         return self.read(result, scene)
-
-
-def _largest_place(result: Result, least_force: float) -> Array:
-    """Largest arc coordinate [m] of a corner that presses on the fence with more than
-    `least_force` [N]; 0 where none does.
-
-    The moment at which the load falls through `least_force` is interpolated between the samples,
-    so that the derivative follows that moment as well.
-    """
-    assert result.history is not None
-    largest = jnp.zeros_like(result.peak_force)
-    for contact in result.history.fence:
-        load, place = contact.normal, contact.place
-        loaded = load > least_force
-        ends = loaded[:-1] & ~loaded[1:]
-        fall = jnp.where(ends, load[:-1] - load[1:], 1.0)
-        share = jnp.where(ends, load[:-1] - least_force, 0.0) / fall
-        last = place[:-1] + share * (place[1:] - place[:-1])
-        largest = jnp.maximum(largest, jnp.max(jnp.where(loaded, place, 0.0)))
-        largest = jnp.maximum(largest, jnp.max(jnp.where(ends, last, 0.0)))
-    return largest
-
-
-def _tip_clearance(result: Result, scene: Scene) -> Array:
-    assert scene.fence is not None
-    return scene.fence.reach - _largest_place(result, 1.0)
 
 
 PEAK_FORCE = Quantity(
@@ -121,8 +88,8 @@ CROSSING = Quantity(
 )  # fmt: skip
 TIP_CLEARANCE = Quantity(
     "tip_clearance", "m", "shortest distance along the fence from a loaded corner to the tip",
-    _tip_clearance,
-    needs=("fence", "history"),
+    lambda result, scene: scene.fence.reach - result.largest_place,
+    needs=("fence",),
 )  # fmt: skip
 
 OBJECTIVES: Mapping[str, Quantity] = {

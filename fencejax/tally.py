@@ -8,6 +8,7 @@ from jaxtyping import Array
 
 from .instant import Instant, Power
 
+_PRESSING = 1.0
 
 class Peak(NamedTuple):
     """The largest value of a signal so far, its time and a companion value there.
@@ -118,7 +119,7 @@ def begin(instant: Instant, reach: Array | None) -> Tally:
         stay=stay,
         deepest=_deepest(instant, zero),
         furthest=instant.body.y,
-        largest_place=_largest_place(instant, zero),
+        largest_place=largest_place_so_far(instant, instant, zero),
         over_tip=zero,
         defect=zero,
     )
@@ -130,9 +131,19 @@ def _deepest(instant, least):
     return least
 
 
-def _largest_place(instant, least):
-    for c in instant.fence:
-        least = jnp.maximum(least, jnp.where(c.normal > 0, c.place, 0.0))
+def largest_place_so_far(before: Instant, instant: Instant, least: Array) -> Array:
+    """Largest arc coordinate [m] of a corner that presses with more than 1 N.
+
+    The moment at which the load falls through 1 N is interpolated between the samples, so that the
+    derivative follows that moment as well.
+    """
+    for was, now in zip(before.fence, instant.fence, strict=True):
+        least = jnp.maximum(least, jnp.where(now.normal > _PRESSING, now.place, 0.0))
+        ends = (was.normal > _PRESSING) & (now.normal <= _PRESSING)
+        fall = jnp.where(ends, was.normal - now.normal, 1.0)
+        share = jnp.where(ends, was.normal - _PRESSING, 0.0) / fall
+        last = was.place + share * (now.place - was.place)
+        least = jnp.maximum(least, jnp.where(ends, last, 0.0))
     return least
 
 
@@ -187,7 +198,7 @@ def add(
         stay=_stayed(tally.stay, instant, before, _gap(instant, reach), step),
         deepest=_deepest(instant, tally.deepest),
         furthest=jnp.maximum(tally.furthest, instant.body.y),
-        largest_place=_largest_place(instant, tally.largest_place),
+        largest_place=largest_place_so_far(before, instant, tally.largest_place),
         over_tip=over,
         defect=jnp.maximum(tally.defect, defect),
     )

@@ -53,22 +53,21 @@ def measure(
     limits: tuple[Limit, ...],
     fidelity: fj.Fidelity,
     values: Array,
-) -> tuple[Measurement, Trace]:
-    """What the impacts do to a design [SI], and the signals of each. Differentiable.
-
-    The history is kept here and used by the tip clearance and the signals alone: inside `jit` the
-    rest of it is not computed.
-    """
+    *,
+    signals: bool = True,
+) -> tuple[Measurement, Trace | None]:
+    """What the impacts do to a design [SI], and their signals if asked for. Differentiable."""
     quantities = (objectives.PEAK_FORCE, *(limit.quantity for limit in limits))
     fence, drive = space.apply(values)
 
     def one(distance, mass):
         scene = impacts.scene(fence, drive, distance, mass)
-        result = fj.simulate(scene, fidelity=fidelity, history=True)
-        history = result.history
-        assert history is not None
+        result = fj.simulate(scene, fidelity=fidelity, history=signals)
         read = {q.name: q(result, scene) for q in quantities}
         read["status"] = result.status
+        history = result.history
+        if history is None:
+            return read, None
         return read, Trace(history.time, history.fence_force, history.tip_deflection)
 
     distances, masses = (jnp.asarray(column) for column in zip(*impacts.lanes, strict=True))
@@ -91,7 +90,7 @@ def problem(
 
     def evaluate(z):
         values = space.from_unconstrained(z)
-        measured, _ = measure(space, impacts, limits, fidelity, values)
+        measured, _ = measure(space, impacts, limits, fidelity, values, signals=False)
         rows = list(margins(limits, measured).values())
         left = jnp.concatenate(rows) - reserve if rows else jnp.zeros(0)
         return measured["peak_force"], left, measured["status"]

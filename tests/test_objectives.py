@@ -8,14 +8,24 @@ import numpy as np
 import pytest
 
 import fencejax as fj
-from fencejax import objectives
+from fencejax import objectives, tally
 from fencejax.objectives import LIMITS, OBJECTIVES, Limit
 
 
 def _result(time, load, place):
-    contact = types.SimpleNamespace(normal=load(time), place=place(time))
-    history = types.SimpleNamespace(fence=(contact,))
-    return types.SimpleNamespace(history=history, peak_force=jnp.zeros(()))
+    """A result whose largest place is tallied from samples of a load and a place."""
+
+    def instant(t):
+        return types.SimpleNamespace(
+            fence=(types.SimpleNamespace(normal=load(t), place=place(t)),)
+        )
+
+    largest, before = jnp.zeros(()), instant(time[0])
+    for t in time:
+        now = instant(t)
+        largest = tally.largest_place_so_far(before, now, largest)
+        before = now
+    return types.SimpleNamespace(largest_place=largest)
 
 
 def _scene():
@@ -77,10 +87,7 @@ def test_quantities_read_a_wall_scene():
         (lambda: Limit(objectives.CROSSING, 0.0, "at least"), "crossing scale. must be above 0"),
         (lambda: Limit(objectives.PEAK_STRESS, 4e7, "below"), "`sense` must be one of"),
         (lambda: objectives.CROSSING(None, fj.scenes.rigid_wall()), "`scene` must have"),
-        (
-            lambda: objectives.TIP_CLEARANCE(types.SimpleNamespace(history=None), _scene()),
-            "history=True",
-        ),
+        (lambda: objectives.TIP_CLEARANCE(None, fj.scenes.free_motion()), "`scene` must have"),
     ],
 )
 def test_refusals(make, message):
