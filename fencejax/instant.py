@@ -28,7 +28,8 @@ class Power(NamedTuple):
 
     `geometry` is what small-deflection beam theory leaves out: the contact forces act along the
     bent fence's normal and tangent at the point U, while the beam is loaded with N along the
-    undeflected normal (2.8) and with no tangential force.
+    undeflected normal (2.8) and with no tangential force. Its integral also takes in the energy
+    that the static correction gains or loses as its load moves along the fence.
     """
 
     drive: Array
@@ -72,6 +73,9 @@ class Instant(NamedTuple):
     torque: Array
     energy: Energy
     power: Power
+    carried: tuple[tuple[Array, Array], ...]
+    """For each corner at the fence: the compliance [m/N] of the modes left out, and the load [N]
+    that they carry; empty without them."""
 
 
 def describe(
@@ -135,6 +139,15 @@ def describe(
         torque=torque,
         energy=energy,
         power=power,
+        carried=() if fence is None else _carried(fence),
+    )
+
+
+def _carried(fence: FenceState) -> tuple[tuple[Array, Array], ...]:
+    return tuple(
+        (shape.residual, load)
+        for shape, load in zip(fence.shapes, fence.lagged, strict=True)
+        if shape.residual is not None
     )
 
 
@@ -161,9 +174,8 @@ def _fence_energy(link: FlexibleLink, fence: FenceState, energy: Energy) -> Ener
     strain = 0.5 * link.mass_scale * total(
         k * q * q for k, q in zip(link.frequency_squared, amplitude, strict=True)
     )
-    for shape, load in zip(fence.shapes, fence.lagged, strict=True):
-        if shape.residual is not None:
-            strain = strain + 0.5 * shape.residual * load**2
+    for compliance, load in _carried(fence):
+        strain = strain + 0.5 * compliance * load**2
     return energy._replace(fence=kinetic, strain=strain)
 
 

@@ -171,12 +171,31 @@ class Mechanics(eqx.Module):
         length = self.fidelity.tip_fade
         return contact.fade(place - self.link.reach, length) * contact.fade(-place, length)
 
-    def frame(self, drive: DriveMotion | None, places: tuple[Array, ...]) -> FenceFrame | None:
-        """The fence's frame at the drive's motion, with the corners' feet at `places`."""
+    def frame(
+        self,
+        drive: DriveMotion | None,
+        places: tuple[Array, ...],
+        gone: tuple[Array, ...] = (),
+    ) -> FenceFrame | None:
+        """The fence's frame at the drive's motion, with the corners' feet at `places`.
+
+        `gone`, if given, is 1 for a corner that has left over the tip and does not meet the fence
+        from behind, else 0.
+        """
         if drive is None:
             return None
         turn = (jnp.cos(drive.angle), jnp.sin(drive.angle))
-        return FenceFrame(turn, drive.speed, places, tuple(self.fade(p) for p in places))
+        shares = tuple(self.fade(p) for p in places)
+        if gone:
+            shares = tuple(share * (1 - g) for share, g in zip(shares, gone, strict=True))
+        return FenceFrame(turn, drive.speed, places, shares)
+
+    def gone(self, before: Array, place: Array, gap: Array) -> Array:
+        """Whether a corner has left over the tip: from where its force has faded, until it is clear
+        of the fence's line again."""
+        assert self.link is not None
+        over = place > self.link.reach + self.fidelity.tip_fade
+        return jnp.where(gap <= 0, 0.0, jnp.where(over, 1.0, before))
 
     def _contact(self, touch: Touch, friction: Friction | None, place, normal, share):
         """One contact: what it does, the law's normal force and its response.

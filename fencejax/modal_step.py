@@ -32,7 +32,7 @@ class Memory(NamedTuple):
 
     `fence` holds the vibration, its modal forces and the rates of the loads that the modes left
     out carry, and nothing else; `before` is the acceleration and `normals_before` the forces one
-    step back, for the first guess alone.
+    step back, for the first guess alone; `gone` is 1 for a corner that has left over the tip.
     """
 
     body: Body
@@ -43,6 +43,7 @@ class Memory(NamedTuple):
     sliding: tuple[Array, ...]
     normals: tuple[Array, ...]
     normals_before: tuple[Array, ...]
+    gone: tuple[Array, ...]
 
 
 def _rotated(arm, turn):
@@ -157,7 +158,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
             jnp.maximum(2 * now - before, 0.0)
             for now, before in zip(memory.normals, memory.normals_before, strict=True)
         )
-    frame = mechanics.frame(drive, places)
+    frame = mechanics.frame(drive, places, memory.gone)
     predicted = body.angle + h * (body.spin + 0.5 * h * was.angle)
     end = _End(mechanics, body, was, predicted, mechanics.arms(predicted), frame, fence, h)
     root, (forces, unbalance) = newton.solve(
@@ -167,16 +168,20 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
     normals = tuple(c.normal for c in forces.fence)
 
     state = None if fence is None else fence.state(normals)
-    feet = zip(places, forces.touches[: len(places)], strict=True)
+    touches = forces.touches[: len(places)]
+    feet = tuple(p + t.foot_offset for p, t in zip(places, touches, strict=True))
     memory = Memory(
         body=after,
         acceleration=forces.acceleration,
         before=was,
         fence=_kept(state),
-        places=tuple(place + touch.foot_offset for place, touch in feet),
+        places=feet,
         sliding=tuple(c.sliding for c in forces.fence),
         normals=normals,
         normals_before=memory.normals,
+        gone=tuple(
+            mechanics.gone(g, p, t.gap) for g, p, t in zip(memory.gone, feet, touches, strict=True)
+        ),
     )
     return memory, describe(mechanics, time, after, forces, state), unbalance
 
@@ -199,6 +204,7 @@ def first(
         sliding=tuple(c.sliding for c in forces.fence),
         normals=normals,
         normals_before=normals,
+        gone=tuple(jnp.zeros_like(n) for n in normals),
     )
     return memory, describe(mechanics, jnp.zeros_like(body.x), body, forces, fence)
 
@@ -207,4 +213,6 @@ def _kept(fence: FenceState | None) -> FenceState | None:
     """What the next step needs of the fence's state."""
     if fence is None:
         return None
-    return fence._replace(drive=None, shapes=(), lagged=())
+    corrected = any(shape.residual is not None for shape in fence.shapes)
+    rates = fence.lagged_rate if corrected else ()
+    return fence._replace(drive=None, shapes=(), lagged=(), lagged_rate=rates)

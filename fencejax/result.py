@@ -102,9 +102,9 @@ class Result(eqx.Module):
     last_contact: Array
     """Time of the last contact [s]; NaN if there is none."""
     leave_x: Array
-    """x of C_s at the last contact, where the parcel leaves the fence [m]."""
+    """x of C_s at the last contact, where the parcel leaves the fence [m]; NaN if there is none."""
     leave_y: Array
-    """y of C_s at the last contact [m]."""
+    """y of C_s at the last contact [m]; NaN if there is none."""
     furthest_y: Array
     """Largest y of C_s at a step [m]: how far the parcel got across the belt."""
     largest_place: Array
@@ -145,13 +145,16 @@ class Result(eqx.Module):
         rows = [
             ("status", Status(int(self.status)).text, ""),
             ("peak force", f"{self.peak_force:.2f} N", f"at {1e3 * self.peak_time:.2f} ms"),
-            ("impulse", f"{self.impulse:.3f} N s", ""),
-            (
-                "contact",
-                f"{1e3 * self.contact_time:.2f} ms",
-                f"from {1e3 * self.first_contact:.2f} to {1e3 * self.last_contact:.2f} ms",
-            ),
-            ("leaves at", f"({self.leave_x:.3f}, {self.leave_y:.3f}) m", "(C_s, last contact)"),
+        ]
+        if np.isfinite(self.first_contact):
+            between = f"from {1e3 * self.first_contact:.2f} to {1e3 * self.last_contact:.2f} ms"
+            place = f"({self.leave_x:.3f}, {self.leave_y:.3f}) m"
+            rows += [
+                ("impulse", f"{self.impulse:.3f} N s", ""),
+                ("contact", f"{1e3 * self.contact_time:.2f} ms", between),
+                ("leaves at", place, "(C_s, last contact)"),
+            ]
+        rows += [
             (
                 "tip deflection",
                 f"{1e3 * self.tip_deflection:.2f} mm",
@@ -186,8 +189,8 @@ def gather(
         contact_time=stay.total,
         first_contact=jnp.where(stay.touched > 0, stay.first, jnp.nan),
         last_contact=jnp.where(stay.touched > 0, stay.last, jnp.nan),
-        leave_x=stay.x,
-        leave_y=stay.y,
+        leave_x=jnp.where(stay.touched > 0, stay.x, jnp.nan),
+        leave_y=jnp.where(stay.touched > 0, stay.y, jnp.nan),
         furthest_y=tally.furthest,
         largest_place=tally.largest_place,
         peak_border_force=tally.border.value,

@@ -178,6 +178,10 @@ def add(
     before = tally.last
     time = instant.time
     mean = lambda a, b: 0.5 * step * (a + b)  # noqa: E731
+    work = jax.tree.map(lambda w, a, b: w + mean(a, b), tally.work, before.power, instant.power)
+    for (was, load), (now, loaded) in zip(before.carried, instant.carried, strict=True):
+        # 1/2 r^2 dG: the load that the modes left out carry has moved along the fence.
+        work = work._replace(geometry=work.geometry + 0.25 * (load**2 + loaded**2) * (now - was))
     stress = tally.stress.update(instant.stress, time, step)
     higher = instant.stress >= tally.stress.value
     over = tally.over_tip
@@ -193,7 +197,7 @@ def add(
         stress_place=jnp.where(higher, instant.stress_place, tally.stress_place),
         torque=tally.torque.update(jnp.abs(instant.torque), time, step),
         border=tally.border.update(_border_force(instant), time, step),
-        work=jax.tree.map(lambda w, a, b: w + mean(a, b), tally.work, before.power, instant.power),
+        work=work,
         impulse=tally.impulse + mean(before.fence_force, instant.fence_force),
         stay=_stayed(tally.stay, instant, before, _gap(instant, reach), step),
         deepest=_deepest(instant, tally.deepest),

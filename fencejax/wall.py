@@ -47,6 +47,7 @@ def _instant(scene: WallScene, time: Array, state: _State) -> Instant:
             contact.stored_energy(scene.parcel.stiffness, state.gap),
         ),
         power=Power(zero, zero, zero, state.force * state.rate, zero, zero, zero, zero),
+        carried=(),
     )
 
 
@@ -69,7 +70,7 @@ def run(scene: WallScene, fidelity: Fidelity, history: bool) -> Result:
             law = contact.kelvin(parcel.stiffness, contact.viscosity(parcel), gap, rate)
             value = rate - state.rate + 0.5 * h * (state.force + law.force) / parcel.mass
             slope = 1 + 0.5 * h * (law.by_gap * h / 3 + law.by_rate) / parcel.mass
-            unbalance = parcel.mass * jnp.abs(value) / h
+            unbalance = 2 * parcel.mass * jnp.abs(value) / h
             size = unbalance / (1e-9 * law.force + 1e-9)
             return (value,), [[slope]], size, (_State(gap, rate, law.force), unbalance)
 

@@ -137,47 +137,47 @@ def test_readme_gradient():
 
 SCENES = {
     "oblique_impact": lambda: fj.scenes.oblique_impact(duration=0.08),
-    "never_touches": lambda: fj.scenes.whole_sort(front=-3.0, duration=0.3),
+    "never_touches": lambda: fj.scenes.whole_sort(front=-3.0, duration=0.4),
     "along_fence": lambda: fj.scenes.along_fence(duration=0.1),
     "border_and_fence": lambda: fj.scenes.border_and_fence(duration=0.1),
     "free_motion": lambda: fj.scenes.free_motion(duration=0.2),
-    "free_motion_with_fence": lambda: fj.scenes.free_motion(fence=fj.Fence(), duration=0.1),
-    "whole_sort": lambda: fj.scenes.whole_sort(duration=0.5),
+    "whole_sort": lambda: fj.scenes.whole_sort(duration=0.4),
     "rigid_wall": lambda: fj.scenes.rigid_wall(),
     "no_friction": lambda: fj.scenes.oblique_impact(
         belt=None, fence_friction=None, velocity=(2.0, 0.0, 0.0), duration=0.08
     ),
-    "traced_taper": lambda: fj.scenes.oblique_impact(
-        fence=fj.Fence(taper=fj.PowerTaper(0.5)), duration=0.06
-    ),
-    "held": lambda: fj.scenes.oblique_impact(drive=fj.HeldDrive(0.3), duration=0.08),
-    "spline": lambda: fj.scenes.oblique_impact(
-        drive=fj.SplineDrive(jnp.array([0.1, 0.4, 0.7, 0.7, 0.4, 0.1])), duration=0.08
+    "traced_taper_and_drive": lambda: fj.scenes.oblique_impact(
+        fence=fj.Fence(taper=fj.PowerTaper(0.5)),
+        drive=fj.SplineDrive(jnp.array([0.1, 0.4, 0.7, 0.7, 0.4, 0.1])),
+        duration=0.06,
     ),
 }
+# Finiteness does not ask for accuracy: the fewest operations that hold every part.
+COARSE = fj.Fidelity.fast(modes=1, elements=6, geometry="small", step=1e-3)
 QUANTITIES = (
     "peak_force", "tip_deflection", "peak_stress", "impulse", "contact_time", "peak_torque",
     "peak_border_force", "furthest_y", "deepest",
 )
 
 
+@eqx.filter_jit
+def jacobian(scene):
+    """Derivatives of every quantity in every number of a scene, and the quantities."""
+    numbers, structure = eqx.partition(scene, eqx.is_inexact_array)
+
+    def quantities(numbers):
+        scene = eqx.combine(numbers, structure)
+        result = fj.simulate(scene, fidelity=COARSE, history=False)
+        values = {q: getattr(result, q) for q in QUANTITIES}
+        return values, values
+
+    return jax.jacrev(quantities, has_aux=True)(numbers)
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_every_gradient_is_finite(name):
     """Every scalar of every part, every quantity of the result, every kind of scene."""
-    scene = SCENES[name]()
-    numbers, structure = eqx.partition(scene, eqx.is_inexact_array)
-
-    @jax.jit
-    def jacobian(numbers):
-        def quantities(numbers):
-            result = fj.simulate(
-                eqx.combine(numbers, structure), fidelity=fj.Fidelity.fast(), history=False
-            )
-            return {q: getattr(result, q) for q in QUANTITIES}
-
-        return quantities(numbers), jax.jacrev(quantities)(numbers)
-
-    value, slopes = jacobian(numbers)
+    slopes, value = jacobian(SCENES[name]())
     for quantity in QUANTITIES:
         assert np.isfinite(value[quantity]), quantity
         for path, leaf in jax.tree_util.tree_leaves_with_path(slopes[quantity]):
@@ -186,4 +186,4 @@ def test_every_gradient_is_finite(name):
         assert value["peak_force"] == 0
         assert all(np.all(leaf == 0) for leaf in jax.tree.leaves(slopes["peak_force"]))
     else:
-        assert value["peak_force"] > 0 or name == "free_motion_with_fence"
+        assert value["peak_force"] > 0

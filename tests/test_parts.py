@@ -118,16 +118,16 @@ def test_other_parts_left_out(more, less):
 def test_size_of_the_state():
     # The parcel: position and velocity 6, acceleration now and before 6. The fence: amplitude,
     # rate and force of each mode. A corner at it: its place, sliding speed, force now and before,
-    # and the lagged rate of the modes left out.
+    # whether it has left over the tip, and the lagged rate of the modes left out.
     assert cost("free motion")[0] == cost("free motion without belt")[0] == 12
     assert cost("free motion beside a fence")[0] == 12 + 3 * 4
-    assert cost("oblique impact")[0] == 12 + 3 * 4 + 5
-    assert cost("without static correction")[0] == 12 + 3 * 4 + 4
-    assert cost("one mode")[0] == 12 + 3 + 4
-    assert cost("rigid fence")[0] == 12 + 4
+    assert cost("oblique impact")[0] == 12 + 3 * 4 + 6
+    assert cost("without static correction")[0] == 12 + 3 * 4 + 5
+    assert cost("one mode")[0] == 12 + 3 + 5
+    assert cost("rigid fence")[0] == 12 + 5
     # The border keeps nothing.
-    assert cost("sort, 4 + 4 corners")[0] == 12 + 3 * 4 + 4 * 5
-    assert cost("no border")[0] == cost("sort, 2 + 2 corners")[0] == 12 + 3 * 4 + 2 * 5
+    assert cost("sort, 4 + 4 corners")[0] == 12 + 3 * 4 + 4 * 6
+    assert cost("no border")[0] == cost("sort, 2 + 2 corners")[0] == 12 + 3 * 4 + 2 * 6
 
 
 def test_operations_of_absent_parts_are_absent():
