@@ -88,14 +88,31 @@ class Fidelity:
 
     @classmethod
     def fast(cls, **changes) -> "Fidelity":
+        """Three modes, steps of 0.5 ms, friction smoothed over 0.02 m/s.
+
+        Over sixteen impacts (0.65-1.06 m, 2-25 kg, 0.2-0.4 rad) the peak force is off by up to
+        0.5 % and its gradient, as elasticities, by up to 0.7 % of its norm; half the cost of
+        `standard`.
+        """
         return cls(**{**dict(modes=3, step=5e-4, slip_speed=2e-2, static_speed=1e-1), **changes})
 
     @classmethod
     def standard(cls, **changes) -> "Fidelity":
+        """The default: four modes, steps of 0.25 ms, friction smoothed over 0.005 m/s.
+
+        Over the same impacts the peak force is off by up to 0.15 % and its gradient by up to
+        0.25 %, most of it the smoothing of friction.
+        """
         return cls(**changes)
 
     @classmethod
     def reference(cls, **changes) -> "Fidelity":
+        """Twelve modes, the paper's chords, steps of 25 us, friction smoothed over 0.001 m/s; for
+        double precision.
+
+        Within 2e-5 of an independent version with all modes and the same smoothing, and within
+        3e-4 in the gradient; some twenty times the cost of `standard`.
+        """
         settings = dict(
             modes=12, geometry="chord", step=2.5e-5, iterations=20,
             slip_speed=1e-3, static_speed=5e-3,

@@ -1,5 +1,6 @@
 """Gradients against converged differences of the independent version, and against each other."""
 
+import functools
 import json
 from pathlib import Path
 
@@ -18,6 +19,10 @@ RECORDED = json.loads(
 DESIGN = ("thickness", "E", "rho", "zeta", "width", "l_s", "l_p", "top_speed")
 OTHERS = ("belt_speed", "mass", "stiffness", "damping", "mu_fence", "mu_belt", "distance")
 NAMES = DESIGN + OTHERS
+
+
+# The fewest operations that hold every part, where accuracy is not asked for.
+COARSE = fj.Fidelity.fast(modes=1, elements=6, geometry="small", step=1e-3)
 
 
 def recorded(name):
@@ -44,18 +49,23 @@ def values_at(case):
     return {name: jnp.asarray(case["derivatives"][name]["at"], dtype=float) for name in NAMES}
 
 
-def outputs(x, fidelity):
-    result = fj.simulate(build(x), fidelity=fidelity, history=False)
-    return {"peak_force": result.peak_force, "tip_deflection": result.tip_deflection}
+@functools.cache
+def program(fidelity):
+    """Peak force and tip deflection with their derivatives; compiled once for every case."""
+
+    def outputs(x):
+        result = fj.simulate(build(x), fidelity=fidelity, history=False)
+        values = {"peak_force": result.peak_force, "tip_deflection": result.tip_deflection}
+        return values, values
+
+    return jax.jit(jax.jacrev(outputs, has_aux=True))
 
 
 def elasticities(case, fidelity, quantity):
     """d ln(quantity) / d ln(variable), ours and recorded, and the recorded error."""
     x = values_at(case)
-    value, gradient = jax.jit(
-        jax.value_and_grad(lambda x: outputs(x, fidelity)[quantity])
-    )(x)
-    ours = np.array([float(gradient[n] * x[n] / value) for n in NAMES])
+    gradient, value = program(fidelity)(x)
+    ours = np.array([float(gradient[quantity][n] * x[n] / value[quantity]) for n in NAMES])
     truth = case["values"][quantity]
     table = case["derivatives"]
     theirs = np.array([table[n][quantity]["derivative"] * table[n]["at"] / truth for n in NAMES])
@@ -97,39 +107,50 @@ def test_tip_deflection():
 def test_forward_and_reverse_agree():
     # The same program differentiated two ways: round-off, grown over 400 steps.
     x = values_at(recorded("R = 1.0, derivatives"))
-    gradients = []
-    for gradient in ("forward", "reverse"):
-        fidelity = fj.Fidelity.standard(gradient=gradient)
-        peak = lambda x, f=fidelity: outputs(x, f)["peak_force"]  # noqa: E731
-        gradients.append(jax.jit(jax.grad(peak))(x))
+    forward, _ = program(fj.Fidelity.standard())(x)
+
+    def peak(x):
+        fidelity = fj.Fidelity.standard(gradient="reverse")
+        return fj.simulate(build(x), fidelity=fidelity, history=False).peak_force
+
+    reverse = jax.jit(jax.grad(peak))(x)
     for name in NAMES:
-        forward, reverse = (float(g[name]) for g in gradients)
-        assert forward == pytest.approx(reverse, rel=1e-8)
+        assert float(forward["peak_force"][name]) == pytest.approx(float(reverse[name]), rel=1e-8)
 
 
 def test_transformations_compose():
-    fidelity = fj.Fidelity.fast()
+    def peak(speed):
+        return fj.simulate(fj.scenes.rigid_wall(speed=speed), history=False).peak_force
 
+    speed = jnp.array([1.0, 2.0, 3.0])
+    each = jnp.stack([jax.grad(peak)(v) for v in speed])
+    np.testing.assert_allclose(jax.jit(jax.vmap(jax.grad(peak)))(speed), each, rtol=1e-8)
+    np.testing.assert_allclose(jax.jacfwd(lambda v: jax.vmap(peak)(v))(speed), jnp.diag(each))
+    value, slope = jax.jvp(peak, (speed[1],), (jnp.asarray(2.0),))
+    np.testing.assert_allclose(slope, 2 * each[1], rtol=1e-12)
+    np.testing.assert_allclose(jax.vmap(peak)(speed)[1], value, rtol=1e-9)
+    with pytest.raises(NotImplementedError, match="Second derivatives"):
+        jax.hessian(peak)(speed[1])
+
+
+def test_batches_of_gradients():
+    # Lanes of a batch iterate until the last one is done: 5e-7 of the forces is what Newton leaves.
     def peak(thickness):
         fence = fj.Fence(thickness=thickness)
         scene = fj.scenes.oblique_impact(fence=fence, duration=0.06)
-        return fj.simulate(scene, fidelity=fidelity, history=False).peak_force
+        return fj.simulate(scene, fidelity=COARSE, history=False).peak_force
 
     thickness = jnp.array([0.04, 0.045, 0.05])
-    each = jnp.stack([jax.grad(peak)(h) for h in thickness])
-    # Lanes of a batch iterate until the last one is done: 5e-7 of the forces is what Newton leaves.
+    gradient = jax.jit(jax.grad(peak))
+    each = jnp.stack([gradient(h) for h in thickness])
     np.testing.assert_allclose(jax.jit(jax.vmap(jax.grad(peak)))(thickness), each, rtol=1e-5)
-    value, slope = jax.jvp(peak, (thickness[1],), (jnp.asarray(1.0),))
-    np.testing.assert_allclose(slope, each[1], rtol=1e-9)
-    np.testing.assert_allclose(jax.vmap(peak)(thickness)[1], value, rtol=1e-6)
-    with pytest.raises(NotImplementedError, match="Second derivatives"):
-        jax.hessian(peak)(thickness[1])
 
 
-def test_readme_gradient():
-    peak = lambda f: fj.simulate(  # noqa: E731
-        fj.scenes.oblique_impact(fence=f, distance=1.0, duration=0.06)
-    ).peak_force
+def test_gradient_of_a_whole_fence():
+    def peak(fence):
+        scene = fj.scenes.oblique_impact(fence=fence, distance=1.0, duration=0.06)
+        return fj.simulate(scene, fidelity=COARSE).peak_force
+
     gradient = eqx.filter_grad(peak)(fj.Fence())
     assert float(gradient.thickness) > 0
     assert float(gradient.material.youngs_modulus) > 0
@@ -152,8 +173,6 @@ SCENES = {
         duration=0.06,
     ),
 }
-# Finiteness does not ask for accuracy: the fewest operations that hold every part.
-COARSE = fj.Fidelity.fast(modes=1, elements=6, geometry="small", step=1e-3)
 QUANTITIES = (
     "peak_force", "tip_deflection", "peak_stress", "impulse", "contact_time", "peak_torque",
     "peak_border_force", "furthest_y", "deepest",
