@@ -146,16 +146,6 @@ def test_batches_of_gradients():
     np.testing.assert_allclose(jax.jit(jax.vmap(jax.grad(peak)))(thickness), each, rtol=1e-5)
 
 
-def test_gradient_of_a_whole_fence():
-    def peak(fence):
-        scene = fj.scenes.oblique_impact(fence=fence, distance=1.0, duration=0.06)
-        return fj.simulate(scene, fidelity=COARSE).peak_force
-
-    gradient = eqx.filter_grad(peak)(fj.Fence())
-    assert float(gradient.thickness) > 0
-    assert float(gradient.material.youngs_modulus) > 0
-
-
 SCENES = {
     "oblique_impact": lambda: fj.scenes.oblique_impact(duration=0.08),
     "never_touches": lambda: fj.scenes.whole_sort(front=-3.0, duration=0.4),
