@@ -111,7 +111,7 @@ class Fidelity:
         double precision.
 
         Within 2e-5 of an independent version with all modes and the same smoothing, and within
-        3e-4 in the gradient; some twenty times the cost of `standard`.
+        3e-4 in the gradient; some thirty times the cost of `standard`.
         """
         settings = dict(
             modes=12, geometry="chord", step=2.5e-5, iterations=20,

@@ -85,16 +85,16 @@ def draw_scene(
         axes.plot(x, y, color=_PARCEL, alpha=shade, linewidth=1.2)
         center = [float(np.asarray(q)[index]) for q in result.history.body[:2]]
         axes.plot(*center, "+", color=_PARCEL, alpha=shade, markersize=5)
-        if scene.fence is not None:
-            x, y = fence_line(scene, result, index, fidelity)
-            axes.plot(x, y, color=_FENCE, alpha=shade, linewidth=2.0)
+        if scene.fence is None:
+            continue
+        line_x, line_y = fence_line(scene, result, index, fidelity)
+        axes.plot(line_x, line_y, color=_FENCE, alpha=shade, linewidth=2.0)
         for corner, contact in zip(scene.fence_corners, result.history.fence, strict=True):
             force = float(np.asarray(contact.normal)[index])
             if force > 0.02 * strongest:
-                px, py = parcel_outline(scene, result, index)
-                foot = px[corner - 1], py[corner - 1]
+                foot = x[corner - 1], y[corner - 1]
                 length = 0.25 * force / strongest
-                angle = _normal_angle(scene, result, index, contact, fidelity)
+                angle = _normal_angle(line_x, line_y, float(np.asarray(contact.place)[index]))
                 head = foot[0] + length * np.cos(angle), foot[1] + length * np.sin(angle)
                 axes.annotate(
                     "",
@@ -109,10 +109,8 @@ def draw_scene(
     return axes
 
 
-def _normal_angle(scene, result, index, contact, fidelity):
-    """Direction [rad] of the fence's normal under a contact, from the drawn line."""
-    x, y = fence_line(scene, result, index, fidelity)
+def _normal_angle(x, y, place):
+    """Direction [rad] of the normal of the drawn line at the arc coordinate `place` [m]."""
     reached = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
-    place = float(np.asarray(contact.place)[index])
     piece = int(np.clip(np.searchsorted(reached, place) - 1, 0, len(x) - 2))
     return np.arctan2(y[piece + 1] - y[piece], x[piece + 1] - x[piece]) + np.pi / 2
