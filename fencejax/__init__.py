@@ -25,7 +25,7 @@ from .objectives import (
 from .optimizer import Optimum as Optimum, Record as Record, Stop as Stop, minimize as minimize
 from .parcel import Parcel as Parcel
 from .result import Ledger as Ledger, Result as Result
-from .scenes import Scene as Scene, WallScene as WallScene
+from .scenes import NormalScene as NormalScene, Scene as Scene
 from .simulate import simulate as simulate
 from .status import Status as Status
 from .taper import (
@@ -33,5 +33,6 @@ from .taper import (
     ConstantStrength as ConstantStrength,
     PowerTaper as PowerTaper,
     ProfileTaper as ProfileTaper,
+    SteppedTaper as SteppedTaper,
     Uniform as Uniform,
 )

@@ -39,8 +39,11 @@ class BeamTables(NamedTuple):
     mass: Any
     """(3,): integrals of g, g x / l_p and g (x / l_p)^2."""
     residual: Any
-    """(n + 1, 2): deflection under a unit force at the same node, less the share of the m modes,
-    and its derivative in x / l_p, in units of l_p^3 / (E I_1)."""
+    """(n, 7): deflection under a unit force at the same point, less the share of the m modes, in
+    units of l_p^3 / (E I_1): in each element a polynomial of the sixth degree in its local
+    coordinate, lowest power first."""
+    residual_shared: Any
+    """(n, 7): the same where the force is shared linearly by the element's two nodes."""
     residual_tip: Any
     """(n + 1, 2): the same for the deflection of the tip under a unit force at the node."""
     moment: Any
@@ -150,13 +153,11 @@ def build_tables(
         ]
     )
 
-    # Static compliance at the nodes: C_ww and d/dx of C(x, x), which is twice C_w'w.
+    # Static compliance, less that of the modes.
     compliance = xp.linalg.solve(stiffness[2:, 2:], np.eye(2 * elements))
     modal = (vectors / values[None]) @ vectors.T if modes else 0.0 * compliance
     left = compliance - modal
-    diagonal = xp.diagonal(left[0::2, 0::2])
-    derivative = 2 * xp.diagonal(left[1::2, 0::2])
-    residual = xp.concatenate([np.zeros((1, 2)), xp.stack([diagonal, derivative], -1)])
+    cubics = _CUBICS * np.array([1.0, 1.0 / elements, 1.0, 1.0 / elements])[:, None]
     tip = xp.stack([left[-2, 0::2], left[-2, 1::2]], -1)
 
     return BeamTables(
@@ -166,13 +167,38 @@ def build_tables(
         swing_root=swing_root,
         swing_tip=swing_tip,
         mass=moments_of_mass,
-        residual=residual,
+        residual=_within(left, cubics, cubics, xp),
+        residual_shared=_within(left, cubics, _LINES, xp),
         residual_tip=xp.concatenate([np.zeros((1, 2)), tip]),
         moment=_moments(taper, elements, values, full, xp),
         relative_thickness=taper(stations[:-1], 1.0 - stations[:-1]) + 0.0 * values[:1].sum(),
         shortening=_integrated(lambda s: 0.5 * s[..., :, None] * s[..., None, :], full, xp),
         cubed=_integrated(lambda s: s[..., :1].sum(-1) ** 3 / 6, full, xp),
     )
+
+
+_CUBICS = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], dtype=float)
+"""Coefficients of `hermite`, lowest power first."""
+_LINES = np.array([[1, -1, 0, 0], [0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0]], dtype=float)
+"""The same of a linear share between the two nodes."""
+
+
+def _within(compliance, deflection, load, xp):
+    """Compliance at a point of each element, a polynomial in the local coordinate (n, 7), from that
+    of the nodes of the clamped link (2 n, 2 n) and the cubics by which the element's four degrees
+    of freedom make the deflection there and share the load, (4, 4) each."""
+    size = compliance.shape[0]
+    edge = np.zeros((2, size))
+    full = xp.concatenate([edge, compliance])
+    full = xp.concatenate([np.zeros((size + 2, 2)), full], axis=1)
+    dofs = 2 * np.arange(size // 2)[:, None] + np.arange(4)
+    blocks = full[dofs[:, :, None], dofs[:, None, :]]
+    product = np.zeros((4, 4, 7))
+    for a in range(4):
+        for b in range(4):
+            product[a, b, a + b] = 1.0
+    powers = np.einsum("ia,jb,abk->ijk", deflection, load, product)
+    return xp.einsum("eij,ijk->ek", blocks, powers)
 
 
 def _integrated(function, full, xp):

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .mechanics import Mechanics
-from .propagation import Propagator
+from .propagation import Propagator, relaxation
 
 
 class Clock(eqx.Module):
@@ -26,10 +26,7 @@ class Clock(eqx.Module):
         self.lag_decay = jnp.zeros_like(start)
         if mechanics.link is not None:
             self.maps = mechanics.link.propagators(step)
-            lag = mechanics.link.lag
-            slow = lag > 1e-2 * step
-            decay = jnp.exp(-step / jnp.where(slow, lag, 1.0))
-            self.lag_decay = jnp.where(slow, decay, 0.0)
+            self.lag_decay = relaxation(mechanics.link.lag, step)
 
     def time(self, index: Array) -> Array:
         """Time [s] of a sample since the scene's start."""

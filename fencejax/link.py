@@ -146,13 +146,11 @@ class FlexibleLink(eqx.Module):
         flexibility = 1 / fence.stiffness_scale
         self.residual = self.residual_tip = None
         if fidelity.residual:
-            self.residual, self.residual_tip = (
-                _coefficients(flexibility * table[:, 0], flexibility * table[:, 1] / self.elements)
-                for table in (
-                    jnp.asarray(tables.residual, dtype=float),
-                    jnp.asarray(tables.residual_tip, dtype=float),
-                )
-            )
+            table = tables.residual if fidelity.load == "consistent" else tables.residual_shared
+            table = flexibility * jnp.asarray(table, dtype=float)
+            self.residual = tuple(table[:, k] for k in range(table.shape[1]))
+            table = flexibility * jnp.asarray(tables.residual_tip, dtype=float)
+            self.residual_tip = _coefficients(table[:, 0], table[:, 1] / self.elements)
         # Bending stress at the nodes: E (h / 2) |w''| = M (h / 2) / I.
         self.bending = tuple(
             fence.stiffness_scale * self.length * block for block in _blocks(tables.moment)
@@ -274,7 +272,7 @@ class FlexibleLink(eqx.Module):
             deflections.append(deflection + slope * beyond)
         residual, residual_tip = None, None
         if self.residual is not None and self.residual_tip is not None:
-            residual, _ = _cubic(self.residual, index, s)
+            residual = _polynomial(self.residual, index, s)
             residual_tip, _ = _cubic(self.residual_tip, index, s)
         load = tuple(deflections)
         if self.linear is not None:
@@ -422,6 +420,14 @@ def _cubic(table: tuple[Array, ...], index: Array, s: Array) -> tuple[Array, Arr
     """Value and derivative in s of an element's cubic, given its four coefficients' tables."""
     a, b, c, d = (jax.lax.dynamic_index_in_dim(t, index, keepdims=False) for t in table)
     return a + s * (b + s * (c + s * d)), b + s * (2 * c + 3 * s * d)
+
+
+def _polynomial(table: tuple[Array, ...], index: Array, s: Array) -> Array:
+    """Value of an element's polynomial, given the tables of its coefficients, lowest first."""
+    *lower, value = (jax.lax.dynamic_index_in_dim(t, index, keepdims=False) for t in table)
+    for coefficient in reversed(lower):
+        value = coefficient + s * value
+    return value
 
 
 def _line(table: tuple[Array, Array], index: Array, s: Array) -> Array:

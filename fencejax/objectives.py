@@ -8,9 +8,9 @@ from jaxtyping import Array
 
 from . import _check
 from .result import Result
-from .scenes import Scene, WallScene
+from .scenes import NormalScene, Scene
 
-AnyScene = Scene | WallScene
+AnyScene = NormalScene | Scene
 
 
 @dataclasses.dataclass(frozen=True)

@@ -135,3 +135,10 @@ def propagator(stiffness: Array, damping: Array, step: Array | float) -> Propaga
         v_start=value - v_end,
         v_end=v_end,
     )
+
+
+def relaxation(lag: Array, step: float) -> Array:
+    """exp(-h / lag) [1], what is left after a step h [s] of a rate that follows with a lag [s];
+    0, with no derivative, where the lag is too short to matter."""
+    slow = lag > 1e-2 * step
+    return jnp.where(slow, jnp.exp(-step / jnp.where(slow, lag, 1.0)), 0.0)

@@ -45,11 +45,14 @@ class Scene(eqx.Module):
     duration: float = eqx.field(static=True)
 
 
-class WallScene(eqx.Module):
-    """A parcel against an undeformable wall of infinite mass: one coordinate, no belt."""
+class NormalScene(eqx.Module):
+    """A parcel with one coordinate, against the fence held still or, without one, against an
+    undeformable wall of infinite mass; no belt, no friction."""
 
     parcel: Parcel
     speed: Array
+    fence: Fence | None
+    distance: Array | None
     duration: float = eqx.field(static=True)
 
 
@@ -349,15 +352,48 @@ def whole_sort(
     )
 
 
+def normal_impact(
+    *,
+    fence: Fence | None = None,
+    distance: ArrayLike | None = None,
+    speed: ArrayLike = 2.426,
+    parcel: Parcel | None = None,
+    duration: float | None = None,
+) -> NormalScene:
+    """A parcel strikes the fence held still, along its normal: the smallest scene with a fence.
+
+    **Arguments:**
+
+    - `distance`: arc coordinate [m] from the hinge where it strikes, by default R_z - 0.2 l_p.
+    - `speed`: the normal approach speed v_n [m/s].
+    - `fence`, `parcel`: by default the paper's.
+    - `duration` [s], static, default 0.25.
+
+    Raises `ValueError` where the distance is out of the fence's reach.
+    """
+    fence = Fence() if fence is None else fence
+    if distance is None:
+        distance = fence.reach - 0.2 * fence.flexible_length
+    return NormalScene(
+        Parcel() if parcel is None else parcel,
+        _check.scalar("speed", speed, unit="m/s"),
+        fence,
+        _place(distance, fence),
+        _duration(duration, 0.25),
+    )
+
+
 def rigid_wall(
     *, speed: ArrayLike = 2.426, parcel: Parcel | None = None, duration: float | None = None
-) -> WallScene:
+) -> NormalScene:
     """A parcel strikes an undeformable wall of infinite mass: N_stiff, one coordinate.
 
     `speed` is the normal approach speed v_n [m/s]; `duration` [s] is static, default 0.1.
     """
-    return WallScene(
+    return NormalScene(
         Parcel() if parcel is None else parcel,
         _check.scalar("speed", speed, unit="m/s"),
+        None,
+        None,
         _duration(duration, 0.1),
     )

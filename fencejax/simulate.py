@@ -7,7 +7,7 @@ from equinox.internal import unvmap_any
 from jax.core import Tracer
 from jaxtyping import Array
 
-from . import general, integrate, modal_step, wall
+from . import general, integrate, modal_step, normal
 from .clock import Clock
 from .fidelity import Fidelity
 from .forward import by_columns
@@ -16,14 +16,14 @@ from .kinematics import Body
 from .link import Vibration
 from .mechanics import Mechanics
 from .result import Result, gather
-from .scenes import Scene, WallScene
+from .scenes import NormalScene, Scene
 from .start import Pose
 from .status import Status, worst
 from .tally import Tally
 
 
 def simulate(
-    scene: Scene | WallScene,
+    scene: NormalScene | Scene,
     *,
     fidelity: Fidelity | None = None,
     history: bool = True,
@@ -42,7 +42,7 @@ def simulate(
     Raises `TypeError` for arguments of the wrong kind and, with `throw=True`, `RuntimeError` with
     the status' text.
     """
-    if not isinstance(scene, (Scene, WallScene)):
+    if not isinstance(scene, (NormalScene, Scene)):
         raise TypeError(
             f"Argument `scene` must be a scene made by a function of `fencejax.scenes`, but is a "
             f"{type(scene).__name__}."
@@ -74,8 +74,8 @@ def _compiled(scene, fidelity: Fidelity, history: bool) -> Result:
 
     def outcome(numbers):
         whole = eqx.combine(numbers, structure)
-        if isinstance(whole, WallScene):
-            return wall.run(whole, fidelity, history)
+        if isinstance(whole, NormalScene):
+            return normal.run(whole, fidelity, history)
         return _run(whole, fidelity, history)
 
     run = by_columns(outcome) if fidelity.gradient == "forward" else outcome

@@ -5,6 +5,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from . import _check
@@ -69,3 +70,19 @@ class ProfileTaper(AbstractTaper):
     def __call__(self, position, tip_distance):
         stations = jnp.linspace(0.0, 1.0, self.ratios.shape[-1])
         return jnp.interp(position, stations, self.ratios)
+
+
+class SteppedTaper(AbstractTaper):
+    """Another profile milled in `steps` equal steps, each as thick as the profile at its middle."""
+
+    profile: AbstractTaper
+    steps: int = eqx.field(static=True)
+
+    def __init__(self, profile: AbstractTaper, steps: int):
+        self.profile = profile
+        self.steps = _check.count("steps", steps, least=1)
+
+    def __call__(self, position, tip_distance):
+        step = np.minimum(np.floor(position * self.steps), self.steps - 1)
+        middle = (step + 0.5) / self.steps
+        return self.profile(middle, 1 - middle)

@@ -35,3 +35,9 @@ def bench_directory(request):
     directory = Path(request.config.getoption("--bench"))
     directory.mkdir(parents=True, exist_ok=True)
     return directory
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config):
+    """Speed is measured by one process alone."""
+    return 0 if config.getoption("--bench") else None

@@ -14,6 +14,7 @@ SCENES = {
     "free_motion": lambda: fj.scenes.free_motion(duration=0.12),
     "free_motion_with_fence": lambda: fj.scenes.free_motion(fence=fj.Fence(), duration=0.12),
     "whole_sort": lambda: fj.scenes.whole_sort(),
+    "normal_impact": lambda: fj.scenes.normal_impact(),
     "rigid_wall": lambda: fj.scenes.rigid_wall(),
 }
 
