@@ -133,7 +133,7 @@ class FenceEnd(eqx.Module):
         """The fence under the solved forces."""
         load = self.link.loaded(self.inertia, self.shapes, normals)
         lagged, rates = normals, tuple(jnp.zeros_like(n) for n in normals)
-        if self.link.residual is not None:
+        if self.link.table.corrected:
             rates = tuple(self._lagged_rate(k, n) for k, n in enumerate(normals))
             lagged = tuple(n - self.link.lag * r for n, r in zip(normals, rates, strict=True))
         vibration = self._vibration(normals)

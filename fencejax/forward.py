@@ -1,11 +1,15 @@
 """Derivatives by one batch of tangents, for whatever kind of differentiation asks for them."""
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import jax
+import jax.custom_batching
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
+from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
+from jax.interpreters.partial_eval import dce_jaxpr
 
 
 def by_columns(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -20,26 +24,23 @@ def by_columns(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
     one is refused with `NotImplementedError` rather than given wrong.
     """
 
-    @jax.custom_jvp
-    def wrapped(inputs):
-        return function(inputs)
+    @functools.cache
+    def columns_in(moved, structure):
+        """Value and columns of the Jacobian in the inputs numbered `moved`, as one operation that
+        the transformations around it do not look into."""
 
-    def rule(primals, tangents):
-        (inputs,), (dots,) = primals, tangents
-        leaves, structure = jax.tree.flatten(inputs)
-        dots = jax.tree.leaves(dots, is_leaf=lambda x: isinstance(x, SymbolicZero))
-        moved = [i for i, dot in enumerate(dots) if not isinstance(dot, SymbolicZero)]
-        if not moved:
-            value = wrapped(inputs)
-            return value, jax.tree.map(jnp.zeros_like, value)
-        sizes = [leaves[i].size for i in moved]
-        count = sum(sizes)
+        def flat(leaves):
+            return function(jax.tree.unflatten(structure, leaves))
 
-        dtype = jnp.result_type(*(leaves[i] for i in moved))
-
-        # Compiled as one piece, so that the transformations around it see a single operation.
-        @jax.jit
         def value_and_columns(leaves):
+            sizes = [leaves[i].size for i in moved]
+            dtype = jnp.result_type(*(leaves[i] for i in moved))
+            # Traced once as it is, so that only what the results need is differentiated.
+            plain, shapes = jax.make_jaxpr(flat, return_shape=True)(leaves)
+            needed, _ = dce_jaxpr(plain.jaxpr, [True] * len(plain.out_avals), instantiate=True)
+            evaluate = jaxpr_as_fun(ClosedJaxpr(needed, plain.consts))
+            results = jax.tree.structure(shapes)
+
             def along(direction):
                 unit, at = {}, 0
                 for i, size in zip(moved, sizes, strict=True):
@@ -48,13 +49,27 @@ def by_columns(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
                 def restricted(parts):
                     full = [parts.get(i, leaf) for i, leaf in enumerate(leaves)]
-                    return function(jax.tree.unflatten(structure, full))
+                    return jax.tree.unflatten(results, evaluate(*full))
 
                 return jax.jvp(restricted, ({i: leaves[i] for i in moved},), (unit,))
 
-            return jax.vmap(along, out_axes=(None, 0))(jnp.eye(count, dtype=dtype))
+            return jax.vmap(along, out_axes=(None, 0))(jnp.eye(sum(sizes), dtype=dtype))
 
-        value, columns = value_and_columns(leaves)
+        return _opaque(jax.jit(value_and_columns))
+
+    @jax.custom_jvp
+    def wrapped(inputs):
+        return function(inputs)
+
+    def rule(primals, tangents):
+        (inputs,), (dots,) = primals, tangents
+        leaves, structure = jax.tree.flatten(inputs)
+        dots = jax.tree.leaves(dots, is_leaf=lambda x: isinstance(x, SymbolicZero))
+        moved = tuple(i for i, dot in enumerate(dots) if not isinstance(dot, SymbolicZero))
+        if not moved:
+            value = wrapped(inputs)
+            return value, jax.tree.map(jnp.zeros_like, value)
+        value, columns = columns_in(moved, structure)(leaves)
         flat = jnp.concatenate([dots[i].reshape(-1) for i in moved])
         columns = jax.tree.map(_final, columns)
         change = jax.tree.map(lambda c: jnp.tensordot(flat.astype(c.dtype), c, 1), columns)
@@ -62,6 +77,21 @@ def by_columns(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
     wrapped.defjvp(rule, symbolic_zeros=True)
     return wrapped
+
+
+def _opaque(function):
+    """`function` of one argument, such that linearisation takes it whole where its argument is
+    known, instead of going through it operation by operation as it does with `jax.jit`."""
+    whole = jax.custom_batching.custom_vmap(function)
+
+    @whole.def_vmap
+    def _(size, in_batched, argument):
+        (batched,) = in_batched
+        axes = jax.tree.map(lambda b: 0 if b else None, batched)
+        result = jax.vmap(function, in_axes=(axes,), axis_size=size)(argument)
+        return result, jax.tree.map(lambda _: True, result)
+
+    return whole
 
 
 @jax.custom_jvp

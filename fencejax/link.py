@@ -19,18 +19,15 @@ from .drive import AbstractDrive, DriveMotion
 from .fence import Fence
 from .fidelity import Fidelity
 from .propagation import Propagator, propagator
+from .shapes import MOST_SCALAR_MODES, Blocks, ShapeTable
 
-Blocks = tuple[Array, ...]
-
-_MOST_SCALAR_MODES = 8
 _SWING_STEPS = 64
-_ARC_MODES = 3
 
 
 def _blocks(values) -> Blocks:
     """Split (..., m) into blocks, the modes first gone or last kept."""
     modes = values.shape[-1]
-    if modes > _MOST_SCALAR_MODES:
+    if modes > MOST_SCALAR_MODES:
         return (jnp.asarray(values, dtype=float),)
     return tuple(jnp.asarray(values[..., i], dtype=float) for i in range(modes))
 
@@ -96,12 +93,9 @@ class FlexibleLink(eqx.Module):
     lag: Array
     deflection: Blocks
     slope: Blocks
-    cubic: tuple[tuple[Array, ...], ...]
-    linear: tuple[tuple[Array, Array], ...] | None
-    pairs: tuple[tuple[tuple[Array, ...], ...], tuple[Array, ...]] | None
+    table: ShapeTable
+    flexibility: Array
     swing: Blocks
-    residual: tuple[Array, ...] | None
-    residual_tip: tuple[Array, ...] | None
     bending: Blocks
     bending_flexibility: Blocks
     stress_scale: Array
@@ -109,7 +103,6 @@ class FlexibleLink(eqx.Module):
     swing_inertia: Array
     root_inertia: Array
     elements: int = eqx.field(static=True)
-    arc_modes: int = eqx.field(static=True)
     geometry: str = eqx.field(static=True)
 
     def __init__(self, fence: Fence, fidelity: Fidelity):
@@ -127,30 +120,12 @@ class FlexibleLink(eqx.Module):
             self.lag = 2 * fence.material.damping_ratio / jnp.sqrt(self.eigenvalues[0])
         self.deflection = _blocks(tables.deflection)
         self.slope = _blocks(tables.slope)
-        self.cubic = tuple(
-            _coefficients(value, slope / self.elements)
-            for value, slope in zip(self.deflection, self.slope, strict=True)
-        )
-        self.linear = None
-        if fidelity.load == "shared":
-            self.linear = tuple((node[:-1], node[1:]) for node in self.deflection)
-        self.pairs = None
-        self.arc_modes = 0
-        if fidelity.geometry == "arc":
-            self.arc_modes = min(fidelity.mode_count, _ARC_MODES)
-            self.pairs = self._arc_tables(tables)
+        self.table = ShapeTable(tables, fidelity)
+        self.flexibility = 1 / fence.stiffness_scale
         self.swing = tuple(
             self.rigid_length * a + self.length * b
             for a, b in zip(_blocks(tables.swing_root), _blocks(tables.swing_tip), strict=True)
         )
-        flexibility = 1 / fence.stiffness_scale
-        self.residual = self.residual_tip = None
-        if fidelity.residual:
-            table = tables.residual if fidelity.load == "consistent" else tables.residual_shared
-            table = flexibility * jnp.asarray(table, dtype=float)
-            self.residual = tuple(table[:, k] for k in range(table.shape[1]))
-            table = flexibility * jnp.asarray(tables.residual_tip, dtype=float)
-            self.residual_tip = _coefficients(table[:, 0], table[:, 1] / self.elements)
         # Bending stress at the nodes: E (h / 2) |w''| = M (h / 2) / I.
         self.bending = tuple(
             fence.stiffness_scale * self.length * block for block in _blocks(tables.moment)
@@ -170,17 +145,6 @@ class FlexibleLink(eqx.Module):
         )
         rigid_mass = fence.material.density * fence.width * fence.thickness * arm
         self.root_inertia = rigid_mass * arm**2 / 3
-
-    def _arc_tables(self, tables):
-        """Element cubics of the arc integrals: [1/m] for the pairs, [1/m^2] for the cube."""
-        pairs = []
-        for i in range(self.arc_modes):
-            for j in range(i, self.arc_modes):
-                table = jnp.asarray(tables.shortening[:, i, j], dtype=float) / self.length
-                table = table if i == j else 2 * table
-                pairs.append(_coefficients(table[:, 0], table[:, 1] / self.elements))
-        cube = jnp.asarray(tables.cubed, dtype=float) / self.length**2
-        return tuple(pairs), _coefficients(cube[:, 0], cube[:, 1] / self.elements)
 
     @property
     def reach(self) -> Array:
@@ -264,26 +228,21 @@ class FlexibleLink(eqx.Module):
         """
         index, s = self._element(place)
         beyond = jnp.maximum(place - self.reach, 0.0)
-        deflections, slopes = [], []
-        for table in self.cubic:
-            deflection, slope = _cubic(table, index, s)
-            slope = slope * (self.elements / self.length)
-            slopes.append(slope)
-            deflections.append(deflection + slope * beyond)
-        residual, residual_tip = None, None
-        if self.residual is not None and self.residual_tip is not None:
-            residual = _polynomial(self.residual, index, s)
-            residual_tip, _ = _cubic(self.residual_tip, index, s)
-        load = tuple(deflections)
-        if self.linear is not None:
-            load = tuple(_line(table, index, s) for table in self.linear)
-        arc = None
-        if self.pairs is not None:
-            pairs = tuple(_cubic(table, index, s)[0] for table in self.pairs[0])
-            arc = (pairs, _cubic(self.pairs[1], index, s)[0])
-        return Shape(
-            tuple(deflections), tuple(slopes), load, residual, residual_tip, arc, place
+        sampled = self.table.at(index, s)
+        scale = self.elements / self.length
+        slope = tuple(scale * d for d in sampled.slope)
+        deflection = tuple(
+            v + d * beyond for v, d in zip(sampled.deflection, slope, strict=True)
         )
+        residual = residual_tip = arc = None
+        if sampled.residual is not None and sampled.residual_tip is not None:
+            residual = self.flexibility * sampled.residual
+            residual_tip = self.flexibility * sampled.residual_tip
+        if sampled.pairs is not None and sampled.cube is not None:
+            pairs = tuple(pair / self.length for pair in sampled.pairs)
+            arc = (pairs, sampled.cube / self.length**2)
+        load = sampled.load if self.table.shared else deflection
+        return Shape(deflection, slope, load, residual, residual_tip, arc, place)
 
     def _element(self, place):
         """Element [0, n) and local coordinate in [0, 1] of an arc coordinate."""
@@ -328,12 +287,12 @@ class FlexibleLink(eqx.Module):
         """
         assert shape.arc is not None
         pairs, cube = shape.arc
-        q = _flat(state.amplitude)[: self.arc_modes]
-        v = _flat(state.rate)[: self.arc_modes]
+        q = _flat(state.amplitude)[: self.table.arc_modes]
+        v = _flat(state.rate)[: self.table.arc_modes]
         short, short_rate = jnp.zeros_like(y), jnp.zeros_like(y)
         at = 0
-        for i in range(self.arc_modes):
-            for j in range(i, self.arc_modes):
+        for i in range(self.table.arc_modes):
+            for j in range(i, self.table.arc_modes):
                 short = short + pairs[at] * q[i] * q[j]
                 short_rate = short_rate + pairs[at] * (q[i] * v[j] + v[i] * q[j])
                 at += 1
@@ -414,33 +373,6 @@ def _flat(blocks: Blocks) -> list[Array]:
     for block in blocks:
         flat.extend(block[i] for i in range(block.shape[0])) if block.ndim else flat.append(block)
     return flat
-
-
-def _cubic(table: tuple[Array, ...], index: Array, s: Array) -> tuple[Array, Array]:
-    """Value and derivative in s of an element's cubic, given its four coefficients' tables."""
-    a, b, c, d = (jax.lax.dynamic_index_in_dim(t, index, keepdims=False) for t in table)
-    return a + s * (b + s * (c + s * d)), b + s * (2 * c + 3 * s * d)
-
-
-def _polynomial(table: tuple[Array, ...], index: Array, s: Array) -> Array:
-    """Value of an element's polynomial, given the tables of its coefficients, lowest first."""
-    *lower, value = (jax.lax.dynamic_index_in_dim(t, index, keepdims=False) for t in table)
-    for coefficient in reversed(lower):
-        value = coefficient + s * value
-    return value
-
-
-def _line(table: tuple[Array, Array], index: Array, s: Array) -> Array:
-    """Linear interpolation between an element's nodes."""
-    a, b = (jax.lax.dynamic_index_in_dim(t, index, keepdims=False) for t in table)
-    return a + s * (b - a)
-
-
-def _coefficients(value: Array, slope: Array) -> tuple[Array, ...]:
-    """Coefficients of the elements' cubics in the local coordinate, from values and slopes (in
-    the local coordinate too) at the nodes, the first axis."""
-    a, c, b, d = value[:-1], value[1:], slope[:-1], slope[1:]
-    return a, b, 3 * (c - a) - 2 * b - d, 2 * (a - c) + b + d
 
 
 def propagate(maps, state: Vibration, start: Blocks, end: Blocks) -> Vibration:

@@ -90,7 +90,7 @@ class _HeldFence(eqx.Module):
         return give, give_rate
 
     def compliance(self):
-        """How far [m/N] and how fast [m/s/N] the place gives way for the force at the step's end."""
+        """How far [m/N] and how fast [m/s/N] the place gives way for a force at the step's end."""
         loads = [phi / self.link.mass_scale for phi in self.shape.load]
         pushed = [m.q_end * b for m, b in zip(self.maps, loads, strict=True)]
         struck = [m.v_end * b for m, b in zip(self.maps, loads, strict=True)]

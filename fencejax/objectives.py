@@ -1,7 +1,7 @@
 """What a design is judged by: quantities of a result, and limits on them."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from jaxtyping import Array
@@ -24,6 +24,7 @@ class Quantity:
     - `name`, `unit`, `meaning`: what it is.
     - `read`: the function of the result and the scene behind it.
     - `needs`: the parts of the scene that it cannot do without: `"fence"`, `"belt"`.
+    - `fields`: the fields of the result that it reads; `None` if that is not known.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Quantity:
     meaning: str
     read: Callable[..., Array]
     needs: tuple[str, ...] = ()
+    fields: tuple[str, ...] | None = None
 
     def applies_to(self, scene: AnyScene) -> bool:
         """Whether the scene has the parts that the quantity needs."""
@@ -52,44 +54,54 @@ class Quantity:
 PEAK_FORCE = Quantity(
     "peak_force", "N", "largest normal force of the fence on the parcel",
     lambda result, scene: result.peak_force,
+    fields=("peak_force",),
 )  # fmt: skip
 TIP_DEFLECTION = Quantity(
     "tip_deflection", "m", "largest deflection of the tip from the rigid link's line",
     lambda result, scene: result.tip_deflection,
+    fields=("tip_deflection",),
 )  # fmt: skip
 PEAK_STRESS = Quantity(
     "peak_stress", "Pa", "largest bending stress in the flexible link",
     lambda result, scene: result.peak_stress,
+    fields=("peak_stress",),
 )  # fmt: skip
 IMPULSE = Quantity(
     "impulse", "N s", "integral of the fence's normal force",
     lambda result, scene: result.impulse,
+    fields=("impulse",),
 )  # fmt: skip
 PEAK_TORQUE = Quantity(
     "peak_torque", "N m", "largest moment of the drive at the hinge",
     lambda result, scene: result.peak_torque,
+    fields=("peak_torque",),
 )  # fmt: skip
 BORDER_FORCE = Quantity(
     "border_force", "N", "largest normal force of the border on the parcel",
     lambda result, scene: result.peak_border_force,
+    fields=("peak_border_force",),
 )  # fmt: skip
 CONTACT_TIME = Quantity(
     "contact_time", "s", "time in contact with the fence",
     lambda result, scene: result.contact_time,
+    fields=("contact_time",),
 )  # fmt: skip
 INDENTATION = Quantity(
     "indentation", "m", "how far a corner of the parcel is pressed in",
     lambda result, scene: result.deepest,
+    fields=("deepest",),
 )  # fmt: skip
 CROSSING = Quantity(
     "crossing", "m", "how far C_s gets beyond the belt's far edge, max y - s",
     lambda result, scene: result.furthest_y - scene.belt.width,
     needs=("belt",),
+    fields=("furthest_y",),
 )  # fmt: skip
 TIP_CLEARANCE = Quantity(
     "tip_clearance", "m", "shortest distance along the fence from a loaded corner to the tip",
     lambda result, scene: scene.fence.reach - result.largest_place,
     needs=("fence",),
+    fields=("largest_place",),
 )  # fmt: skip
 
 OBJECTIVES: Mapping[str, Quantity] = {
@@ -100,6 +112,17 @@ OBJECTIVES: Mapping[str, Quantity] = {
     )
 }  # fmt: skip
 """Every quantity by name."""
+
+
+def fields(quantities: Iterable[Quantity]) -> tuple[str, ...] | None:
+    """The fields of a result that some quantities read, for `fencejax.simulate(only=...)`; `None`
+    if that is not known of one of them."""
+    names: set[str] = set()
+    for quantity in quantities:
+        if quantity.fields is None:
+            return None
+        names.update(quantity.fields)
+    return tuple(sorted(names))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,5 +1,7 @@
 """What a simulation returns."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -78,7 +80,8 @@ def ledger(first: Instant, last: Instant, work: Power) -> Ledger:
 
 class Result(eqx.Module):
     """The outcome of a scene. Times are since its start [s]; the drive's clock then read
-    `start_time`. What the scene has no part for is 0, or `None` in the history."""
+    `start_time`. What the scene has no part for is 0, or `None` in the history; fields that were
+    not asked for (`simulate(only=...)`) are `None`."""
 
     peak_force: Array
     """Largest normal force of the fence on the parcel [N] (all its corners together), refined
@@ -129,9 +132,13 @@ class Result(eqx.Module):
     """Every sample, if asked for: each field with the time as its first axis."""
 
     def __str__(self) -> str:
-        leaf = self.peak_force
-        if isinstance(leaf, Tracer):
+        named = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        if any(isinstance(leaf, Tracer) for leaf in named.values()):
             return "Result(traced)"
+        if any(leaf is None for name, leaf in named.items() if name != "history"):
+            kept = (f"{name} {leaf}" for name, leaf in named.items() if leaf is not None)
+            return "\n".join(kept)
+        leaf = self.peak_force
         if leaf.ndim:
             counts = np.unique(np.asarray(self.status), return_counts=True)
             names = ", ".join(

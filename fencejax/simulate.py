@@ -1,19 +1,24 @@
 """Run a scene."""
 
+import dataclasses
+import functools
+from collections.abc import Sequence
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from equinox.internal import unvmap_any
 from jax.core import Tracer
 from jaxtyping import Array
 
-from . import general, integrate, modal_step, normal
+from . import _check, general, integrate, modal_step, normal
 from .clock import Clock
+from .drive import DriveMotion
 from .fidelity import Fidelity
 from .forward import by_columns
-from .keep import keep
+from .keep import keep, sound
 from .kinematics import Body
-from .link import Vibration
+from .link import FlexibleLink, Vibration
 from .mechanics import Mechanics
 from .result import Result, gather
 from .scenes import NormalScene, Scene
@@ -27,6 +32,7 @@ def simulate(
     *,
     fidelity: Fidelity | None = None,
     history: bool = True,
+    only: Sequence[str] | None = None,
     throw: bool = False,
 ) -> Result:
     """Integrate a scene and gather what it did.
@@ -37,10 +43,12 @@ def simulate(
     - `fidelity`: default `Fidelity.standard()`.
     - `history`: keep every sample (`Result.history`). Inside `jit`, what is not used is not
       computed; outside, `history=False` is lighter.
+    - `only`: names of the fields of `Result` that are wanted; the others but `status` are `None`
+      and cost nothing, also in compiling a derivative. `history` then counts only if it is named.
     - `throw`: raise on the host if the status is not among those with good numbers.
 
-    Raises `TypeError` for arguments of the wrong kind and, with `throw=True`, `RuntimeError` with
-    the status' text.
+    Raises `TypeError` for arguments of the wrong kind, `ValueError` for names in `only` that are
+    none of `Result`'s fields and, with `throw=True`, `RuntimeError` with the status' text.
     """
     if not isinstance(scene, (NormalScene, Scene)):
         raise TypeError(
@@ -53,10 +61,18 @@ def simulate(
             f"Argument `fidelity` must be a `fencejax.Fidelity`, but is {fidelity!r}. Write, for "
             "example, fidelity=fj.Fidelity.fast()."
         )
-    result = _compiled(scene, fidelity, history)
+    if only is not None:
+        for name in only:
+            _check.choice("only", name, _FIELDS)
+        only = tuple(sorted({*only, "status"}))
+        history = "history" in only
+    result = _result(scene, fidelity, history, only)
     if throw:
         raise_for(result)
     return result
+
+
+_FIELDS = tuple(field.name for field in dataclasses.fields(Result))
 
 
 def raise_for(result: Result) -> None:
@@ -68,17 +84,29 @@ def raise_for(result: Result) -> None:
         raise RuntimeError(f"{outcome.name}: {outcome.text}.")
 
 
-@eqx.filter_jit
-def _compiled(scene, fidelity: Fidelity, history: bool) -> Result:
-    numbers, structure = eqx.partition(scene, eqx.is_inexact_array)
+@functools.lru_cache(maxsize=256)
+def _program(structure, fidelity: Fidelity, history: bool, only: tuple[str, ...] | None):
+    """The map from a scene's numbers to its result, for scenes of one structure: as it is, and
+    compiled. Kept, so that what was traced and compiled once serves again."""
 
     def outcome(numbers):
-        whole = eqx.combine(numbers, structure)
-        if isinstance(whole, NormalScene):
-            return normal.run(whole, fidelity, history)
-        return _run(whole, fidelity, history)
+        scene = jax.tree.unflatten(structure, numbers)
+        run = normal.run if isinstance(scene, NormalScene) else _run
+        result = run(scene, fidelity, history)
+        if only is None:
+            return result
+        dropped = {name: None for name in _FIELDS if name not in only}
+        return dataclasses.replace(result, **dropped)
 
     run = by_columns(outcome) if fidelity.gradient == "forward" else outcome
+    return run, jax.jit(run)
+
+
+def _result(scene, fidelity: Fidelity, history: bool, only) -> Result:
+    numbers, structure = jax.tree.flatten(scene)
+    plain, compiled = _program(structure, fidelity, history, only)
+    # Within a transformation the numbers are traced already: one layer less to go through.
+    run = plain if any(isinstance(number, Tracer) for number in numbers) else compiled
     result = run(numbers)
     return eqx.tree_at(lambda r: r.status, result, result.status.astype(jnp.int32))
 
@@ -94,37 +122,44 @@ def initial_state(
     vibration, pose = None, None
     if link is not None:
         assert scene.drive is not None
-        vibration = link.rest() if begin is None else link.swung(scene.drive, time)
+        good = sound(scene)
+        vibration = link.rest()
+        if begin is not None:
+            vibration = keep(good, FlexibleLink.swung, link, scene.drive, time)
         distance = scene.start.distance()
         if distance is not None:
-            drive = scene.drive.motion(time)
-            point = link.point(link.shape(distance), vibration)
-            cosine, sine = jnp.cos(drive.angle), jnp.sin(drive.angle)
-            normal_rate = (point.y_rate + drive.speed * point.x) * jnp.cos(point.slope)
-            normal_rate = normal_rate - (point.x_rate - drive.speed * point.y) * jnp.sin(
-                point.slope
-            )
-            pose = Pose(
-                cosine * point.x - sine * point.y,
-                sine * point.x + cosine * point.y,
-                point.slope,
-                normal_rate,
-                drive,
-            )
+            pose = keep(good, _pose, link, scene.drive.motion(time), vibration, distance)
     body = scene.start.body(scene.parcel, scene.belt, pose)
     # Every number as wide as the widest: lanes of a batch may differ in any of them.
     wide = zero + time + sum(body)
     return time, Body(*(q + 0 * wide for q in body)), vibration
 
 
+def _pose(
+    link: FlexibleLink, drive: DriveMotion, vibration: Vibration, distance: Array
+) -> Pose:
+    """The fence's point at an arc coordinate [m], in fixed axes."""
+    point = link.point(link.shape(distance), vibration)
+    cosine, sine = jnp.cos(drive.angle), jnp.sin(drive.angle)
+    normal_rate = (point.y_rate + drive.speed * point.x) * jnp.cos(point.slope)
+    normal_rate = normal_rate - (point.x_rate - drive.speed * point.y) * jnp.sin(point.slope)
+    return Pose(
+        cosine * point.x - sine * point.y,
+        sine * point.x + cosine * point.y,
+        point.slope,
+        normal_rate,
+        drive,
+    )
+
+
 def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
     steps = integrate.count_steps(scene.duration, fidelity.step)
-    sound = unvmap_any(scene.parcel.mass > 0)
-    mechanics = keep(sound, lambda s: Mechanics(s, fidelity), scene)
-    time, body, vibration = keep(sound, initial_state, scene, mechanics)
-    clock = keep(sound, lambda m, t: Clock(m, t, scene.duration / steps), mechanics, time)
+    good = sound(scene)
+    mechanics = keep(good, lambda s: Mechanics(s, fidelity), scene)
+    time, body, vibration = initial_state(scene, mechanics)
+    clock = keep(good, lambda m, t: Clock(m, t, scene.duration / steps), mechanics, time)
     drive = None if scene.drive is None else scene.drive.motion(time)
-    memory, first = keep(sound, modal_step.first, mechanics, body, vibration, drive)
+    memory, first = keep(good, modal_step.first, mechanics, body, vibration, drive)
     done: Array | float = 1.0
     if fidelity.integrator == "modal":
         tally, samples = integrate.modal(mechanics, clock, (memory, first), steps, history)

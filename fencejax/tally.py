@@ -96,7 +96,9 @@ def begin(instant: Instant, reach: Array | None) -> Tally:
     time = instant.time
     zero = jnp.zeros_like(time)
     gap = _gap(instant, reach)
-    touching = gap >= 0
+    # A start at the touch is one at the touch whatever round-off makes of it.
+    gap = jnp.where(jnp.abs(gap) < 64 * jnp.finfo(gap.dtype).eps, 0.0, gap)
+    touching = gap > 0
     stay = Stay(
         gap,
         zero,

@@ -62,7 +62,8 @@ def measure(
 
     def one(distance, mass):
         scene = impacts.scene(fence, drive, distance, mass)
-        result = fj.simulate(scene, fidelity=fidelity, history=signals)
+        only = None if signals else objectives.fields(quantities)
+        result = fj.simulate(scene, fidelity=fidelity, history=signals, only=only)
         read = {q.name: q(result, scene) for q in quantities}
         read["status"] = result.status
         history = result.history

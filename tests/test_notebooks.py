@@ -59,3 +59,7 @@ def test_runs_and_carries_no_output(path, lenient):
     if path.stem == "first_impact":
         assert np.isclose(float(names["result"].peak_force), 1115.6, rtol=1e-2)
         assert 1.3 < names["elasticity"]["thickness $h_1$"] < 1.6
+    if path.stem == "validation":
+        assert names["outcome"].agrees
+        # The two-link fence at the default: 3.05. Every range drawn holds that of Fig. 8.
+        assert names["values"].min() < 3.05 < names["values"].max()

@@ -11,7 +11,7 @@ import fencejax as fj
 from fencejax import integrate, modal_step
 from fencejax.clock import Clock
 from fencejax.mechanics import Mechanics
-from fencejax.simulate import _compiled, initial_state
+from fencejax.simulate import initial_state
 
 STANDARD = fj.Fidelity.standard()
 
@@ -146,8 +146,25 @@ def test_operations_of_absent_parts_are_absent():
 @functools.cache
 def lowered(name, history):
     scene = {"wall": fj.scenes.rigid_wall, "free": fj.scenes.free_motion}[name]()
-    text = _compiled.lower(scene, STANDARD, history).as_text()
+    run = lambda s: fj.simulate(s, fidelity=STANDARD, history=history)  # noqa: E731
+    text = jax.jit(run).lower(scene).as_text()
     return text.count("stablehlo.")
+
+
+def test_only_what_is_asked_for():
+    # Fields that are not named are None and leave the compiled derivative; the rest is the same.
+    scene = fj.scenes.rigid_wall()
+    whole = fj.simulate(scene, history=False)
+    part = fj.simulate(scene, only=["peak_force", "impulse"])
+    assert part.energy is None
+    assert part.history is None
+    assert float(part.peak_force) == float(whole.peak_force)
+    assert float(part.impulse) == float(whole.impulse)
+    assert int(part.status) == int(whole.status)
+    assert str(part).startswith("peak_force 3293.")
+    assert fj.simulate(scene, only=["history"]).history is not None
+    with pytest.raises(ValueError, match="`only` must be one of .* but is 'force'"):
+        fj.simulate(scene, only=["force"])
 
 
 def test_whole_programs():
