@@ -236,8 +236,10 @@ def _cached(structure, elements: int, modes: int) -> BeamTables:
 
 
 def tables(taper: AbstractTaper, elements: int, modes: int) -> BeamTables:
-    """The tables of a taper: from NumPy, once, if it has no parameters; else traced."""
+    """The tables of a taper: from NumPy, once, if it has no parameters; else traced. Always in the
+    default precision, whatever that of the parameters."""
     leaves, structure = jax.tree.flatten(taper)
     if not leaves:
         return _cached(structure, elements, modes)
+    taper = jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(float), taper)
     return build_tables(taper, elements, modes, jnp)

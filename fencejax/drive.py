@@ -42,8 +42,8 @@ class AbstractDrive(eqx.Module):
 
     def motion(self, time: ArrayLike) -> DriveMotion:
         """Angle, speed and acceleration at `time` [s], the last two by differentiation."""
-        one = jnp.ones_like(jnp.asarray(time, dtype=jnp.result_type(time, float)))
-        time = one * time
+        time = 1.0 * jnp.asarray(time)
+        one = jnp.ones_like(time)
 
         def speed(t):
             return jax.jvp(self.angle, (t,), (one,))
@@ -57,7 +57,7 @@ class AbstractDrive(eqx.Module):
         Bisection on [0, `turning_time`], which ends at a bound where the angle is never reached,
         followed by one Newton step, which carries the derivative.
         """
-        angle = jnp.asarray(angle, dtype=float)
+        angle = 1.0 * jnp.asarray(angle)
         frozen = jax.lax.stop_gradient(self)
         target = jax.lax.stop_gradient(angle)
         low = jnp.zeros_like(frozen.turning_time + target)
@@ -131,7 +131,7 @@ class HeldDrive(AbstractDrive):
 
     def time_at(self, angle: ArrayLike) -> Array:
         """0: a fence that stands still is at its angle from the start."""
-        return jnp.zeros_like(self.held_angle + jnp.asarray(angle, dtype=float))
+        return jnp.zeros_like(self.held_angle + jnp.asarray(angle))
 
 
 class ConstantSpeedDrive(AbstractDrive):

@@ -31,6 +31,9 @@ class Fidelity:
     - `integrator`: `"modal"`, this package's own (exact in the beam, implicit in contact and
       friction), or a general one of diffrax, `"kvaerno5"` or `"tsit5"`, as an independent check.
     - `tolerance`: relative tolerance of a general integrator.
+    - `precision`: `"float32"` or `"float64"` for the computation, whatever the scene's numbers and
+      the results are in; by default the scene's own. Double precision asks for JAX's
+      `jax_enable_x64`.
     - `gradient`: `"forward"`, all derivatives in one batch of tangents, whatever asks for them
       (`jax.grad` too), best below some 30 variables; or `"reverse"`, by checkpoints, for
       `jax.grad` in very many variables.
@@ -48,6 +51,7 @@ class Fidelity:
     tip_fade: float = 5e-3
     integrator: str = "modal"
     tolerance: float = 1e-7
+    precision: str | None = None
     gradient: str = "forward"
 
     def __post_init__(self):
@@ -65,6 +69,8 @@ class Fidelity:
         _check.choice("geometry", self.geometry, ("small", "arc", "chord"))
         _check.choice("load", self.load, ("consistent", "shared"))
         _check.choice("integrator", self.integrator, _INTEGRATORS)
+        if self.precision is not None:
+            _check.choice("precision", self.precision, ("float32", "float64"))
         _check.choice("gradient", self.gradient, ("forward", "reverse"))
 
     @property

@@ -46,7 +46,7 @@ def run(
             return moved, None
         return moved, Vibration(vibration.rate, link.acceleration(vibration, fence.modal_force))
 
-    times = clock.step * jnp.arange(steps + 1, dtype=float)
+    times = clock.step * jnp.arange(steps + 1, dtype=body.x.dtype)
     tolerance = fidelity.tolerance
     solvers = {"kvaerno5": diffrax.Kvaerno5, "tsit5": diffrax.Tsit5}
     solution = diffrax.diffeqsolve(

@@ -5,6 +5,7 @@ a batch whatever the lane's own start time. The private types that diffrax asks 
 met here and nowhere else.
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -84,8 +85,11 @@ def count_steps(duration: float, step: float) -> int:
 
 def run_steps(advance, begin, args, sample, steps: int, fidelity: Fidelity, history: bool):
     """Run `steps` steps of `advance` from `begin`; the last state, and `sample(y)` of each step."""
+    precision = jax.tree.leaves(begin)[0].dtype
+    strict = functools.partial(jax.tree.map, lambda leaf: leaf.astype(precision))
+    begin = strict(begin)
     # Traced once, however often diffrax and the transformations around it look at the step.
-    advance = jax.jit(advance)
+    step = jax.jit(lambda args, y, index: strict(advance(args, y, index)))
     # diffrax's buffers hold arrays alone: parts that a scene does not hold are put back after.
     structure = jax.tree.structure(begin)
     sampled = jax.tree.structure(sample(begin))
@@ -94,9 +98,9 @@ def run_steps(advance, begin, args, sample, steps: int, fidelity: Fidelity, hist
         saves.append(diffrax.SubSaveAt(steps=True, fn=lambda t, y, _: jax.tree.leaves(sample(y))))
     solution = diffrax.diffeqsolve(
         _Steps(),
-        Stepper(advance),
-        t0=0.0,
-        t1=float(steps),
+        Stepper(step),
+        t0=jnp.zeros((), precision),
+        t1=jnp.full((), steps, precision),
         dt0=None,
         y0=begin,
         args=args,

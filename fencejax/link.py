@@ -28,8 +28,8 @@ def _blocks(values) -> Blocks:
     """Split (..., m) into blocks, the modes first gone or last kept."""
     modes = values.shape[-1]
     if modes > MOST_SCALAR_MODES:
-        return (jnp.asarray(values, dtype=float),)
-    return tuple(jnp.asarray(values[..., i], dtype=float) for i in range(modes))
+        return (jnp.asarray(values),)
+    return tuple(jnp.asarray(values[..., i]) for i in range(modes))
 
 
 def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
@@ -39,10 +39,10 @@ def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
 
 def total(blocks) -> Array:
     """Sum over the modes."""
-    result = jnp.zeros(())
+    result = 0.0
     for block in blocks:
         result = result + (jnp.sum(block) if jnp.ndim(block) else block)
-    return result
+    return jnp.asarray(result)
 
 
 class Vibration(NamedTuple):
@@ -106,14 +106,16 @@ class FlexibleLink(eqx.Module):
     geometry: str = eqx.field(static=True)
 
     def __init__(self, fence: Fence, fidelity: Fidelity):
+        precision = fence.mass_scale.dtype
         tables = beam.tables(fence.taper, fidelity.elements, fidelity.mode_count)
+        tables = jax.tree.map(lambda table: table.astype(precision), tables)
         self.elements = fidelity.elements
         self.geometry = fidelity.geometry
         self.rigid_length = fence.rigid_length
         self.length = fence.flexible_length
         self.mass_scale = fence.mass_scale
         rate = fence.stiffness_scale / fence.mass_scale
-        self.eigenvalues = rate * jnp.asarray(tables.eigenvalues, dtype=float)
+        self.eigenvalues = rate * jnp.asarray(tables.eigenvalues)
         self.frequency_squared = _blocks(self.eigenvalues)
         self.lag = jnp.zeros_like(rate)
         if self.frequency_squared:
@@ -134,10 +136,10 @@ class FlexibleLink(eqx.Module):
             block / (self.mass_scale * (value[None] if value.ndim else value))
             for block, value in zip(self.bending, self.frequency_squared, strict=True)
         )
-        thickness = fence.thickness * jnp.asarray(tables.relative_thickness, dtype=float)
+        thickness = fence.thickness * jnp.asarray(tables.relative_thickness)
         self.stress_scale = 6 / (fence.width * thickness**2)
         nodes = np.arange(self.elements) / self.elements
-        self.stations = self.length * jnp.asarray(nodes, dtype=float)
+        self.stations = self.length * jnp.asarray(nodes, dtype=precision)
         mass, first_moment, second_moment = self.mass_scale * jnp.asarray(tables.mass)
         arm = self.rigid_length
         self.swing_inertia = (
@@ -257,7 +259,8 @@ class FlexibleLink(eqx.Module):
     ) -> Array:
         """Deflection of the tip [m] from the straight line of the rigid link, that of the modes
         left out under the lagged contact forces `loads` [N] included."""
-        deflection = dot(tuple(block[-1] for block in self.deflection), amplitude)
+        deflection = jnp.zeros_like(self.length)
+        deflection = deflection + dot(tuple(block[-1] for block in self.deflection), amplitude)
         for load, shape in zip(loads, shapes, strict=True):
             if shape.residual_tip is not None:
                 deflection = deflection - shape.residual_tip * load

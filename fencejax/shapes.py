@@ -66,14 +66,14 @@ class ShapeTable(eqx.Module):
         if self.arc_modes:
             parts.append(_cubics(tables.cubed[:, :1], tables.cubed[:, 1:], n))
         self.cubics = tuple(
-            tuple(jnp.asarray(coefficient[:, k], dtype=float) for coefficient in part)
+            tuple(jnp.asarray(coefficient[:, k]) for coefficient in part)
             for part in parts
             for k in _columns(part[0].shape[1])
         )
         self.residual = None
         if self.corrected:
             table = tables.residual_shared if self.shared else tables.residual
-            self.residual = tuple(jnp.asarray(table[:, k], dtype=float) for k in range(7))
+            self.residual = tuple(jnp.asarray(table[:, k]) for k in range(7))
 
     def at(self, index: Array, s: Array) -> Sampled:
         """The shapes in element `index` at its local coordinate `s` in [0, 1]."""

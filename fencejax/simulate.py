@@ -61,6 +61,11 @@ def simulate(
             f"Argument `fidelity` must be a `fencejax.Fidelity`, but is {fidelity!r}. Write, for "
             "example, fidelity=fj.Fidelity.fast()."
         )
+    if fidelity.precision == "float64" and not jax.config.read("jax_enable_x64"):
+        raise ValueError(
+            "Argument `fidelity.precision` is 'float64', but JAX is set to single precision. Write "
+            'jax.config.update("jax_enable_x64", True) first.'
+        )
     if only is not None:
         for name in only:
             _check.choice("only", name, _FIELDS)
@@ -90,9 +95,13 @@ def _program(structure, fidelity: Fidelity, history: bool, only: tuple[str, ...]
     compiled. Kept, so that what was traced and compiled once serves again."""
 
     def outcome(numbers):
+        given = jnp.result_type(*numbers)
+        precision = given if fidelity.precision is None else jnp.dtype(fidelity.precision)
+        numbers = [number.astype(precision) for number in numbers]
         scene = jax.tree.unflatten(structure, numbers)
         run = normal.run if isinstance(scene, NormalScene) else _run
         result = run(scene, fidelity, history)
+        result = jax.tree.map(lambda leaf: leaf.astype(given), result)
         if only is None:
             return result
         dropped = {name: None for name in _FIELDS if name not in only}

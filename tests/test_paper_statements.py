@@ -92,6 +92,7 @@ def evidence(**parts):
         ("alike, impact", {}, "yes"),
         ("smooth", {}, "yes"),
         ("smooth", {"slide": sort([0, 1, 2, 3, 4], [0, 20.0, 0, 20.0, 0])}, "partly"),
+        ("smooth", {"slide": sort([0, 1, 2, 3, 4], [0, 20.0, 0, 0.1, 0])}, "yes"),
         ("smooth", {"slide": sort([0, 1, 2], [0, 90.0, 0])}, "no"),
         ("ends, impact", {}, "yes"),
         ("ends, impact", {"impact": sort([0, 1, 2], [0, 9.0, 0], y=[0.1, 0.68, 1.0])}, "partly"),
@@ -181,19 +182,39 @@ def test_setting_out_of_reach_is_refused():
         Setting(drive_angle=0.8).cases()
 
 
-def test_sweep_says_how_far_it_is():
-    fast = fj.Fidelity.fast()
-    fences = [stack([make(name, distance=1.0, drive_angle=0.3) for name in NAMES])]
+def test_sweep_keeps_its_lanes_apart(monkeypatch):
     seen = []
-    (drawn,) = maps.sweep(
-        fences, [5.0, 15.0], [0.7, 0.9, 1.0], fast, chunk=5,
-        progress=lambda *said: seen.append(said),
+
+    def known(cases, fidelity):
+        # A stand-in for the impacts, from which every lane can be told.
+        seen.append(cases.distance.size)
+        mass, place, reach = cases.parcel.mass, cases.distance, cases.fence.rigid_length
+        return maps._Outcome(mass, 2 * mass, place, reach)
+
+    monkeypatch.setattr(maps, "_impacts", known)
+    pairs = [
+        stack([make(name, distance=1.0, drive_angle=angle) for name in NAMES])
+        for angle in (0.3, 0.2)
+    ]
+    said = []
+    found = maps.sweep(
+        pairs, [5.0, 15.0], [0.7, 0.9, 1.0], fj.Fidelity.fast(), chunk=5,
+        progress=lambda *now: said.append(now),
     )  # fmt: skip
-    assert [said[:2] for said in seen] == [(5, 12), (10, 12), (12, 12)]
-    assert seen[-1][2] == 0.0
-    # Heavier parcels are pushed harder; R does not run along the wrong axis.
-    assert np.all(drawn.force[:, 1] > drawn.force[:, 0])
-    assert np.all(np.diff(drawn.tip, axis=2) > 0)
+    # 24 lanes, five at a time, every chunk of the same shape.
+    assert seen == [5] * 5
+    assert [(done, total) for done, total, _ in said] == [(n, 24) for n in (5, 10, 15, 20, 24)]
+    assert said[-1][2] == 0.0
+    for drawn in found:
+        shape = (2, 2, 3)
+        np.testing.assert_array_equal(
+            drawn.force, np.broadcast_to(np.array([5.0, 15.0])[:, None], shape)
+        )
+        np.testing.assert_array_equal(drawn.tip, np.broadcast_to([0.7, 0.9, 1.0], shape))
+        np.testing.assert_array_equal(
+            drawn.status, np.broadcast_to(np.array([0.45, 0.0])[:, None, None], shape)
+        )
+        np.testing.assert_array_equal(drawn.ratio, 2.0)
 
 
 def test_flags():

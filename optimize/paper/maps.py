@@ -1,0 +1,123 @@
+"""Impacts over parcel mass and place of the first touch: what Figs. 9 and 10 draw."""
+
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import fencejax as fj
+
+from .case import Case
+
+DURATION = 0.25
+"""Length of each impact [s]: longer than the longest contact."""
+
+
+class Maps(NamedTuple):
+    """Impacts on a grid; `masses` [kg] of shape (M,), `distances` R [m] of shape (R,), the rest of
+    shape (fences, M, R)."""
+
+    masses: np.ndarray
+    distances: np.ndarray
+    force: np.ndarray
+    """N_max [N]."""
+    stiff: np.ndarray
+    """N_stiff,max [N]."""
+    tip: np.ndarray
+    """Largest tip deflection [m]."""
+    status: np.ndarray
+    """A `fencejax.Status`."""
+
+    @property
+    def ratio(self) -> np.ndarray:
+        """N_stiff,max / N_max [1]."""
+        return self.stiff / self.force
+
+    @property
+    def sound(self) -> np.ndarray:
+        """Where the corner stays on the fence and the beam within small deflections."""
+        return self.status < fj.Status.LEFT_OVER_TIP
+
+    def counts(self) -> dict[str, int]:
+        """Number of lanes by the name of their status."""
+        found = np.unique(self.status, return_counts=True)
+        return {fj.Status(int(s)).name: int(n) for s, n in zip(*found, strict=True)}
+
+
+class _Outcome(NamedTuple):
+    force: jax.Array
+    stiff: jax.Array
+    tip: jax.Array
+    status: jax.Array
+
+
+@eqx.filter_jit
+def _impacts(cases: Case, fidelity: fj.Fidelity) -> _Outcome:
+    def one(case: Case) -> _Outcome:
+        result = fj.simulate(case.impact(DURATION, fidelity), fidelity=fidelity, history=False)
+        wall = fj.simulate(case.wall(), fidelity=fidelity, history=False)
+        worst = jnp.maximum(result.status, wall.status)
+        return _Outcome(result.peak_force, wall.peak_force, result.tip_deflection, worst)
+
+    return jax.vmap(one)(cases)
+
+
+def _grid(fences: Case, masses: np.ndarray, distances: np.ndarray) -> Case:
+    """Lanes (fence, mass, distance) of two fences, flattened."""
+    count = fences.distance.shape[0]
+    shape = (count, masses.size, distances.size)
+
+    def spread(leaf):
+        leaf = np.asarray(leaf)
+        wide = leaf.reshape(count, 1, 1, *leaf.shape[1:])
+        return np.broadcast_to(wide, (*shape, *leaf.shape[1:])).reshape(-1, *leaf.shape[1:])
+
+    lanes = jax.tree.map(spread, fences)
+    mass = np.broadcast_to(masses[:, None], shape).reshape(-1)
+    distance = np.broadcast_to(distances, shape).reshape(-1)
+    return eqx.tree_at(lambda c: (c.parcel.mass, c.distance), lanes, (mass, distance))
+
+
+def sweep(
+    fences: list[Case],
+    masses,
+    distances,
+    fidelity: fj.Fidelity,
+    *,
+    chunk: int,
+    progress: Callable[[int, int, float], None] | None = None,
+) -> list[Maps]:
+    """Maps of every batch of `fences` (its lanes: the fences) over the same grid.
+
+    All lanes of all batches go through one compiled program, `chunk` at a time. `progress` is
+    called after each with lanes done, lanes in all and seconds left.
+    """
+    masses, distances = np.asarray(masses, dtype=float), np.asarray(distances, dtype=float)
+    parts = [_grid(batch, masses, distances) for batch in fences]
+    lanes = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+    total = lanes.distance.size
+    # The last chunk is filled up with the last lane, so that every chunk has the same shape.
+    picks = np.minimum(np.arange(-(-total // chunk) * chunk), total - 1)
+    found, begin = [], None
+    for first in range(0, picks.size, chunk):
+        some = jax.tree.map(lambda leaf, at=first: leaf[picks[at : at + chunk]], lanes)
+        found.append(jax.device_get(_impacts(some, fidelity)))
+        # The first chunk compiles, so that it says nothing about the speed.
+        begin = time.perf_counter() if begin is None else begin
+        done = min(first + chunk, total)
+        rate = (time.perf_counter() - begin) / max(1, done - chunk)
+        if progress is not None:
+            progress(done, total, rate * (total - done))
+    whole = [np.concatenate(leaves)[:total] for leaves in zip(*found, strict=True)]
+    maps, at = [], 0
+    for batch in fences:
+        shape = (batch.distance.shape[0], masses.size, distances.size)
+        size = int(np.prod(shape))
+        numbers = [leaf[at : at + size].reshape(shape) for leaf in whole]
+        maps.append(Maps(masses, distances, *numbers))
+        at += size
+    return maps
