@@ -103,7 +103,8 @@ class Result(eqx.Module):
     first_contact: Array
     """Time of the first touch [s]; NaN if there is none."""
     last_contact: Array
-    """Time of the last contact [s]; NaN if there is none."""
+    """Time of the last contact, D = 0 [s]; NaN if there is none. The force ends a little before it,
+    where the two part faster than the parcel recovers its shape."""
     leave_x: Array
     """x of C_s at the last contact, where the parcel leaves the fence [m]; NaN if there is none."""
     leave_y: Array

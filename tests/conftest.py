@@ -1,10 +1,21 @@
 """Settings of the whole test session, made before anything else is imported."""
 
+import atexit
+import os
+import shutil
+import tempfile
+
 import jax
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
+
+# What one process of a session has compiled serves the others; gone when the session ends.
+if "FENCEJAX_TEST_CACHE" not in os.environ:
+    os.environ["FENCEJAX_TEST_CACHE"] = tempfile.mkdtemp(prefix="fencejax-")
+    atexit.register(shutil.rmtree, os.environ["FENCEJAX_TEST_CACHE"], ignore_errors=True)
+jax.config.update("jax_compilation_cache_dir", os.environ["FENCEJAX_TEST_CACHE"])
 
 from pathlib import Path  # noqa: E402
 
