@@ -48,7 +48,8 @@ def simulate(
     - `throw`: raise on the host if the status is not among those with good numbers.
 
     Raises `TypeError` for arguments of the wrong kind, `ValueError` for names in `only` that are
-    none of `Result`'s fields and, with `throw=True`, `RuntimeError` with the status' text.
+    none of `Result`'s fields and for a fidelity that the scene or JAX's settings do not allow and,
+    with `throw=True`, `RuntimeError` with the status' text.
     """
     if not isinstance(scene, (NormalScene, Scene)):
         raise TypeError(
@@ -60,6 +61,11 @@ def simulate(
         raise TypeError(
             f"Argument `fidelity` must be a `fencejax.Fidelity`, but is {fidelity!r}. Write, for "
             "example, fidelity=fj.Fidelity.fast()."
+        )
+    if isinstance(scene, NormalScene) and fidelity.integrator != "modal":
+        raise ValueError(
+            "Argument `fidelity.integrator` must be 'modal' for a scene of the normal direction "
+            f"alone, but is {fidelity.integrator!r}. Write fidelity.replace(integrator=\"modal\")."
         )
     if fidelity.precision == "float64" and not jax.config.read("jax_enable_x64"):
         raise ValueError(

@@ -304,3 +304,34 @@ def test_one_program_serves_all_designs():
         fidelity=PLAIN, history=False,
     )
     assert next(LOOKED_AT) > before + 2
+
+
+def test_a_general_integrator_is_refused_in_the_normal_direction_alone():
+    with pytest.raises(ValueError, match="`fidelity.integrator` must be 'modal'"):
+        fj.simulate(fj.scenes.rigid_wall(), fidelity=fj.Fidelity(integrator="tsit5"))
+
+
+@pytest.mark.parametrize("build", [fj.scenes.oblique_impact, fj.scenes.normal_impact])
+def test_single_precision_by_fidelity(build):
+    # The numbers given and returned stay double. A step's forces are balanced to 2e-3 at most; the
+    # peak is better than that.
+    scene = build(duration=0.12)
+    double, single = (
+        fj.simulate(scene, fidelity=fj.Fidelity.fast(precision=name), only=("peak_force",))
+        for name in ("float64", "float32")
+    )
+    assert single.peak_force.dtype == double.peak_force.dtype
+    assert float(single.peak_force) == pytest.approx(float(double.peak_force), rel=2e-3)
+    assert float(single.peak_force) != float(double.peak_force)
+    assert int(single.status) == int(double.status)
+
+
+def test_precision_is_checked():
+    with pytest.raises(ValueError, match="`precision` must be one of"):
+        fj.Fidelity(precision="float16")
+    jax.config.update("jax_enable_x64", False)
+    try:
+        with pytest.raises(ValueError, match="`fidelity.precision` is 'float64'"):
+            fj.simulate(fj.scenes.rigid_wall(), fidelity=fj.Fidelity(precision="float64"))
+    finally:
+        jax.config.update("jax_enable_x64", True)
