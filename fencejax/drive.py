@@ -14,6 +14,9 @@ from jaxtyping import Array, ArrayLike
 
 from . import _check
 
+CYCLE_TIME = 1.36
+"""t_c of Piatkowski (2010) [s]."""
+
 
 class DriveMotion(NamedTuple):
     """Angle [rad], angular speed [rad/s] and angular acceleration [rad/s^2] of the drive."""
@@ -88,7 +91,7 @@ class HarmonicDrive(AbstractDrive):
     top_speed: Array
     cycle_time: Array
 
-    def __init__(self, top_speed: ArrayLike = 1.53, cycle_time: ArrayLike = 1.36):
+    def __init__(self, top_speed: ArrayLike = 1.53, cycle_time: ArrayLike = CYCLE_TIME):
         """**Arguments:** `top_speed`: alphadot_max [rad/s], at least 0. `cycle_time`: t_c [s]."""
         self.top_speed = _check.scalar("top_speed", top_speed, least=0, unit="rad/s")
         self.cycle_time = _check.scalar("cycle_time", cycle_time, above=0, unit="s")
@@ -113,7 +116,7 @@ class HeldDrive(AbstractDrive):
     held_angle: Array
     hold_time: Array
 
-    def __init__(self, held_angle: ArrayLike = 0.3, hold_time: ArrayLike = 1.36):
+    def __init__(self, held_angle: ArrayLike = 0.3, hold_time: ArrayLike = CYCLE_TIME):
         """**Arguments:** `held_angle` [rad]. `hold_time` [s]: how long a scene lasts by default."""
         self.held_angle = _check.scalar("held_angle", held_angle, least=-1.5, most=1.5, unit="rad")
         self.hold_time = _check.scalar("hold_time", hold_time, above=0, unit="s")
@@ -315,7 +318,7 @@ class SplineDrive(AbstractDrive):
     turn: Array
 
     def __init__(
-        self, control_angles: ArrayLike, cycle_time: ArrayLike = 1.36, turn: ArrayLike = 0.5
+        self, control_angles: ArrayLike, cycle_time: ArrayLike = CYCLE_TIME, turn: ArrayLike = 0.5
     ):
         """**Arguments:**
 

@@ -9,7 +9,7 @@ from jaxtyping import Array, ArrayLike
 
 from . import _check
 from .belt import Belt, Border
-from .drive import AbstractDrive, HarmonicDrive
+from .drive import CYCLE_TIME, AbstractDrive, HarmonicDrive
 from .fence import Fence
 from .friction import Friction
 from .kinematics import Body
@@ -331,7 +331,8 @@ def whole_sort(
     - `duration` [s], static, by default the drive's cycle.
     """
     fence = Fence() if fence is None else fence
-    drive = HarmonicDrive() if drive is None else drive
+    if drive is None:
+        drive, duration = HarmonicDrive(), CYCLE_TIME if duration is None else duration
     start = OnBelt(
         _check.scalar("front", front, unit="m"),
         _check.scalar("offset", offset, least=0, unit="m"),

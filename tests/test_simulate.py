@@ -335,3 +335,12 @@ def test_precision_is_checked():
             fj.simulate(fj.scenes.rigid_wall(), fidelity=fj.Fidelity(precision="float64"))
     finally:
         jax.config.update("jax_enable_x64", True)
+
+
+def test_a_whole_sort_needs_no_duration_inside_jit():
+    # The default drive's cycle is known beforehand, another one's is not.
+    jax.eval_shape(lambda x: fj.scenes.whole_sort(front=x), 0.1)
+    with pytest.raises(ValueError, match="`duration` .* must be given"):
+        jax.eval_shape(
+            lambda t: fj.scenes.whole_sort(drive=fj.HarmonicDrive(cycle_time=t)), 1.0
+        )
