@@ -2,6 +2,12 @@
 
 from . import objectives as objectives, plot as plot, scenes as scenes
 from .belt import Belt as Belt, Border as Border
+from .choice import (
+    Choice as Choice,
+    NoFidelityError as NoFidelityError,
+    Trial as Trial,
+    choose_fidelity as choose_fidelity,
+)
 from .design import DesignSpace as DesignSpace, DesignVariable as DesignVariable
 from .drive import (
     AbstractDrive as AbstractDrive,
@@ -11,6 +17,11 @@ from .drive import (
     SCurveDrive as SCurveDrive,
     SplineDrive as SplineDrive,
     TrapezoidDrive as TrapezoidDrive,
+)
+from .error import (
+    ErrorEstimate as ErrorEstimate,
+    GradientEstimate as GradientEstimate,
+    estimate_gradient_error as estimate_gradient_error,
 )
 from .fence import Fence as Fence
 from .fidelity import Fidelity as Fidelity

@@ -8,6 +8,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array
 
+from .error import ErrorEstimate
 from .instant import Instant, Power
 from .kinematics import Body
 from .status import Status
@@ -131,12 +132,14 @@ class Result(eqx.Module):
     """A `Status`, as an integer (one a lane)."""
     history: Instant | None
     """Every sample, if asked for: each field with the time as its first axis."""
+    error: ErrorEstimate | None = None
+    """Estimated errors of the fields above, if asked for."""
 
     def __str__(self) -> str:
         named = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         if any(isinstance(leaf, Tracer) for leaf in named.values()):
             return "Result(traced)"
-        if any(leaf is None for name, leaf in named.items() if name != "history"):
+        if any(leaf is None for name, leaf in named.items() if name not in ("history", "error")):
             kept = (f"{name} {leaf}" for name, leaf in named.items() if leaf is not None)
             return "\n".join(kept)
         leaf = self.peak_force
@@ -178,7 +181,8 @@ class Result(eqx.Module):
             ("pressed in by", f"{1e3 * self.deepest:.2f} mm", ""),
             ("energy residual", f"{self.energy.residual:.2e} J", ""),
         ]
-        return "\n".join(f"{name:>16}  {value}  {note}".rstrip() for name, value, note in rows)
+        text = "\n".join(f"{name:>16}  {value}  {note}".rstrip() for name, value, note in rows)
+        return text if self.error is None else f"{text}\n{'errors':>16}  estimated:\n{self.error}"
 
 
 def gather(

@@ -376,6 +376,12 @@ def table(classes, impact, agreed):
         "",
         f"Peak {race.PEAK:.4f} N at {1e3 * race.PEAK_TIME:.3f} ms; gradient in h₁, E, ρ, β, l_p. "
         f"Times: median (10 %–90 %) of {ROUNDS} interleaved rounds on {os.cpu_count()} cores.",
+        "",
+        "Each code runs at the cheapest settings that meet the class; how each was tuned is in the "
+        "docstrings of `tests/peers/`. Rows named *plain* are a code as its manual has one write "
+        "it; *8 modes* gives a code the modal truncation that is fencejax's own idea; the others "
+        "solve the full finite-element system in the form that suits them best. "
+        "`pytest tests/test_peers.py --bench DIR` makes this page again as `DIR/race.md`.",
     ]
     for found in classes:
         lines += [
