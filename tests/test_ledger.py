@@ -155,6 +155,10 @@ ABSENT = {
         "border_friction_loss",
     },
     "whole_sort": set(),
+    "normal_impact": {
+        "drive_work", "geometry_work", "belt_work", "fence_friction_loss", "border_friction_loss",
+        "belt_friction_loss",
+    },
     "rigid_wall": {
         "drive_work", "fence_kinetic", "strain", "damping_loss", "geometry_work", "belt_work",
         "fence_friction_loss", "border_friction_loss", "belt_friction_loss",

@@ -1,0 +1,77 @@
+"""What one impact costs in a fresh process: compile times, run times, memory.
+
+    python -m optimize.accuracy.cold '{"modes": 4}'
+
+prints them as JSON, for the fidelity whose fields are given.
+"""
+
+import dataclasses
+import json
+import resource
+import subprocess
+import sys
+import time
+
+import jax
+import jax.numpy as jnp
+
+import fencejax as fj
+
+from .cases import VARIABLES, Family, impacts, outcome
+from .measure import Times, memory
+
+
+def _rss() -> int:
+    """Peak resident memory so far [bytes]."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def measure(fidelity: fj.Fidelity, duration: float, repeats: int) -> dict:
+    """The numbers of one fidelity in this process: value, and value with gradient in eight
+    variables, of the peak force of the paper's impact."""
+    family: Family = impacts(0, 0, duration)
+    row, ones = jnp.asarray(family.numbers[0]), jnp.ones(len(VARIABLES))
+
+    def peak(factors):
+        return outcome(family, fidelity, row, factors)[0][0]
+
+    found: dict = {"resident before [B]": _rss()}
+    for name, function in (("value", peak), ("gradient", jax.value_and_grad(peak))):
+        begin = time.perf_counter()
+        program = jax.jit(function).lower(ones).compile()
+        seconds = time.perf_counter() - begin
+        times = Times.of(lambda run=program: run(ones), repeats)
+        found[name] = {
+            "compile [s]": seconds,
+            "run": dataclasses.asdict(times),
+            "intermediate [B]": memory(program),
+            "peak resident [B]": _rss(),
+        }
+    return found
+
+
+def elsewhere(fidelity: fj.Fidelity, duration: float, repeats: int) -> dict:
+    """The same in a process of its own, with no compilation cache.
+
+    Raises `RuntimeError` with what the process said where it fails.
+    """
+    asked = json.dumps(dataclasses.asdict(fidelity) | {"duration": duration, "repeats": repeats})
+    call = [sys.executable, "-m", "optimize.accuracy.cold", asked]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(f"The process of its own failed: {done.stderr.strip()[-400:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def main(arguments: list[str]) -> int:
+    """Measure the fidelity given as JSON and print the numbers."""
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_enable_compilation_cache", False)
+    given = json.loads(arguments[0])
+    duration, repeats = given.pop("duration", 0.13), given.pop("repeats", 15)
+    print(json.dumps(measure(fj.Fidelity(**given), duration, repeats)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,117 @@
+"""The numbers of the measurement, and a flag for each."""
+
+import argparse
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from .cases import SCENES
+
+LADDERS = ("full", "dense", "quick")
+
+
+@dataclasses.dataclass(frozen=True)
+class WorkPrecisionConfig:
+    """Every number of the job; `python -m optimize.work_precision --help` says what each is."""
+
+    out: Path = Path("out")
+    scene: tuple[str, ...] = SCENES
+    random: int = 255
+    seed: int = 1
+    duration: float = 0.13
+    lanes: int = 32
+    candidates: int = 6
+    ladder: str = "full"
+    integrators: bool = True
+    orders: bool = True
+    cold: bool = True
+    batch: int = 4096
+    repeats: int = 15
+    threads: int = 2
+    plots: bool = True
+
+    def __post_init__(self):
+        for name, least in (
+            ("random", 1), ("lanes", 1), ("candidates", 0), ("batch", 1), ("repeats", 3),
+            ("threads", 1), ("seed", 0),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if value < least:
+                raise ValueError(f"Argument `{name}` must be at least {least} [1], but is {value}.")
+        if not self.duration > 0:
+            raise ValueError(
+                f"Argument `duration` must be above 0 [s], but is {self.duration:g}."
+            )
+        for name in self.scene:
+            if name not in SCENES:
+                raise ValueError(f"Argument `scene` must be of {SCENES}, but holds {name!r}.")
+        if not self.scene:
+            raise ValueError(f"Argument `scene` must name at least one of {SCENES}, but is empty.")
+        if self.ladder not in LADDERS:
+            raise ValueError(
+                f"Argument `ladder` must be one of {LADDERS}, but is {self.ladder!r}."
+            )
+
+    def quick(self) -> "WorkPrecisionConfig":
+        """A small version: eight impacts, few points."""
+        scenes = tuple(name for name in self.scene if name in ("impact", "random"))
+        return dataclasses.replace(
+            self, scene=scenes or ("random",), random=7, lanes=8, candidates=0, ladder="quick",
+            integrators=False, orders=False, cold=False, batch=8, repeats=5,
+        )  # fmt: skip
+
+
+_HELP = {
+    "out": "folder for work_precision.md, work_precision.json and the figures",
+    "scene": "the paper's impact, the slide, the whole sort, the random impacts",
+    "random": "random impacts",
+    "seed": "of the random impacts",
+    "duration": "length of an impact [s]",
+    "lanes": "impacts over which each knob is moved by itself",
+    "candidates": "points of the product grid that are measured, besides the rungs",
+    "ladder": "full, dense (more points a knob) or quick",
+    "integrators": "run diffrax's general solvers too",
+    "orders": "measure the orders of convergence on smooth segments",
+    "cold": "measure compile times, single runs and memory in processes of their own",
+    "batch": "lanes of the large batch",
+    "repeats": "runs of which the median is taken",
+    "threads": "programs compiled at a time; times are measured one at a time",
+    "plots": "draw the figures",
+}
+
+
+def parser() -> argparse.ArgumentParser:
+    """One flag for each field of the configuration, and `--quick`."""
+    result = argparse.ArgumentParser(
+        prog="python -m optimize.work_precision",
+        description="Measure speed against accuracy of the fidelities, for values and gradients.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    for field in dataclasses.fields(WorkPrecisionConfig):
+        flag, default = "--" + field.name, field.default
+        settings: dict = {"default": default, "help": _HELP[field.name]}
+        if isinstance(default, bool):
+            settings["action"] = argparse.BooleanOptionalAction
+        elif field.name == "scene":
+            settings.update(choices=SCENES, nargs="+", default=list(SCENES))
+        else:
+            settings["type"] = Path if isinstance(default, Path) else type(default)
+        if field.name == "ladder":
+            settings["choices"] = LADDERS
+        result.add_argument(flag, **settings)
+    result.add_argument(
+        "--quick", action="store_true", help="eight impacts, few points, whatever else is said"
+    )
+    return result
+
+
+def configure(arguments: Sequence[str] | None = None) -> WorkPrecisionConfig:
+    """The configuration that flags describe.
+
+    Raises `ValueError` where a number is out of range.
+    """
+    given = vars(parser().parse_args(arguments))
+    quick = given.pop("quick")
+    given["scene"] = tuple(given["scene"])
+    config = WorkPrecisionConfig(**given)
+    return config.quick() if quick else config
