@@ -98,7 +98,8 @@ class Fidelity:
 
         Over sixteen impacts (0.65-1.06 m, 2-25 kg, 0.2-0.4 rad) the peak force is off by up to
         0.5 % and its gradient, as elasticities, by up to 0.7 % of its norm; half the cost of
-        `standard`.
+        `standard`. In the worst of 120 random ones of a wider range the peak is off by 1.9 %, and
+        a gradient by some 4 % where friction turns round near the peak.
         """
         return cls(**{**dict(modes=3, step=5e-4, slip_speed=2e-2, static_speed=1e-1), **changes})
 
@@ -107,7 +108,7 @@ class Fidelity:
         """The default: four modes, steps of 0.25 ms, friction smoothed over 0.005 m/s.
 
         Over the same impacts the peak force is off by up to 0.15 % and its gradient by up to
-        0.25 %, most of it the smoothing of friction.
+        0.25 %, most of it the smoothing of friction; in the worst of the 120 the peak by 1.2 %.
         """
         return cls(**changes)
 
