@@ -54,6 +54,7 @@ def covered(scenes, fidelity, only):
     return table
 
 
+@pytest.mark.bench
 def test_impacts():
     # Of 48 scenes one miss is 2 %: 95 % of all estimates together, 90 % of each field.
     table = covered(impacts(7, 48, 0.12), FAST, (*FEW, "peak_stress", "deepest", "leave_x"))
