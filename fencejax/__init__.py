@@ -8,6 +8,7 @@ from .choice import (
     Trial as Trial,
     choose_fidelity as choose_fidelity,
 )
+from .compiler import tune_compiler as tune_compiler
 from .design import DesignSpace as DesignSpace, DesignVariable as DesignVariable
 from .drive import (
     AbstractDrive as AbstractDrive,

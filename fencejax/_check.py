@@ -86,7 +86,8 @@ def count(name: str, value: int, *, least: int = 0, remedy: str = "") -> int:
     return int(value)
 
 
-def number(name: str, value: float, *, above: float = -math.inf, unit: str = "1") -> float:
+def number(name: str, value: float, *, above: float = -math.inf, unit: str = "1",
+           remedy: str = "") -> float:
     """Check a static number, which is part of the program (a step, a smoothing)."""
     try:
         result = float(value)
@@ -96,8 +97,10 @@ def number(name: str, value: float, *, above: float = -math.inf, unit: str = "1"
             f"compiled, but is {value!r}."
         ) from error
     if not math.isfinite(result) or result <= above:
+        bound = f" and above {above:g}" if above > -math.inf else ""
         raise ValueError(
-            f"Argument `{name}` must be finite and above {above:g} [{unit}], but is {result:g}."
+            f"Argument `{name}` must be finite{bound} [{unit}], but is {result:g}. "
+            f"{remedy}".rstrip()
         )
     return result
 

@@ -51,14 +51,14 @@ class DesignVariable:
         _check.choice("scaling", self.scaling, _SCALINGS)
         remedy = f"Give bounds with lower < upper for `{self.name}`."
         for end in ("lower", "upper"):
-            _check.scalar(f"{self.name}.{end}", getattr(self, end), unit=self.unit, remedy=remedy)
+            _check.number(f"{self.name}.{end}", getattr(self, end), unit=self.unit, remedy=remedy)
         if self.lower >= self.upper:
             raise ValueError(
                 f"Argument `{self.name}.lower` must be below `upper` = {self.upper:g} "
                 f"[{self.unit}], but is {self.lower:g}. {remedy}"
             )
         if self.scaling == "logarithmic":
-            _check.scalar(
+            _check.number(
                 f"{self.name}.lower",
                 self.lower,
                 above=0,

@@ -151,8 +151,8 @@ class Limit:
     def __post_init__(self):
         name, unit = self.quantity.name, self.quantity.unit
         _check.choice("sense", self.sense, ("at most", "at least"))
-        _check.scalar(f"{name} bound", self.bound, unit=unit)
-        _check.scalar(
+        _check.number(f"{name} bound", self.bound, unit=unit)
+        _check.number(
             f"{name} scale",
             self.unit_of_margin,
             above=0,

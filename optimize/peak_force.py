@@ -298,6 +298,7 @@ def _draw(config, outcome, impacts, signals, bars) -> None:
 
 
 if __name__ == "__main__":
+    fj.tune_compiler()
     try:
         finished = main(configure())
     except (ValueError, TypeError) as error:

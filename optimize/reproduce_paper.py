@@ -262,6 +262,7 @@ def _content(config: PaperConfig, outcome: Outcome, default: Setting) -> dict[st
 
 
 if __name__ == "__main__":
+    fj.tune_compiler()
     try:
         finished = main(configure())
     except (ValueError, TypeError) as error:

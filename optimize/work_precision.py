@@ -351,6 +351,7 @@ def _write(report: Report, say) -> None:
 
 
 if __name__ == "__main__":
+    fj.tune_compiler()
     try:
         finished = main(configure())
     except (ValueError, TypeError) as error:

@@ -12,6 +12,10 @@ if not any(argument.startswith("--bench") for argument in sys.argv):
 
 import jax  # noqa: E402
 
+import fencejax as fj  # noqa: E402
+
+fj.tune_compiler()
+
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")

@@ -65,6 +65,7 @@ def elsewhere(fidelity: fj.Fidelity, duration: float, repeats: int) -> dict:
 
 def main(arguments: list[str]) -> int:
     """Measure the fidelity given as JSON and print the numbers."""
+    fj.tune_compiler()
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_enable_compilation_cache", False)
     given = json.loads(arguments[0])

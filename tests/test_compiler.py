@@ -1,0 +1,75 @@
+"""The compiler's settings, and that importing the package starts nothing."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+import fencejax as fj
+
+QUIET = """
+import fencejax, optimize
+from jax._src.xla_bridge import backends_are_initialized
+import os
+assert not backends_are_initialized()
+assert os.environ.get("XLA_FLAGS") == given
+"""
+
+TUNED = """
+import os
+import jax
+import fencejax as fj
+fj.tune_compiler(devices=2)
+once = os.environ["XLA_FLAGS"]
+fj.tune_compiler(devices=2)
+assert os.environ["XLA_FLAGS"] == once
+assert len(jax.devices("cpu")) == 2
+program = jax.jit(lambda x: jax.lax.fori_loop(0, 9, lambda i, y: y[::-1] + x, x))
+text = program.lower(jax.numpy.zeros(1000)).compile().as_text()
+# The whole loop is one call of one kernel: more than the thousand bytes that XLA would allow.
+assert "xla_cpu_small_call" in text
+try:
+    fj.tune_compiler(devices=3)
+except RuntimeError as error:
+    assert "before any array is made" in str(error)
+else:
+    raise AssertionError("JAX has read its flags: it was too late")
+print(once)
+"""
+
+
+def run(code, flags=None):
+    environment = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
+    if flags is not None:
+        environment["XLA_FLAGS"] = flags
+    return subprocess.run(
+        [sys.executable, "-c", f"given = {flags!r}\n{code}"],
+        env=environment, capture_output=True, text=True,
+    )
+
+
+def test_import_starts_nothing():
+    done = run(QUIET)
+    assert done.returncode == 0, done.stderr
+
+
+def test_loops_become_one_kernel():
+    done = run(TUNED)
+    assert done.returncode == 0, done.stderr
+
+
+def test_what_is_set_already_stays():
+    extra = "--xla_backend_extra_options="
+    given = f"{extra}xla_cpu_small_while_loop_byte_threshold=77 --xla_cpu_enable_fast_math=false"
+    code = "import fencejax as fj, os; fj.tune_compiler(); print(os.environ['XLA_FLAGS'])"
+    done = run(code, given)
+    assert done.returncode == 0, done.stderr
+    assert "threshold=77," in done.stdout
+    assert done.stdout.count(extra) == 1
+    assert "--xla_cpu_enable_fast_math=false" in done.stdout
+
+
+def test_devices_are_counted():
+    with pytest.raises(ValueError, match=r"`devices` must be at least 1 \[1\], but is 0"):
+        fj.tune_compiler(devices=0)
