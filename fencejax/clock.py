@@ -1,33 +1,99 @@
-"""Time in a scene: where the drive's clock stands, and what advances with the step."""
+"""Time in a scene: where the drive's clock stands, and what advances with a step of each length."""
+
+from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .mechanics import Mechanics
+from .fidelity import Fidelity
+from .link import FlexibleLink, blocks
 from .propagation import Propagator, relaxation
 
 
-class Clock(eqx.Module):
-    """The start time [s] on the drive's clock, the step [s], the modes' maps over it and the number
-    of Newton iterations."""
+class Stride(NamedTuple):
+    """A step of one length: `length` h [s] and `rate` 1 / h [1/s]; the modes' exact maps over it;
+    of the load that the modes left out carry, exp(-h / lag) [1] and (1 - exp(-h / lag)) / h [1/s].
 
-    start: Array
+    A scene begins with a step of no length: nothing moves in it and the forces come out that belong
+    to the state. Its `rate` is 0, and the modes left out carry the contact forces without lag.
+    """
+
+    length: Array
+    rate: Array
     maps: tuple[Propagator, ...]
     lag_decay: Array
+    lag_gain: Array
+
+    @property
+    def begins(self) -> Array:
+        """Whether this is the step of no length."""
+        return self.length == 0
+
+
+class Clock(eqx.Module):
+    """The start time [s] on the drive's clock, the strides, one after the other along the first
+    axis, and the most Newton iterations.
+
+    `counts` is how many steps [1] each stride stands for: none, one and, where the fidelity asks
+    for longer ones in free flight, so many.
+    """
+
+    start: Array
+    strides: Stride
     iterations: Array
     step: float = eqx.field(static=True)
+    counts: tuple[int, ...] = eqx.field(static=True)
 
-    def __init__(self, mechanics: Mechanics, start: Array, step: float):
-        self.start = start
-        self.step = step
-        self.iterations = jnp.full_like(start, mechanics.fidelity.iterations)
-        self.maps = ()
-        self.lag_decay = jnp.zeros_like(start)
-        if mechanics.link is not None:
-            self.maps = mechanics.link.propagators(step)
-            self.lag_decay = relaxation(mechanics.link.lag, step)
+    def __init__(
+        self,
+        link: FlexibleLink | None,
+        fidelity: Fidelity,
+        start: Array,
+        step: float,
+        maps: Propagator | None,
+    ):
+        """`maps` are those of all modes over the `lengths` but the first, (strides - 1, m)."""
+        self.start, self.step = start, step
+        self.counts = stride_counts(fidelity)
+        self.iterations = jnp.full_like(start, fidelity.iterations)
+        zero = jnp.zeros_like(start)
+        moving = [zero + step * count for count in self.counts[1:]]
+        decay, by_mode = [jnp.ones_like(start)] * len(self.counts), ()
+        if link is not None:
+            assert maps is not None
+            decay = [jnp.ones_like(start), *(relaxation(link.lag, h) + zero for h in moving)]
+            still = Propagator(*(0.0, 0.0, 0.0, 0.0) * 2)._replace(qq=1.0, vv=1.0)
+            every = [
+                jnp.concatenate([jnp.full_like(values[:1], none), values])
+                for none, values in zip(still, maps, strict=True)
+            ]
+            by_mode = tuple(
+                Propagator(*parts)
+                for parts in zip(*(blocks(values) for values in every), strict=True)
+            )
+        gains = [zero, *((1 - d) / h for d, h in zip(decay[1:], moving, strict=True))]
+        self.strides = Stride(
+            length=jnp.stack([zero, *moving]),
+            rate=jnp.stack([zero, *(1 / h for h in moving)]),
+            maps=by_mode,
+            lag_decay=jnp.stack(decay),
+            lag_gain=jnp.stack(gains),
+        )
+
+    def stride(self, count: Array) -> Stride:
+        """The stride of so many steps [1]."""
+        kind = jnp.minimum(count, len(self.counts) - 1.0).astype(jnp.uint32)
+        return jax.tree.map(
+            lambda each: jax.lax.dynamic_index_in_dim(each, kind, keepdims=False), self.strides
+        )
 
     def time(self, index: Array) -> Array:
         """Time [s] of a sample since the scene's start."""
         return self.step * index
+
+
+def stride_counts(fidelity: Fidelity) -> tuple[int, ...]:
+    """How many steps [1] each of a clock's strides stands for."""
+    return (0, 1) if fidelity.flight_steps == 1 else (0, 1, fidelity.flight_steps)

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .clock import Clock
+from .clock import Stride
 from .drive import DriveMotion
 from .instant import FenceState
 from .link import Blocks, FencePoint, FlexibleLink, Shape, Vibration, dot, propagate
@@ -18,9 +18,8 @@ class FenceEnd(eqx.Module):
     """
 
     link: FlexibleLink
-    clock: Clock
+    stride: Stride
     drive: DriveMotion
-    places: tuple[Array, ...]
     normals_before: tuple[Array, ...]
     lagged_before: tuple[Array, ...]
     shapes: tuple[Shape, ...]
@@ -31,20 +30,20 @@ class FenceEnd(eqx.Module):
     def __init__(
         self,
         link: FlexibleLink,
-        clock: Clock,
+        stride: Stride,
         drive: DriveMotion,
         before: FenceState,
         normals: tuple[Array, ...],
-        places: tuple[Array, ...],
+        shapes: tuple[Shape, ...],
     ):
         """`before` is the fence at the start of the step, under the contact forces `normals` [N];
-        `places` are the arc coordinates [m] under the corners at its end."""
-        self.link, self.clock, self.drive, self.places = link, clock, drive, places
+        `shapes` are those under the corners at its end."""
+        self.link, self.stride, self.drive = link, stride, drive
         self.normals_before, self.lagged_before = normals, before.lagged_rate
-        self.shapes = tuple(link.shape(place) for place in places)
+        self.shapes = shapes
         self.inertia = link.inertia_force(drive)
-        self.free = propagate(clock.maps, before.vibration, before.modal_force, self.inertia)
-        self.affine = tuple(self._affine(k) for k in range(len(places)))
+        self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
+        self.affine = tuple(self._affine(k) for k in range(len(shapes)))
 
     @property
     def flexible(self) -> bool:
@@ -62,8 +61,8 @@ class FenceEnd(eqx.Module):
         )
         gains = []
         for other in self.shapes:
-            pushed = [m.q_end * b for m, b in zip(self.clock.maps, other.load, strict=True)]
-            struck = [m.v_end * b for m, b in zip(self.clock.maps, other.load, strict=True)]
+            pushed = [m.q_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
+            struck = [m.v_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
             gains.append(
                 (
                     dot(shape.deflection, pushed) / link.mass_scale,
@@ -79,7 +78,7 @@ class FenceEnd(eqx.Module):
         give, give_rate, _ = self.affine[k][1][other]
         own = self.shapes[k].residual
         if own is not None and k == other:
-            by_rate = (1 - self.clock.lag_decay) / self.clock.step
+            by_rate = self.stride.lag_gain
             give = give + own * (1 - self.link.lag * by_rate)
             give_rate = give_rate + own * by_rate
         return give, give_rate
@@ -88,22 +87,27 @@ class FenceEnd(eqx.Module):
         """The point of the fence under each corner."""
         if not self.flexible:
             zero = jnp.zeros_like(self.drive.angle)
-            return tuple(FencePoint(place, zero, zero, zero, zero) for place in self.places)
-        return tuple(self._point(k, normals) for k in range(len(self.places)))
+            return tuple(FencePoint(s.place, zero, zero, zero, zero) for s in self.shapes)
+        return tuple(self._point(k, normals) for k in range(len(self.shapes)))
 
-    def _point(self, k: int, normals) -> FencePoint:
-        link, shape = self.link, self.shapes[k]
+    def deflection(self, k: int, normals) -> tuple[Array, Array, Array]:
+        """Deflection [m] at place k, its rate [m/s] and the modes' slope there."""
         extra, extra_rate = self._residual(k, normals[k])
-        if link.geometry == "chord":
-            return link.chord_point(shape, self._vibration(normals), extra, extra_rate)
         (deflection, rate, slope), gains = self.affine[k]
         for normal, (give, give_rate, lean) in zip(normals, gains, strict=True):
             deflection = deflection - give * normal
             rate = rate - give_rate * normal
             slope = slope - lean * normal
+        return deflection + extra, rate + extra_rate, slope
+
+    def _point(self, k: int, normals) -> FencePoint:
+        link, shape = self.link, self.shapes[k]
+        if link.geometry == "chord":
+            extra = self._residual(k, normals[k])
+            return link.chord_point(shape, self._vibration(normals), *extra)
         if link.geometry == "arc":
-            return link.arc_point(shape, self.free, deflection + extra, rate + extra_rate, slope)
-        return link.small_point(shape, deflection + extra, rate + extra_rate, slope)
+            return link.arc_point(shape, self.free, *self.deflection(k, normals))
+        return link.small_point(shape, *self.deflection(k, normals))
 
     def _residual(self, k: int, normal):
         """Deflection [m] of the modes left out and its rate: G r with r + beta rdot = N."""
@@ -115,16 +119,15 @@ class FenceEnd(eqx.Module):
 
     def _lagged_rate(self, k: int, normal):
         """rdot at the step's end, exact for a force linear over the step; finite as beta -> 0."""
-        decay = self.clock.lag_decay
-        slope = (normal - self.normals_before[k]) / self.clock.step
-        return decay * self.lagged_before[k] + (1 - decay) * slope
+        grown = self.stride.lag_gain * (normal - self.normals_before[k])
+        return self.stride.lag_decay * self.lagged_before[k] + grown
 
     def _vibration(self, normals) -> Vibration:
         """The modes at the step's end."""
         amplitude, rate = list(self.free.amplitude), list(self.free.rate)
         for shape, normal in zip(self.shapes, normals, strict=True):
             share = normal / self.link.mass_scale
-            for i, (phi, m) in enumerate(zip(shape.load, self.clock.maps, strict=True)):
+            for i, (phi, m) in enumerate(zip(shape.load, self.stride.maps, strict=True)):
                 amplitude[i] = amplitude[i] - m.q_end * phi * share
                 rate[i] = rate[i] - m.v_end * phi * share
         return Vibration(tuple(amplitude), tuple(rate))

@@ -24,6 +24,8 @@ class Fidelity:
     - `load`: `"consistent"`, the contact force on the beam by virtual work, or `"shared"`, the
       paper's (2.8), linearly on the two nodes beside it.
     - `step` [s]: the integrator's step (for an adaptive one: of the samples that it saves).
+    - `flight_steps`: how many such steps are taken in one where nothing touches the parcel and
+      nothing can; 1: all steps are alike.
     - `iterations`: the most Newton iterations a step on contact force and parcel's velocity; one
       or two are the rule, more where friction turns round.
     - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s.
@@ -45,6 +47,7 @@ class Fidelity:
     geometry: str = "arc"
     load: str = "consistent"
     step: float = 2.5e-4
+    flight_steps: int = 1
     iterations: int = 12
     slip_speed: float = 5e-3
     static_speed: float = 2.5e-2
@@ -64,6 +67,7 @@ class Fidelity:
                     f"{self.modes}. Raise `elements`, or write `modes=None` for all of them."
                 )
         _check.count("iterations", self.iterations, least=1)
+        _check.count("flight_steps", self.flight_steps, least=1)
         for name in ("step", "slip_speed", "static_speed", "tip_fade", "tolerance"):
             _check.number(name, getattr(self, name), above=0.0)
         _check.choice("geometry", self.geometry, ("small", "arc", "chord"))

@@ -70,13 +70,13 @@ def run(
 
     samples = jax.vmap(sample)(times, solution.ys)
     reach = None if link is None else link.reach
-    first = jax.tree.map(lambda x: x[0], samples)
-    rest = jax.tree.map(lambda x: x[1:], samples)
+    one = jax.tree.map(lambda x: x[0], samples)
 
-    def take(tallied, instant):
-        zero = jnp.zeros_like(instant.time)
-        return tally.add(tallied, instant, clock.step, reach, zero), None
+    def take(tallied, numbered):
+        instant, length = numbered
+        return tally.add(tallied, instant, length, reach, jnp.zeros_like(length)), None
 
-    tallied, _ = jax.lax.scan(take, tally.begin(first, reach), rest)
+    lengths = jnp.full_like(times, clock.step).at[0].set(0.0)
+    tallied, _ = jax.lax.scan(take, tally.empty(one, body, alike=True), (samples, lengths))
     done = (solution.result == diffrax.RESULTS.successful).astype(times.dtype)
     return tallied, samples, done

@@ -54,6 +54,12 @@ class FenceState(NamedTuple):
     lagged: tuple[Array, ...]
     lagged_rate: tuple[Array, ...]
 
+    def kept(self) -> "FenceState":
+        """What the next step needs to know."""
+        corrected = any(shape.residual is not None for shape in self.shapes)
+        rates = self.lagged_rate if corrected else ()
+        return self._replace(drive=None, shapes=(), lagged=(), lagged_rate=rates)
+
 
 class Instant(NamedTuple):
     """A sample of a scene. Parts that the scene does not hold are `None` or empty."""
@@ -111,15 +117,7 @@ def describe(
     if fence is not None:
         link = mechanics.link
         assert link is not None
-        tip = link.tip_deflection(fence.vibration.amplitude, fence.lagged, fence.shapes)
-        stresses = link.bending_stress(
-            fence.vibration.amplitude,
-            fence.lagged,
-            tuple(c.place for c in forces.fence),
-            fence.shapes,
-        )
-        worst = jnp.argmax(stresses)
-        stress, place = stresses[worst], link.rigid_length + link.stations[worst]
+        tip, stress, place = bent(link, fence, tuple(c.place for c in forces.fence))
         torque = _torque(link, fence, forces)
         energy = _fence_energy(link, fence, energy)
         power = _fence_power(link, fence, forces, torque, power)
@@ -139,16 +137,49 @@ def describe(
         torque=torque,
         energy=energy,
         power=power,
-        carried=() if fence is None else _carried(fence),
+        carried=() if fence is None else carried(fence),
     )
 
 
-def _carried(fence: FenceState) -> tuple[tuple[Array, Array], ...]:
+def carried(fence: FenceState) -> tuple[tuple[Array, Array], ...]:
+    """Compliance [m/N] of the modes left out and the load [N] that they carry, at each corner."""
     return tuple(
         (shape.residual, load)
         for shape, load in zip(fence.shapes, fence.lagged, strict=True)
         if shape.residual is not None
     )
+
+
+def bent(
+    link: FlexibleLink, fence: FenceState, places: tuple[Array, ...]
+) -> tuple[Array, Array, Array]:
+    """Deflection of the tip [m], the largest bending stress [Pa] and its arc coordinate [m]."""
+    amplitude = fence.vibration.amplitude
+    tip = link.tip_deflection(amplitude, fence.lagged, fence.shapes)
+    stresses = link.bending_stress(amplitude, fence.lagged, places, fence.shapes)
+    worst = jnp.argmax(stresses)
+    return tip, stresses[worst], link.rigid_length + link.stations[worst]
+
+
+def strain_energy(link: FlexibleLink, fence: FenceState) -> Array:
+    """Of the modes and of the modes left out [J]."""
+    strain = 0.5 * link.mass_scale * total(
+        k * q * q for k, q in zip(link.frequency_squared, fence.vibration.amplitude, strict=True)
+    )
+    for compliance, load in carried(fence):
+        strain = strain + 0.5 * compliance * load**2
+    return strain
+
+
+def damping_power(link: FlexibleLink, fence: FenceState) -> Array:
+    """Dissipated by the modes and by the modes left out [W]."""
+    damped = link.mass_scale * total(
+        c * v * v for c, v in zip(link.damping, fence.vibration.rate, strict=True)
+    )
+    for shape, rate in zip(fence.shapes, fence.lagged_rate, strict=True):
+        if shape.residual is not None:
+            damped = damped + link.lag * shape.residual * rate**2
+    return damped
 
 
 def _torque(link: FlexibleLink, fence: FenceState, forces: Forces) -> Array:
@@ -165,27 +196,18 @@ def _torque(link: FlexibleLink, fence: FenceState, forces: Forces) -> Array:
 
 def _fence_energy(link: FlexibleLink, fence: FenceState, energy: Energy) -> Energy:
     assert fence.drive is not None
-    amplitude, rate = fence.vibration
-    speed = fence.drive.speed
+    rate, speed = fence.vibration.rate, fence.drive.speed
     kinetic = 0.5 * (link.root_inertia + link.swing_inertia) * speed**2
     kinetic = kinetic + link.mass_scale * (
         speed * dot(link.swing, rate) + 0.5 * total(v * v for v in rate)
     )
-    strain = 0.5 * link.mass_scale * total(
-        k * q * q for k, q in zip(link.frequency_squared, amplitude, strict=True)
-    )
-    for compliance, load in _carried(fence):
-        strain = strain + 0.5 * compliance * load**2
-    return energy._replace(fence=kinetic, strain=strain)
+    return energy._replace(fence=kinetic, strain=strain_energy(link, fence))
 
 
 def _fence_power(
     link: FlexibleLink, fence: FenceState, forces: Forces, torque: Array, power: Power
 ) -> Power:
     assert fence.drive is not None
-    damped = link.mass_scale * total(
-        c * v * v for c, v in zip(link.damping, fence.vibration.rate, strict=True)
-    )
     geometry = jnp.zeros_like(torque)
     touches = forces.touches[: len(forces.fence)]
     for c, parts, shape, rate in zip(
@@ -194,9 +216,10 @@ def _fence_power(
         transverse = c.place * fence.drive.speed + dot(shape.load, fence.vibration.rate)
         if shape.residual is not None:
             transverse = transverse - shape.residual * rate
-            damped = damped + link.lag * shape.residual * rate**2
         across, along = parts.rates
         geometry = geometry + c.normal * (across - transverse) + c.friction * along
     return power._replace(
-        drive=torque * fence.drive.speed, geometry=geometry, beam_damping=damped
+        drive=torque * fence.drive.speed,
+        geometry=geometry,
+        beam_damping=damping_power(link, fence),
     )

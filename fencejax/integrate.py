@@ -1,27 +1,30 @@
-"""Integration through diffrax by this package's own solver.
+"""Integration by this package's own solver: a solver of diffrax, stepped by hand.
 
-diffrax's clock counts steps, so that it is exact and the same for every lane of
-a batch whatever the lane's own start time. The private types that diffrax asks of a solver are
-met here and nowhere else.
+Its clock counts steps, so that it is exact and the same for every lane of a batch whatever the
+lane's own start time. Where all steps are of one length their number is known beforehand, and a
+plain scan runs them; where free flight is taken in longer ones, a loop that ends when the last
+sample is reached. The private types that diffrax asks of a solver are met here and nowhere else.
 """
 
-import functools
 from collections.abc import Callable
 from typing import Any, ClassVar
 
 import diffrax
+import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
-from . import modal_step, tally
+from . import flight, modal_step, tally
 from .clock import Clock
 from .fidelity import Fidelity
 from .instant import Instant
 from .mechanics import Mechanics
+from .modal_step import Memory
 from .tally import Tally
 
 
-class _Steps(diffrax.AbstractTerm):
+class Scene(diffrax.AbstractTerm):
     """The scene as a whole. The solver knows its structure and asks for no vector field: what
     diffrax wants to see of one is the state itself."""
 
@@ -35,26 +38,12 @@ class _Steps(diffrax.AbstractTerm):
         return vf
 
 
-class _CountSteps(diffrax.AbstractStepSizeController):
-    """Steps of length one, on a clock that counts them."""
-
-    def wrap(self, direction):
-        return self
-
-    def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
-        return t0 + 1.0, None
-
-    def adapt_step_size(
-        self, t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
-    ):
-        return True, t1, t1 + 1.0, False, None, diffrax.RESULTS.successful
-
-
 class Stepper(diffrax.AbstractSolver):
-    """Wraps a one-step map `advance(args, y, index) -> y` as a diffrax solver of second order."""
+    """Wraps a one-step map `advance(args, y, t0, t1) -> y` as a diffrax solver of second order;
+    times are counted in steps."""
 
-    advance: Callable[[Any, Any, Any], Any]
-    term_structure: ClassVar = _Steps
+    advance: Callable[[Any, Any, Array, Array], Any]
+    term_structure: ClassVar = Scene
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
 
     def order(self, terms):
@@ -64,7 +53,7 @@ class Stepper(diffrax.AbstractSolver):
         return None
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
-        y1 = self.advance(args, y0, t0)
+        y1 = self.advance(args, y0, t0, t1)
         return y1, None, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
 
     def func(self, terms, t0, y0, args):
@@ -72,7 +61,7 @@ class Stepper(diffrax.AbstractSolver):
 
 
 def adjoint(fidelity: Fidelity) -> diffrax.AbstractAdjoint:
-    """How diffrax's loop is to be differentiated."""
+    """How diffrax's own loop is to be differentiated."""
     if fidelity.gradient == "reverse":
         return diffrax.RecursiveCheckpointAdjoint()
     return diffrax.ForwardMode()
@@ -83,64 +72,113 @@ def count_steps(duration: float, step: float) -> int:
     return max(1, round(duration / step + 0.5 - 1e-9))
 
 
-def run_steps(advance, begin, args, sample, steps: int, fidelity: Fidelity, history: bool):
-    """Run `steps` steps of `advance` from `begin`; the last state, and `sample(y)` of each step."""
+def run_steps(solver: Stepper, begin, args, sample, steps: int, fidelity: Fidelity, ahead=None):
+    """Run a solver over `steps` steps, from a first one of no length.
+
+    **Arguments:**
+
+    - `begin`: the state before anything; all its leaves are floating-point scalars or vectors.
+    - `sample`: what of a state to keep at each step, or `None`.
+    - `ahead(y, t)`: how many steps [1] the next one from `y` is to stand for, at most up to the
+      last sample; by default always 1.
+
+    Returns the last state and the samples: `steps` + 1 of them, the last one repeated where longer
+    steps have left room.
+    """
     precision = jax.tree.leaves(begin)[0].dtype
-    strict = functools.partial(jax.tree.map, lambda leaf: leaf.astype(precision))
-    begin = strict(begin)
-    # Traced once, however often diffrax and the transformations around it look at the step.
-    step = jax.jit(lambda args, y, index: strict(advance(args, y, index)))
-    # diffrax's buffers hold arrays alone: parts that a scene does not hold are put back after.
-    structure = jax.tree.structure(begin)
-    sampled = jax.tree.structure(sample(begin))
-    saves = [diffrax.SubSaveAt(t1=True, fn=lambda t, y, args: jax.tree.leaves(y))]
-    if history:
-        saves.append(diffrax.SubSaveAt(steps=True, fn=lambda t, y, _: jax.tree.leaves(sample(y))))
-    solution = diffrax.diffeqsolve(
-        _Steps(),
-        Stepper(step),
-        t0=jnp.zeros((), precision),
-        t1=jnp.full((), steps, precision),
-        dt0=None,
-        y0=begin,
-        args=args,
-        saveat=diffrax.SaveAt(subs=saves),
-        stepsize_controller=_CountSteps(),
-        adjoint=adjoint(fidelity),
-        max_steps=steps,
-        throw=False,
+
+    def strict(tree):
+        return jax.tree.map(lambda leaf: leaf.astype(precision), tree)
+
+    def step(y, begins, ends):
+        return strict(solver.step(Scene(), begins, ends, y, args, None, False)[0])
+
+    reverse = fidelity.gradient == "reverse"
+    if ahead is None:
+        ends = jnp.arange(steps + 1, dtype=precision)
+
+        def advance(y, end):
+            y = step(y, jnp.maximum(end - 1, 0.0), end)
+            return y, None if sample is None else sample(y)
+
+        if reverse:
+            return eqxi.scan(advance, strict(begin), ends, kind="checkpointed")
+        return jax.lax.scan(advance, strict(begin), ends)
+    return _run_adaptively(step, strict(begin), ahead, sample, steps, reverse)
+
+
+def _run_adaptively(step, begin, ahead, sample, steps: int, reverse: bool):
+    zero = jnp.zeros_like(jax.tree.leaves(begin)[0])
+
+    def go_on(carry):
+        return carry[1] < steps
+
+    def trip(carry):
+        y, now, taken, saved = carry
+        end = jnp.minimum(now + ahead(y, now), steps)
+        y = step(y, jnp.maximum(now, 0.0), end)
+        if sample is not None:
+            index = taken.astype(jnp.int32)
+            saved = jax.tree.map(lambda kept, new: kept.at[index].set(new), saved, sample(y))
+        return y, end, taken + 1, saved
+
+    saved = None
+    if sample is not None:
+        saved = jax.tree.map(
+            lambda leaf: jnp.zeros((steps + 1, *leaf.shape), leaf.dtype), sample(begin)
+        )
+    carry = (begin, zero - 1, zero, saved)
+    if sample is None and not reverse:
+        y, _, _, _ = jax.lax.while_loop(go_on, trip, carry)
+        return y, None
+    y, _, taken, saved = eqxi.while_loop(
+        go_on,
+        trip,
+        carry,
+        max_steps=steps + 1,
+        buffers=lambda carry: carry[3],
+        kind="checkpointed" if reverse else "lax",
     )
-    assert solution.ys is not None
-    last = jax.tree.unflatten(structure, [x[0] for x in solution.ys[0]])
-    return last, jax.tree.unflatten(sampled, solution.ys[1]) if history else None
-
-
-def join(first, rest):
-    """Put the first sample before the others."""
-    return jax.tree.map(lambda a, b: jnp.concatenate([jnp.asarray(a)[None], b]), first, rest)
+    if saved is not None:
+        places = jnp.minimum(jnp.arange(steps + 1), taken.astype(jnp.int32) - 1)
+        saved = jax.tree.map(lambda kept: kept[places], saved)
+    return y, saved
 
 
 def modal(
-    mechanics: Mechanics, clock: Clock, start, steps: int, history: bool
+    mechanics: Mechanics, clock: Clock, begin: Memory, steps: int, history: bool
 ) -> tuple[Tally, Instant | None]:
     """Integrate a scene by the package's own solver."""
-    memory, instant = start
+    fidelity = mechanics.fidelity
     reach = None if mechanics.link is None else mechanics.link.reach
+    longest = clock.counts[-1]
+    # Traced once, however often the loop and the transformations around it look at the step.
+    step = jax.jit(modal_step.step)
 
-    def advance(args, y, index):
+    def advance(args, y, begins, ends):
         mechanics, clock = args
         memory, tallied = y
-        memory, instant, defect = modal_step.step(mechanics, clock, memory, index)
-        return memory, tally.add(tallied, instant, clock.step, reach, defect)
+        memory, instant, stride, defect = step(mechanics, clock, memory, begins, ends)
+        if longest > 1:
+            defect = defect + flight.struck(instant, stride, clock.step)
+        return memory, tally.add(tallied, instant, stride.length, reach, defect)
 
-    begin = (memory, tally.begin(instant, reach))
+    def ahead(y, now):
+        # The first step has no length: from sample -1 to 0.
+        clear = flight.clear(y[1].last, longest * clock.step)
+        fits = (now >= 0) & (now + longest <= steps)
+        return jnp.where(clear & fits, float(longest), 1.0)
+
+    zero = jnp.zeros_like(clock.start)
+    _, like, _, _ = jax.eval_shape(step, mechanics, clock, begin, zero, zero)
+    nothing = tally.empty(like, begin.body, alike=longest == 1)
     (_, tallied), samples = run_steps(
-        advance,
-        begin,
+        Stepper(advance),
+        (begin, nothing),
         (mechanics, clock),
-        lambda y: y[1].last,
+        (lambda y: y[1].last) if history else None,
         steps,
-        mechanics.fidelity,
-        history,
+        fidelity,
+        ahead if longest > 1 else None,
     )
-    return tallied, None if samples is None else join(instant, samples)
+    return tallied, samples

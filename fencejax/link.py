@@ -21,10 +21,10 @@ from .fidelity import Fidelity
 from .propagation import Propagator, propagator
 from .shapes import MOST_SCALAR_MODES, Blocks, ShapeTable
 
-_SWING_STEPS = 64
+SWING_STEPS = 64
 
 
-def _blocks(values) -> Blocks:
+def blocks(values) -> Blocks:
     """Split (..., m) into blocks, the modes first gone or last kept."""
     modes = values.shape[-1]
     if modes > MOST_SCALAR_MODES:
@@ -116,21 +116,21 @@ class FlexibleLink(eqx.Module):
         self.mass_scale = fence.mass_scale
         rate = fence.stiffness_scale / fence.mass_scale
         self.eigenvalues = rate * jnp.asarray(tables.eigenvalues)
-        self.frequency_squared = _blocks(self.eigenvalues)
+        self.frequency_squared = blocks(self.eigenvalues)
         self.lag = jnp.zeros_like(rate)
         if self.frequency_squared:
             self.lag = 2 * fence.material.damping_ratio / jnp.sqrt(self.eigenvalues[0])
-        self.deflection = _blocks(tables.deflection)
-        self.slope = _blocks(tables.slope)
+        self.deflection = blocks(tables.deflection)
+        self.slope = blocks(tables.slope)
         self.table = ShapeTable(tables, fidelity)
         self.flexibility = 1 / fence.stiffness_scale
         self.swing = tuple(
             self.rigid_length * a + self.length * b
-            for a, b in zip(_blocks(tables.swing_root), _blocks(tables.swing_tip), strict=True)
+            for a, b in zip(blocks(tables.swing_root), blocks(tables.swing_tip), strict=True)
         )
         # Bending stress at the nodes: E (h / 2) |w''| = M (h / 2) / I.
         self.bending = tuple(
-            fence.stiffness_scale * self.length * block for block in _blocks(tables.moment)
+            fence.stiffness_scale * self.length * block for block in blocks(tables.moment)
         )
         self.bending_flexibility = tuple(
             block / (self.mass_scale * (value[None] if value.ndim else value))
@@ -163,15 +163,12 @@ class FlexibleLink(eqx.Module):
         zero = tuple(jnp.zeros_like(value) for value in self.frequency_squared)
         return Vibration(zero, zero)
 
-    def propagators(self, step) -> tuple[Propagator, ...]:
-        """The exact one-step map of every block."""
-        together = self._propagator(step)
-        columns = [_blocks(values) for values in together]
-        return tuple(Propagator(*parts) for parts in zip(*columns, strict=True))
-
-    def _propagator(self, step) -> Propagator:
-        """The exact one-step map of all modes in one array."""
-        return propagator(self.eigenvalues, self.lag * self.eigenvalues, step)
+    def propagators(self, lengths: list[Array]) -> Propagator:
+        """The exact maps of all modes over steps of the given lengths [s], (lengths, m) each."""
+        shape = (len(lengths), self.eigenvalues.size)
+        stiffness = jnp.broadcast_to(self.eigenvalues, shape)
+        steps = jnp.broadcast_to(jnp.stack(lengths)[:, None], shape)
+        return propagator(stiffness, self.lag * stiffness, steps)
 
     def inertia_force(self, drive: DriveMotion) -> Blocks:
         """-p_i alpha'' [m/s^2]: what the swing of the root does to each mode."""
@@ -195,8 +192,9 @@ class FlexibleLink(eqx.Module):
             )
         )
 
-    def swung(self, drive: AbstractDrive, time: Array) -> Vibration:
-        """The state at `time` of a fence that has swung free of contact from rest at t = 0.
+    def swung(self, drive: AbstractDrive, step: Array, maps: Propagator) -> Vibration:
+        """The state after `SWING_STEPS` steps of a fence that has swung free of contact from rest
+        at t = 0; `maps` are those of all modes over one of them, (m,).
 
         Each step takes the linear acceleration that has the drive's own change of speed and of
         angle over it, so that the error is of the fourth order and jumps of the acceleration do
@@ -204,8 +202,6 @@ class FlexibleLink(eqx.Module):
         """
         if not self.swing:
             return self.rest()
-        step = jnp.maximum(time / _SWING_STEPS, 1e-9)
-        maps = (self._propagator(step),)
         swing = jnp.concatenate([jnp.atleast_1d(p) for p in self.swing])
 
         def advance(carry, index):
@@ -215,13 +211,13 @@ class FlexibleLink(eqx.Module):
             moment = (after.angle - before.angle - step * before.speed) / step**2
             start, end = 6 * moment - 2 * mean, 4 * mean - 6 * moment
             forces = (-swing * start,), (-swing * end,)
-            return (propagate(maps, state, *forces), after), None
+            return (propagate((maps,), state, *forces), after), None
 
         zero = (jnp.zeros_like(self.eigenvalues),)
-        indices = jnp.arange(_SWING_STEPS, dtype=step.dtype)
+        indices = jnp.arange(SWING_STEPS, dtype=step.dtype)
         begin = (Vibration(zero, zero), drive.motion(jnp.zeros_like(step)))
         (state, _), _ = jax.lax.scan(advance, begin, indices)
-        return Vibration(_blocks(state.amplitude[0]), _blocks(state.rate[0]))
+        return Vibration(blocks(state.amplitude[0]), blocks(state.rate[0]))
 
     def shape(self, place: Array) -> Shape:
         """The shapes at the arc coordinate `place` = sigma [m].

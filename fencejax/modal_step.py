@@ -17,11 +17,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from . import newton
-from .clock import Clock
+from .clock import Clock, Stride
 from .drive import DriveMotion
-from .explicit import at_state
 from .fence_end import FenceEnd
-from .instant import FenceState, Instant, describe
+from .instant import FenceState, describe
 from .kinematics import Acceleration, Body
 from .link import Vibration
 from .mechanics import FenceFrame, Mechanics
@@ -63,11 +62,11 @@ class _End(eqx.Module):
     arms: dict[int, tuple[Array, Array]]
     frame: FenceFrame | None
     fence: FenceEnd | None
-    step: float = eqx.field(static=True)
+    stride: Stride
 
     def body_at(self, rates) -> Body:
         """The parcel at the end with the velocities `rates`, its acceleration linear between."""
-        h = self.step
+        h = self.stride.length
         moved = (
             q + h * (2 * v0 + v1) / 3 + h * h * a0 / 6
             for q, v0, v1, a0 in zip(
@@ -82,7 +81,7 @@ class _End(eqx.Module):
 
         Unknown are three velocities and a normal force a corner at a flexible fence.
         """
-        h, mechanics = self.step, self.mechanics
+        h, mechanics = self.stride.length, self.mechanics
         rates, normals = unknowns[:3], unknowns[3:]
         after = self.body_at(rates)
         arms = {k: _rotated(arm, after.angle - self.predicted) for k, arm in self.arms.items()}
@@ -110,8 +109,9 @@ class _End(eqx.Module):
             for i in range(3):
                 along = parts.normal[i] + response.share * parts.tangent[i]
                 matrix[i].append(-scales[i] * along)
-        unbalance = jnp.maximum(jnp.abs(residual[0]), jnp.abs(residual[1])) / scales[0]
-        unbalance = jnp.maximum(unbalance, jnp.abs(residual[2]) / (scales[2] * mechanics.size))
+        unbalance = mechanics.mass * jnp.maximum(jnp.abs(residual[0]), jnp.abs(residual[1]))
+        turning = mechanics.inertia * jnp.abs(residual[2]) / mechanics.size
+        unbalance = 2 * self.stride.rate * jnp.maximum(unbalance, turning)
         scale = mechanics.force_scale(forces)
         for defect in residual[3:]:
             unbalance = jnp.maximum(unbalance, jnp.abs(defect))
@@ -133,22 +133,25 @@ def tolerance(dtype) -> float:
     return float(jnp.finfo(dtype).eps) ** 0.4
 
 
-def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
-    """Advance from sample `index` to the next.
+def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: Array):
+    """Advance from sample `begin` to sample `end`, counted in the clock's steps.
 
-    Returns the new memory, its sample and the largest force [N] that the solved equations leave
-    unbalanced.
+    Returns the new memory, its sample, the stride and the largest force [N] that the solved
+    equations leave unbalanced.
     """
-    h = clock.step
+    stride = clock.stride(end - begin)
+    h = stride.length
     body, was = memory.body, memory.acceleration
-    time = clock.time(index + 1)
+    time = clock.time(end)
     drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
     places = tuple(p + h * w for p, w in zip(memory.places, memory.sliding, strict=True))
     fence = None
     if mechanics.link is not None:
         assert drive is not None
         assert memory.fence is not None
-        fence = FenceEnd(mechanics.link, clock, drive, memory.fence, memory.normals, places)
+        shapes = tuple(mechanics.link.shape(place) for place in places)
+        before = memory.fence
+        fence = FenceEnd(mechanics.link, stride, drive, before, memory.normals, shapes)
     guess = tuple(
         rate + h * (1.5 * now - 0.5 * before)
         for rate, now, before in zip(body[3:], was, memory.before, strict=True)
@@ -160,11 +163,12 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
         )
     frame = mechanics.frame(drive, places, memory.gone)
     predicted = body.angle + h * (body.spin + 0.5 * h * was.angle)
-    end = _End(mechanics, body, was, predicted, mechanics.arms(predicted), frame, fence, h)
+    arms = mechanics.arms(predicted)
+    equations = _End(mechanics, body, was, predicted, arms, frame, fence, stride)
     root, (forces, unbalance) = newton.solve(
-        _End.evaluate, _End.shorten, end, guess, clock.iterations
+        _End.evaluate, _End.shorten, equations, guess, clock.iterations
     )
-    after = end.body_at(root[:3])
+    after = equations.body_at(root[:3])
     normals = tuple(c.normal for c in forces.fence)
 
     state = None if fence is None else fence.state(normals)
@@ -174,7 +178,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
         body=after,
         acceleration=forces.acceleration,
         before=was,
-        fence=_kept(state),
+        fence=None if state is None else state.kept(),
         places=feet,
         sliding=tuple(c.sliding for c in forces.fence),
         normals=normals,
@@ -183,36 +187,32 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, index: Array):
             mechanics.gone(g, p, t.gap) for g, p, t in zip(memory.gone, feet, touches, strict=True)
         ),
     )
-    return memory, describe(mechanics, time, after, forces, state), unbalance
+    return memory, describe(mechanics, time, after, forces, state), stride, unbalance
 
 
-def first(
-    mechanics: Mechanics,
-    body: Body,
-    vibration: Vibration | None,
-    drive: DriveMotion | None,
-) -> tuple[Memory, Instant]:
-    """The memory and the sample at the start, from the motion of parcel and fence there."""
-    forces, fence = at_state(mechanics, body, vibration, drive)
-    normals = tuple(c.normal for c in forces.fence)
-    memory = Memory(
-        body=body,
-        acceleration=forces.acceleration,
-        before=forces.acceleration,
-        fence=_kept(fence),
-        places=tuple(c.place for c in forces.fence),
-        sliding=tuple(c.sliding for c in forces.fence),
-        normals=normals,
-        normals_before=normals,
-        gone=tuple(jnp.zeros_like(n) for n in normals),
-    )
-    return memory, describe(mechanics, jnp.zeros_like(body.x), body, forces, fence)
+def at_rest(
+    mechanics: Mechanics, body: Body, vibration: Vibration | None, drive: DriveMotion | None
+) -> Memory:
+    """The memory before a scene's first step, which has no length and finds the forces.
 
-
-def _kept(fence: FenceState | None) -> FenceState | None:
-    """What the next step needs of the fence's state."""
-    if fence is None:
-        return None
-    corrected = any(shape.residual is not None for shape in fence.shapes)
-    rates = fence.lagged_rate if corrected else ()
-    return fence._replace(drive=None, shapes=(), lagged=(), lagged_rate=rates)
+    The feet of the corners are those on the straight fence: right where a scene begins with a
+    fence at rest, and else wrong by the bending times the gap, which that first step mends.
+    """
+    zero = jnp.zeros_like(body.x)
+    arms = mechanics.arms(body.angle)
+    fence, places = None, ()
+    if mechanics.link is not None:
+        assert vibration is not None
+        assert drive is not None
+        cosine, sine = jnp.cos(drive.angle), jnp.sin(drive.angle)
+        places = tuple(
+            (body.x + arms[k][0]) * cosine + (body.y + arms[k][1]) * sine
+            for k in mechanics.fence_corners
+        )
+        none = tuple(zero for _ in places)
+        load = tuple(jnp.zeros_like(q) for q in vibration.amplitude)
+        rates = none if mechanics.link.table.corrected else ()
+        fence = FenceState(None, vibration, load, (), (), rates)
+    none = tuple(zero for _ in places)
+    still = Acceleration(zero, zero, zero)
+    return Memory(body, still, still, fence, places, none, none, none, none)

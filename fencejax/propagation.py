@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from equinox.internal import unvmap_any
 from jaxtyping import Array
 
-from .keep import keep
+from .keep import keep, sound
 
 _SERIES_TERMS = 14
 _SERIES_RANGE = 0.5
@@ -121,8 +120,8 @@ def propagator(stiffness: Array, damping: Array, step: Array | float) -> Propaga
     With g the response to a unit impulse, G1 and G2 its first and second integrals,
     q = (g' + c g) q0 + g v0 + G1 f0 + G2 (f1 - f0) / h, and the velocity is its derivative.
     """
-    sound = unvmap_any(jnp.any(stiffness > 0))
-    velocity, value, first, second = keep(sound, _response, stiffness, damping, step)
+    parts = keep(sound((stiffness, damping)), _response, stiffness, damping, step)
+    velocity, value, first, second = parts
     q_end = second / step
     v_end = first / step
     return Propagator(
@@ -137,7 +136,7 @@ def propagator(stiffness: Array, damping: Array, step: Array | float) -> Propaga
     )
 
 
-def relaxation(lag: Array, step: float) -> Array:
+def relaxation(lag: Array, step: Array | float) -> Array:
     """exp(-h / lag) [1], what is left after a step h [s] of a rate that follows with a lag [s];
     0, with no derivative, where the lag is too short to matter."""
     slow = lag > 1e-2 * step

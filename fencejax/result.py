@@ -9,7 +9,7 @@ from jax.core import Tracer
 from jaxtyping import Array
 
 from .error import ErrorEstimate
-from .instant import Instant, Power
+from .instant import Energy, Instant, Power
 from .kinematics import Body
 from .status import Status
 from .tally import Tally
@@ -60,13 +60,14 @@ class Ledger(eqx.Module):
         return held + lost - self.drive_work - self.belt_work - self.geometry_work
 
 
-def ledger(first: Instant, last: Instant, work: Power) -> Ledger:
-    """The ledger between two samples, with the integrals of the powers between them."""
-    stored = last.energy.contact - first.energy.contact
+def ledger(begin: Energy, end: Energy, work: Power) -> Ledger:
+    """The ledger from the energies held at the begin and at the end, with the integrals of the
+    powers between them."""
+    stored = end.contact - begin.contact
     return Ledger(
-        parcel_kinetic=last.energy.parcel - first.energy.parcel,
-        fence_kinetic=last.energy.fence - first.energy.fence,
-        strain=last.energy.strain - first.energy.strain,
+        parcel_kinetic=end.parcel - begin.parcel,
+        fence_kinetic=end.fence - begin.fence,
+        strain=end.strain - begin.strain,
         contact_stored=stored,
         drive_work=work.drive,
         belt_work=work.belt,
@@ -185,9 +186,7 @@ class Result(eqx.Module):
         return text if self.error is None else f"{text}\n{'errors':>16}  estimated:\n{self.error}"
 
 
-def gather(
-    tally: Tally, first: Instant, samples: Instant | None, time: Array, status: Array
-) -> Result:
+def gather(tally: Tally, samples: Instant | None, time: Array, status: Array) -> Result:
     """The result from the running tallies."""
     stay = tally.stay
     return Result(
@@ -209,7 +208,7 @@ def gather(
         peak_torque=tally.torque.value,
         deepest=tally.deepest,
         final=tally.last.body,
-        energy=ledger(first, tally.last, tally.work),
+        energy=ledger(tally.origin, tally.last.energy, tally.work),
         start_time=time,
         defect=tally.defect,
         status=status,

@@ -12,14 +12,16 @@ from jax.core import Tracer
 from jaxtyping import Array
 
 from . import _check, error, general, integrate, modal_step, normal
-from .clock import Clock
+from .clock import Clock, stride_counts
 from .drive import DriveMotion
 from .fidelity import Fidelity
 from .forward import by_columns
 from .keep import keep, sound
 from .kinematics import Body
-from .link import FlexibleLink, Vibration
+from .link import SWING_STEPS, FlexibleLink, Vibration
 from .mechanics import Mechanics
+from .modal_step import Memory
+from .propagation import Propagator
 from .result import Result, gather
 from .scenes import NormalScene, Scene
 from .start import Pose
@@ -132,28 +134,40 @@ def _result(scene, fidelity: Fidelity, history: bool, only) -> Result:
     return eqx.tree_at(lambda r: r.status, result, result.status.astype(jnp.int32))
 
 
-def initial_state(
-    scene: Scene, mechanics: Mechanics
-) -> tuple[Array, Body, Vibration | None]:
-    """The drive's clock, the parcel's motion and the fence's vibration at the start."""
+def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory]:
+    """What the integrator begins with: the parts made ready, the clock, and the state at the
+    start."""
+    good = sound(scene)
+    steps = integrate.count_steps(scene.duration, fidelity.step)
+    step = scene.duration / steps
+    mechanics = keep(good, lambda s: Mechanics(s, fidelity), scene)
     begin = scene.start.time(scene.drive)
     zero = jnp.zeros_like(scene.parcel.mass)
     time = zero if begin is None else begin + zero
     link = mechanics.link
-    vibration, pose = None, None
+    maps = vibration = pose = drive = None
     if link is not None:
         assert scene.drive is not None
-        good = sound(scene)
+        lengths = [zero + step * count for count in stride_counts(fidelity)[1:]]
+        if begin is not None:
+            lengths.append(jnp.maximum(time / SWING_STEPS, 1e-9))
+        maps = link.propagators(lengths)
         vibration = link.rest()
         if begin is not None:
-            vibration = keep(good, FlexibleLink.swung, link, scene.drive, time)
+            of_swing = Propagator(*(values[-1] for values in maps))
+            maps = Propagator(*(values[:-1] for values in maps))
+            vibration = keep(good, FlexibleLink.swung, link, scene.drive, lengths[-1], of_swing)
+        drive = scene.drive.motion(time)
         distance = scene.start.distance()
         if distance is not None:
-            pose = keep(good, _pose, link, scene.drive.motion(time), vibration, distance)
+            pose = keep(good, _pose, link, drive, vibration, distance)
     body = scene.start.body(scene.parcel, scene.belt, pose)
     # Every number as wide as the widest: lanes of a batch may differ in any of them.
     wide = zero + time + sum(body)
-    return time, Body(*(q + 0 * wide for q in body)), vibration
+    body = Body(*(q + 0 * wide for q in body))
+    clock = keep(good, lambda *given: Clock(given[0], fidelity, given[1], step, given[2]),
+                 link, time, maps)
+    return mechanics, clock, modal_step.at_rest(mechanics, body, vibration, drive)
 
 
 def _pose(
@@ -175,23 +189,15 @@ def _pose(
 
 def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
     steps = integrate.count_steps(scene.duration, fidelity.step)
-    good = sound(scene)
-    mechanics = keep(good, lambda s: Mechanics(s, fidelity), scene)
-    time, body, vibration = initial_state(scene, mechanics)
-    clock = keep(good, lambda m, t: Clock(m, t, scene.duration / steps), mechanics, time)
-    drive = None if scene.drive is None else scene.drive.motion(time)
-    memory, first = keep(good, modal_step.first, mechanics, body, vibration, drive)
+    mechanics, clock, memory = prepared(scene, fidelity)
     done: Array | float = 1.0
     if fidelity.integrator == "modal":
-        tally, samples = integrate.modal(mechanics, clock, (memory, first), steps, history)
+        tally, samples = integrate.modal(mechanics, clock, memory, steps, history)
     else:
-        tally, samples, done = general.run(mechanics, clock, body, vibration, steps)
+        vibration = None if memory.fence is None else memory.fence.vibration
+        tally, samples, done = general.run(mechanics, clock, memory.body, vibration, steps)
     return gather(
-        tally,
-        first,
-        samples if history else None,
-        time,
-        _status(scene, tally, done),
+        tally, samples if history else None, clock.start, _status(scene, tally, done)
     )
 
 

@@ -6,16 +6,27 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .instant import Instant, Power
+from .instant import Energy, Instant, Power
+from .kinematics import Body
 
 _PRESSING = 1.0
+
+
+class Span(NamedTuple):
+    """The length [s] of the step to a sample, whether it is the scene's first sample (the length is
+    then 0), and the ratio [1] of the step before it to this one."""
+
+    length: Array
+    first: Array
+    ratio: Array | float
+
 
 class Peak(NamedTuple):
     """The largest value of a signal so far, its time and a companion value there.
 
     The vertex of the parabola through three consecutive samples refines an inner peak, so that the
     derivative of the peak is right and not only its value. A peak at an end of the window is the
-    sample there.
+    sample there. Signals here are not negative.
     """
 
     before: Array
@@ -24,22 +35,27 @@ class Peak(NamedTuple):
     time: Array
 
     @classmethod
-    def start(cls, value: Array, time: Array) -> "Peak":
-        return cls(value, value, value, time)
+    def start(cls, zero: Array) -> "Peak":
+        return cls(zero, zero, zero, zero)
 
-    def update(self, new: Array, time: Array, step: float) -> "Peak":
-        """Take in the sample `new` at `time` [s], one `step` [s] after the last one."""
-        bend = self.before - 2 * self.now + new
-        lean = 0.5 * (new - self.before)
+    def update(self, new: Array, time: Array, span: Span) -> "Peak":
+        """Take in the sample `new` at `time` [s]."""
+        # now + lean s + bend s^2 through the samples at s = -ratio, 0, 1 in this step's length.
+        rise = new - self.now
+        bend = (rise + (self.before - self.now) / span.ratio) / (1 + span.ratio)
+        lean = rise - bend
         inner = (self.now >= self.before) & (self.now > new) & (bend < 0)
-        safe = jnp.where(inner, bend, -1.0)
-        vertex = self.now - 0.5 * lean**2 / safe
-        value = jnp.where(new > self.value, new, self.value)
-        when = jnp.where(new > self.value, time, self.time)
+        place = jnp.where(inner, -0.5 * lean / jnp.where(inner, bend, -1.0), 0.0)
+        vertex = self.now + 0.5 * lean * place
+        # What is not a number stays so.
+        held = (new <= self.value) | jnp.isnan(self.value)
+        value = jnp.where(held, self.value, new)
+        when = jnp.where(held, self.time, time)
         refined = inner & (vertex >= value)
         value = jnp.where(refined, vertex, value)
-        when = jnp.where(refined, time - step - step * lean / safe, when)
-        return Peak(self.now, new, value, when)
+        when = jnp.where(refined, time - span.length * (1 - place), when)
+        # Nothing peaks between the window's begin and its first sample.
+        return Peak(jnp.where(span.first, 2 * new + 1, self.now), new, value, when)
 
 
 class Stay(NamedTuple):
@@ -58,9 +74,15 @@ class Stay(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """Running results of a scene; each is free where nobody reads it."""
+    """Running results of a scene; each is free where nobody reads it.
+
+    `origin` are the energies at the start; `length` [s] is that of the last step, `None` where all
+    are alike.
+    """
 
     last: Instant
+    origin: Energy
+    length: Array | None
     force: Peak
     tip: Peak
     stress: Peak
@@ -91,37 +113,29 @@ def _gap(instant: Instant, reach: Array | None) -> Array:
     return gap
 
 
-def begin(instant: Instant, reach: Array | None) -> Tally:
-    """A tally that has seen the first sample."""
-    time = instant.time
-    zero = jnp.zeros_like(time)
-    gap = _gap(instant, reach)
-    # A start at the touch is one at the touch whatever round-off makes of it.
-    gap = jnp.where(jnp.abs(gap) < 64 * jnp.finfo(gap.dtype).eps, 0.0, gap)
-    touching = gap > 0
-    stay = Stay(
-        gap,
-        zero,
-        jnp.where(touching, time, jnp.inf),
-        jnp.where(touching, time, -jnp.inf),
-        instant.body.x,
-        instant.body.y,
-        touching.astype(gap.dtype),
-    )
+def empty(like: Instant, body: Body, alike: bool) -> Tally:
+    """A tally that has seen nothing yet, of samples of the shape `like`; `alike`: whether all steps
+    are of one length."""
+    nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
+    zero = nothing.time
+    peak = Peak.start(zero)
+    stay = Stay(zero - 1, zero, zero + jnp.inf, zero - jnp.inf, body.x, body.y, zero)
     return Tally(
-        last=instant,
-        force=Peak.start(instant.fence_force, time),
-        tip=Peak.start(jnp.abs(instant.tip_deflection), time),
-        stress=Peak.start(instant.stress, time),
-        stress_place=instant.stress_place,
-        torque=Peak.start(jnp.abs(instant.torque), time),
-        border=Peak.start(_border_force(instant), time),
-        work=jax.tree.map(jnp.zeros_like, instant.power),
+        last=nothing,
+        origin=nothing.energy,
+        length=None if alike else zero,
+        force=peak,
+        tip=peak,
+        stress=peak,
+        stress_place=zero,
+        torque=peak,
+        border=peak,
+        work=nothing.power,
         impulse=zero,
         stay=stay,
-        deepest=_deepest(instant, zero),
-        furthest=instant.body.y,
-        largest_place=largest_place_so_far(instant, instant, zero),
+        deepest=zero,
+        furthest=body.y,
+        largest_place=zero,
         over_tip=zero,
         defect=zero,
     )
@@ -149,8 +163,11 @@ def largest_place_so_far(before: Instant, instant: Instant, least: Array) -> Arr
     return least
 
 
-def _stayed(stay: Stay, instant: Instant, before: Instant, gap: Array, step: float) -> Stay:
+def _stayed(stay: Stay, instant: Instant, before: Instant, gap: Array, span: Span) -> Stay:
     """Contact begins and ends where the gap, linear over the step, passes zero."""
+    # A start at the touch is one at the touch whatever round-off makes of it.
+    touch = span.first & (jnp.abs(gap) < 64 * jnp.finfo(gap.dtype).eps)
+    gap, step = jnp.where(touch, 0.0, gap), span.length
     was, now = stay.gap > 0, gap > 0
     change = gap - stay.gap
     crossed = was != now
@@ -174,17 +191,27 @@ def _stayed(stay: Stay, instant: Instant, before: Instant, gap: Array, step: flo
 
 
 def add(
-    tally: Tally, instant: Instant, step: float, reach: Array | None, defect: Array
+    tally: Tally, instant: Instant, length: Array, reach: Array | None, defect: Array
 ) -> Tally:
-    """Take in the next sample. Integrals are by the trapezoidal rule, as the motion's are."""
+    """Take in the next sample, one step of `length` [s] after the last; 0 for the first sample.
+
+    Integrals are by the trapezoidal rule, as the motion's are.
+    """
     before = tally.last
     time = instant.time
-    mean = lambda a, b: 0.5 * step * (a + b)  # noqa: E731
+    first = length == 0
+    ratio = 1.0
+    if tally.length is not None:
+        known = (tally.length > 0) & ~first
+        ratio = jnp.where(known, tally.length, 1.0) / jnp.where(known, length, 1.0)
+    span = Span(length, first, ratio)
+    mean = lambda a, b: 0.5 * length * (a + b)  # noqa: E731
     work = jax.tree.map(lambda w, a, b: w + mean(a, b), tally.work, before.power, instant.power)
     for (was, load), (now, loaded) in zip(before.carried, instant.carried, strict=True):
         # 1/2 r^2 dG: the load that the modes left out carry has moved along the fence.
-        work = work._replace(geometry=work.geometry + 0.25 * (load**2 + loaded**2) * (now - was))
-    stress = tally.stress.update(instant.stress, time, step)
+        moved = jnp.where(first, 0.0, now - was)
+        work = work._replace(geometry=work.geometry + 0.25 * (load**2 + loaded**2) * moved)
+    stress = tally.stress.update(instant.stress, time, span)
     higher = instant.stress >= tally.stress.value
     over = tally.over_tip
     for c in instant.fence:
@@ -193,15 +220,19 @@ def add(
         over = jnp.where(passed, 1.0, over)
     return Tally(
         last=instant,
-        force=tally.force.update(instant.fence_force, time, step),
-        tip=tally.tip.update(jnp.abs(instant.tip_deflection), time, step),
+        origin=jax.tree.map(
+            lambda kept, new: jnp.where(first, new, kept), tally.origin, instant.energy
+        ),
+        length=None if tally.length is None else length,
+        force=tally.force.update(instant.fence_force, time, span),
+        tip=tally.tip.update(jnp.abs(instant.tip_deflection), time, span),
         stress=stress,
         stress_place=jnp.where(higher, instant.stress_place, tally.stress_place),
-        torque=tally.torque.update(jnp.abs(instant.torque), time, step),
-        border=tally.border.update(_border_force(instant), time, step),
+        torque=tally.torque.update(jnp.abs(instant.torque), time, span),
+        border=tally.border.update(_border_force(instant), time, span),
         work=work,
         impulse=tally.impulse + mean(before.fence_force, instant.fence_force),
-        stay=_stayed(tally.stay, instant, before, _gap(instant, reach), step),
+        stay=_stayed(tally.stay, instant, before, _gap(instant, reach), span),
         deepest=_deepest(instant, tally.deepest),
         furthest=jnp.maximum(tally.furthest, instant.body.y),
         largest_place=largest_place_so_far(before, instant, tally.largest_place),
