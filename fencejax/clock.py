@@ -36,8 +36,8 @@ class Clock(eqx.Module):
     """The start time [s] on the drive's clock, the strides, one after the other along the first
     axis, and the most Newton iterations.
 
-    `counts` is how many steps [1] each stride stands for: none, one and, where the fidelity asks
-    for longer ones in free flight, so many.
+    `counts` is how many steps [1] each stride stands for: none, one and, where the fidelity allows
+    longer ones, the powers of two up to the longest.
     """
 
     start: Array
@@ -84,7 +84,7 @@ class Clock(eqx.Module):
 
     def stride(self, count: Array) -> Stride:
         """The stride of so many steps [1]."""
-        kind = jnp.minimum(count, len(self.counts) - 1.0).astype(jnp.uint32)
+        kind = sum((count >= each).astype(jnp.uint32) for each in self.counts[1:])
         return jax.tree.map(
             lambda each: jax.lax.dynamic_index_in_dim(each, kind, keepdims=False), self.strides
         )
@@ -95,5 +95,6 @@ class Clock(eqx.Module):
 
 
 def stride_counts(fidelity: Fidelity) -> tuple[int, ...]:
-    """How many steps [1] each of a clock's strides stands for."""
-    return (0, 1) if fidelity.flight_steps == 1 else (0, 1, fidelity.flight_steps)
+    """How many steps [1] each of a clock's strides stands for, of a settled fidelity."""
+    assert fidelity.longest_stride is not None
+    return (0, *(2**k for k in range(fidelity.longest_stride.bit_length())))

@@ -5,6 +5,9 @@ import dataclasses
 from . import _check
 from .friction import Smoothing
 
+# A scene is long from here on [s]; strides in it are no longer than this [s].
+_LONG, _STRIDE = 0.5, 2e-3
+
 _INTEGRATORS = ("modal", "kvaerno5", "tsit5")
 
 
@@ -24,8 +27,11 @@ class Fidelity:
     - `load`: `"consistent"`, the contact force on the beam by virtual work, or `"shared"`, the
       paper's (2.8), linearly on the two nodes beside it.
     - `step` [s]: the integrator's step (for an adaptive one: of the samples that it saves).
-    - `flight_steps`: how many such steps are taken in one where nothing touches the parcel and
-      nothing can; 1: all steps are alike.
+    - `longest_stride`: how many such steps may be taken in one, a power of two, where nothing is
+      about to touch or part and the forces change smoothly; 1: all steps are alike. `None`: up to
+      2 ms in scenes of half a second and more, such as whole sorts, and 1 in shorter ones.
+    - `stride_tolerance`: how far, relative to their size, the forces at the end of a longer step
+      may be from their straight continuation.
     - `iterations`: the most Newton iterations a step on contact force and parcel's velocity; one
       or two are the rule, more where friction turns round.
     - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s.
@@ -47,7 +53,8 @@ class Fidelity:
     geometry: str = "arc"
     load: str = "consistent"
     step: float = 2.5e-4
-    flight_steps: int = 1
+    longest_stride: int | None = None
+    stride_tolerance: float = 5e-3
     iterations: int = 12
     slip_speed: float = 5e-3
     static_speed: float = 2.5e-2
@@ -67,8 +74,15 @@ class Fidelity:
                     f"{self.modes}. Raise `elements`, or write `modes=None` for all of them."
                 )
         _check.count("iterations", self.iterations, least=1)
-        _check.count("flight_steps", self.flight_steps, least=1)
-        for name in ("step", "slip_speed", "static_speed", "tip_fade", "tolerance"):
+        if self.longest_stride is not None:
+            _check.count("longest_stride", self.longest_stride, least=1)
+            if self.longest_stride & (self.longest_stride - 1):
+                raise ValueError(
+                    "Argument `longest_stride` must be a power of two, but is "
+                    f"{self.longest_stride}."
+                )
+        positive = "step", "stride_tolerance", "slip_speed", "static_speed", "tip_fade", "tolerance"
+        for name in positive:
             _check.number(name, getattr(self, name), above=0.0)
         _check.choice("geometry", self.geometry, ("small", "arc", "chord"))
         _check.choice("load", self.load, ("consistent", "shared"))
@@ -86,6 +100,15 @@ class Fidelity:
     def residual(self) -> bool:
         """Whether modes are left out whose compliance is still there."""
         return self.static_correction and 0 < self.mode_count < 2 * self.elements
+
+    def lasting(self, duration: float) -> "Fidelity":
+        """The same for a scene of a duration [s], with the longest stride settled."""
+        if self.longest_stride is not None:
+            return self
+        longest = 1
+        while duration >= _LONG and 2 * longest * self.step <= _STRIDE * (1 + 1e-9):
+            longest *= 2
+        return self.replace(longest_stride=longest)
 
     @property
     def smoothing(self) -> Smoothing:
@@ -125,7 +148,7 @@ class Fidelity:
         3e-4 in the gradient; some thirty times the cost of `standard`.
         """
         settings = dict(
-            modes=12, geometry="chord", step=2.5e-5, iterations=20,
+            modes=12, geometry="chord", step=2.5e-5, longest_stride=1, iterations=20,
             slip_speed=1e-3, static_speed=5e-3,
         )
         return cls(**{**settings, **changes})

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from . import flight, modal_step, tally
+from . import modal_step, pace, tally
 from .clock import Clock
 from .fidelity import Fidelity
 from .instant import Instant
@@ -119,7 +119,7 @@ def _run_adaptively(step, begin, ahead, sample, steps: int, reverse: bool):
         y = step(y, jnp.maximum(now, 0.0), end)
         if sample is not None:
             index = taken.astype(jnp.int32)
-            saved = jax.tree.map(lambda kept, new: kept.at[index].set(new), saved, sample(y))
+            saved = jax.tree.map(lambda new, kept: kept.at[index].set(new), sample(y), saved)
         return y, end, taken + 1, saved
 
     saved = None
@@ -159,15 +159,20 @@ def modal(
         mechanics, clock = args
         memory, tallied = y
         memory, instant, stride, defect = step(mechanics, clock, memory, begins, ends)
-        if longest > 1:
-            defect = defect + flight.struck(instant, stride, clock.step)
         return memory, tally.add(tallied, instant, stride.length, reach, defect)
 
     def ahead(y, now):
-        # The first step has no length: from sample -1 to 0.
-        clear = flight.clear(y[1].last, longest * clock.step)
-        fits = (now >= 0) & (now + longest <= steps)
-        return jnp.where(clear & fits, float(longest), 1.0)
+        memory, tallied = y
+        count = pace.next_count(
+            memory.pace,
+            tallied.last,
+            memory.normals_before,
+            clock.counts[2:],
+            clock.step,
+            fidelity.stride_tolerance,
+            None if reach is None else (-fidelity.tip_fade, reach + fidelity.tip_fade),
+        )
+        return jnp.where((now >= 0) & (now + count <= steps), count, 1.0)
 
     zero = jnp.zeros_like(clock.start)
     _, like, _, _ = jax.eval_shape(step, mechanics, clock, begin, zero, zero)

@@ -13,6 +13,7 @@ enters it squared. The error of a step is of the third order, that of a solution
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -23,7 +24,8 @@ from .fence_end import FenceEnd
 from .instant import FenceState, describe
 from .kinematics import Acceleration, Body
 from .link import Vibration
-from .mechanics import FenceFrame, Mechanics
+from .mechanics import FenceFrame, Forces, Mechanics
+from .pace import Pace
 
 
 class Memory(NamedTuple):
@@ -43,6 +45,7 @@ class Memory(NamedTuple):
     normals: tuple[Array, ...]
     normals_before: tuple[Array, ...]
     gone: tuple[Array, ...]
+    pace: Pace | None
 
 
 def _rotated(arm, turn):
@@ -118,6 +121,16 @@ class _End(eqx.Module):
         size = unbalance / (tolerance(scale.dtype) * scale)
         return tuple(residual), matrix, size, (forces, unbalance)
 
+    def surprise(self, guess, root, forces: Forces) -> Array:
+        """How far the forces are from those of the guess, relative to their size [1]."""
+        mechanics, scale = self.mechanics, self.mechanics.force_scale(forces)
+        x, y, turn = (jnp.abs(a - b) for a, b in zip(guess[:3], root[:3], strict=True))
+        turn = mechanics.inertia * turn / mechanics.size
+        off = 2 * self.stride.rate * jnp.maximum(mechanics.mass * jnp.maximum(x, y), turn)
+        for a, b in zip(guess[3:], root[3:], strict=True):
+            off = jnp.maximum(off, jnp.abs(a - b))
+        return jax.lax.stop_gradient(off / scale)
+
     def shorten(self, extra, change):
         """Share of a Newton step that stops a reversal of sliding, or of slip on the belt, at rest.
 
@@ -152,13 +165,16 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         shapes = tuple(mechanics.link.shape(place) for place in places)
         before = memory.fence
         fence = FenceEnd(mechanics.link, stride, drive, before, memory.normals, shapes)
+    ratio = 1.0
+    if memory.pace is not None:
+        ratio = (end - begin) / jnp.maximum(memory.pace.count, 1.0)
     guess = tuple(
-        rate + h * (1.5 * now - 0.5 * before)
+        rate + h * (now + 0.5 * ratio * (now - before))
         for rate, now, before in zip(body[3:], was, memory.before, strict=True)
     )
     if fence is not None and fence.flexible:
         guess = guess + tuple(
-            jnp.maximum(2 * now - before, 0.0)
+            jnp.maximum(now + ratio * (now - before), 0.0)
             for now, before in zip(memory.normals, memory.normals_before, strict=True)
         )
     frame = mechanics.frame(drive, places, memory.gone)
@@ -171,6 +187,9 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     after = equations.body_at(root[:3])
     normals = tuple(c.normal for c in forces.fence)
 
+    pace = None
+    if memory.pace is not None:
+        pace = Pace(end - begin, equations.surprise(guess, root, forces))
     state = None if fence is None else fence.state(normals)
     touches = forces.touches[: len(places)]
     feet = tuple(p + t.foot_offset for p, t in zip(places, touches, strict=True))
@@ -186,6 +205,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         gone=tuple(
             mechanics.gone(g, p, t.gap) for g, p, t in zip(memory.gone, feet, touches, strict=True)
         ),
+        pace=pace,
     )
     return memory, describe(mechanics, time, after, forces, state), stride, unbalance
 
@@ -215,4 +235,5 @@ def at_rest(
         fence = FenceState(None, vibration, load, (), (), rates)
     none = tuple(zero for _ in places)
     still = Acceleration(zero, zero, zero)
-    return Memory(body, still, still, fence, places, none, none, none, none)
+    pace = Pace(zero, zero) if mechanics.fidelity.longest_stride > 1 else None
+    return Memory(body, still, still, fence, places, none, none, none, none, pace)

@@ -77,7 +77,7 @@ def run(scene: NormalScene, fidelity: Fidelity, history: bool) -> Result:
     deflection w along the blow; without a fence w = 0."""
     steps = integrate.count_steps(scene.duration, fidelity.step)
     step = scene.duration / steps
-    fidelity = fidelity.replace(flight_steps=1)
+    fidelity = fidelity.replace(longest_stride=1)
     zero = jnp.zeros_like(scene.parcel.mass + scene.speed)
     link = shape = maps = fence = None
     if scene.fence is not None and fidelity.mode_count:

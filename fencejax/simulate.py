@@ -45,7 +45,8 @@ def simulate(
     - `scene`: made by a function of `fencejax.scenes`. Every number in it may be traced.
     - `fidelity`: default `Fidelity.standard()`.
     - `history`: keep every sample (`Result.history`). Inside `jit`, what is not used is not
-      computed; outside, `history=False` is lighter.
+      computed; outside, `history=False` is lighter. Where steps are of different lengths, so are
+      the times between samples; inside `jit` the last sample is then repeated to fill the room.
     - `only`: names of the fields of `Result` that are wanted; the others but `status` are `None`
       and cost nothing, also in compiling a derivative. `history` then counts only if it is named.
     - `throw`: raise on the host if the status is not among those with good numbers.
@@ -129,14 +130,23 @@ def _result(scene, fidelity: Fidelity, history: bool, only) -> Result:
     numbers, structure = jax.tree.flatten(scene)
     plain, compiled = _program(structure, fidelity, history, only)
     # Within a transformation the numbers are traced already: one layer less to go through.
-    run = plain if any(isinstance(number, Tracer) for number in numbers) else compiled
-    result = run(numbers)
-    return eqx.tree_at(lambda r: r.status, result, result.status.astype(jnp.int32))
+    traced = any(isinstance(number, Tracer) for number in numbers)
+    result = (plain if traced else compiled)(numbers)
+    result = eqx.tree_at(lambda r: r.status, result, result.status.astype(jnp.int32))
+    samples = result.history
+    if not traced and samples is not None and samples.time.ndim == 1:
+        # Longer strides leave room at the end, filled with the last sample.
+        taken = 1 + int(np.searchsorted(samples.time, samples.time[-1]))
+        if taken < samples.time.size:
+            samples = jax.tree.map(lambda leaf: leaf[:taken], samples)
+            result = dataclasses.replace(result, history=samples)
+    return result
 
 
 def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory]:
     """What the integrator begins with: the parts made ready, the clock, and the state at the
     start."""
+    fidelity = fidelity.lasting(scene.duration)
     good = sound(scene)
     steps = integrate.count_steps(scene.duration, fidelity.step)
     step = scene.duration / steps
