@@ -29,7 +29,7 @@ class Fidelity:
     - `step` [s]: the integrator's step (for an adaptive one: of the samples that it saves).
     - `longest_stride`: how many such steps may be taken in one, a power of two, where nothing is
       about to touch or part and the forces change smoothly; 1: all steps are alike. `None`: up to
-      2 ms in scenes of half a second and more, such as whole sorts, and 1 in shorter ones.
+      2 ms in scenes with contacts that last half a second and more, such as whole sorts, else 1.
     - `stride_tolerance`: how far, relative to their size, the forces at the end of a longer step
       may be from their straight continuation.
     - `iterations`: the most Newton iterations a step on contact force and parcel's velocity; one
@@ -101,8 +101,8 @@ class Fidelity:
         """Whether modes are left out whose compliance is still there."""
         return self.static_correction and 0 < self.mode_count < 2 * self.elements
 
-    def lasting(self, duration: float) -> "Fidelity":
-        """The same for a scene of a duration [s], with the longest stride settled."""
+    def settled(self, duration: float) -> "Fidelity":
+        """The same with a longest stride for contacts of a duration [s]."""
         if self.longest_stride is not None:
             return self
         longest = 1

@@ -110,6 +110,10 @@ def run_steps(solver: Stepper, begin, args, sample, steps: int, fidelity: Fideli
 def _run_adaptively(step, begin, ahead, sample, steps: int, reverse: bool):
     zero = jnp.zeros_like(jax.tree.leaves(begin)[0])
 
+    # Buffers hold arrays alone: the parts that a scene does not hold are put back at the end.
+    def kept(y):
+        return [] if sample is None else jax.tree.leaves(sample(y))
+
     def go_on(carry):
         return carry[1] < steps
 
@@ -117,20 +121,14 @@ def _run_adaptively(step, begin, ahead, sample, steps: int, reverse: bool):
         y, now, taken, saved = carry
         end = jnp.minimum(now + ahead(y, now), steps)
         y = step(y, jnp.maximum(now, 0.0), end)
-        if sample is not None:
-            index = taken.astype(jnp.int32)
-            saved = jax.tree.map(lambda new, kept: kept.at[index].set(new), sample(y), saved)
+        index = taken.astype(jnp.int32)
+        saved = [into.at[index].set(new) for new, into in zip(kept(y), saved, strict=True)]
         return y, end, taken + 1, saved
 
-    saved = None
-    if sample is not None:
-        saved = jax.tree.map(
-            lambda leaf: jnp.zeros((steps + 1, *leaf.shape), leaf.dtype), sample(begin)
-        )
+    saved = [jnp.zeros((steps + 1, *leaf.shape), leaf.dtype) for leaf in kept(begin)]
     carry = (begin, zero - 1, zero, saved)
-    if sample is None and not reverse:
-        y, _, _, _ = jax.lax.while_loop(go_on, trip, carry)
-        return y, None
+    if not saved and not reverse:
+        return jax.lax.while_loop(go_on, trip, carry)[0], None
     y, _, taken, saved = eqxi.while_loop(
         go_on,
         trip,
@@ -139,10 +137,11 @@ def _run_adaptively(step, begin, ahead, sample, steps: int, reverse: bool):
         buffers=lambda carry: carry[3],
         kind="checkpointed" if reverse else "lax",
     )
-    if saved is not None:
-        places = jnp.minimum(jnp.arange(steps + 1), taken.astype(jnp.int32) - 1)
-        saved = jax.tree.map(lambda kept: kept[places], saved)
-    return y, saved
+    if sample is None:
+        return y, None
+    places = jnp.minimum(jnp.arange(steps + 1, dtype=jnp.int32), taken.astype(jnp.int32) - 1)
+    saved = [values[places] for values in saved]
+    return y, jax.tree.unflatten(jax.tree.structure(sample(begin)), saved)
 
 
 def modal(

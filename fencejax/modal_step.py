@@ -122,14 +122,16 @@ class _End(eqx.Module):
         return tuple(residual), matrix, size, (forces, unbalance)
 
     def surprise(self, guess, root, forces: Forces) -> Array:
-        """How far the forces are from those of the guess, relative to their size [1]."""
+        """How far the forces are from those of the guess, relative to their size [1]: each normal
+        force to itself and a twentieth of the size of all, the parcel's motion to that size."""
         mechanics, scale = self.mechanics, self.mechanics.force_scale(forces)
         x, y, turn = (jnp.abs(a - b) for a, b in zip(guess[:3], root[:3], strict=True))
         turn = mechanics.inertia * turn / mechanics.size
-        off = 2 * self.stride.rate * jnp.maximum(mechanics.mass * jnp.maximum(x, y), turn)
+        moved = jnp.maximum(mechanics.mass * jnp.maximum(x, y), turn)
+        off = 2 * self.stride.rate * moved / scale
         for a, b in zip(guess[3:], root[3:], strict=True):
-            off = jnp.maximum(off, jnp.abs(a - b))
-        return jax.lax.stop_gradient(off / scale)
+            off = jnp.maximum(off, jnp.abs(a - b) / (jnp.maximum(a, b) + 0.05 * scale))
+        return jax.lax.stop_gradient(off)
 
     def shorten(self, extra, change):
         """Share of a Newton step that stops a reversal of sliding, or of slip on the belt, at rest.

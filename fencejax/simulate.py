@@ -146,7 +146,8 @@ def _result(scene, fidelity: Fidelity, history: bool, only) -> Result:
 def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory]:
     """What the integrator begins with: the parts made ready, the clock, and the state at the
     start."""
-    fidelity = fidelity.lasting(scene.duration)
+    touching = scene.fence_corners or scene.border_corners
+    fidelity = fidelity.settled(scene.duration if touching else 0.0)
     good = sound(scene)
     steps = integrate.count_steps(scene.duration, fidelity.step)
     step = scene.duration / steps
