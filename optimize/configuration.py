@@ -4,10 +4,11 @@ import argparse
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from fencejax import objectives
 from fencejax.design import VARIABLES
+
+from . import flags
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,35 +88,21 @@ def _bounds(text: str) -> tuple[str, float, float]:
 
 def parser() -> argparse.ArgumentParser:
     """One flag for each field of the configuration."""
-    result = argparse.ArgumentParser(
-        prog="python -m optimize.peak_force",
+    return flags.parser(
+        PeakForceConfig,
+        prog="optimize.peak_force",
         description="The fence with the smallest peak force over the worst of several impacts, "
         "from the paper's two-link fence, under limits.",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        explained=_HELP,
+        special={
+            "bounds": {"type": _bounds, "nargs": "*", "metavar": "NAME=LOWER:UPPER"},
+            "method": {"choices": ("lbfgs", "adam")},
+            "fidelity": {"choices": flags.FIDELITIES},
+            "sort_masses": {"nargs": "*"},
+        },
     )
-    for field in dataclasses.fields(PeakForceConfig):
-        flag, default = "--" + field.name.replace("_", "-"), field.default
-        settings: dict = {"default": default, "help": _HELP[field.name]}
-        if isinstance(default, bool):
-            settings["action"] = argparse.BooleanOptionalAction
-        elif field.name == "bounds":
-            settings.update(type=_bounds, nargs="*", metavar="NAME=LOWER:UPPER")
-        elif isinstance(default, tuple):
-            kind = type(default[0])
-            settings.update(type=kind, nargs="*" if field.name == "sort_masses" else "+")
-        else:
-            settings["type"] = type(default) if not isinstance(default, Path) else Path
-        if field.name == "method":
-            settings["choices"] = ("lbfgs", "adam")
-        if field.name == "fidelity":
-            settings["choices"] = ("fast", "standard", "reference")
-        result.add_argument(flag, **settings)
-    return result
 
 
 def configure(arguments: Sequence[str] | None = None) -> PeakForceConfig:
     """The configuration that flags describe."""
-    given: dict[str, Any] = vars(parser().parse_args(arguments))
-    for name, value in given.items():
-        given[name] = tuple(value) if isinstance(value, list) else value
-    return PeakForceConfig(**given)
+    return PeakForceConfig(**flags.read(parser(), arguments))

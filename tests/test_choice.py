@@ -10,7 +10,7 @@ import pytest
 from random_scenes import impacts, stack
 
 import fencejax as fj
-from fencejax.choice import as_fine, expected_cost, ladder
+from fencejax.candidates import as_fine, expected_cost, ladder
 
 FIELD = ("peak_force",)
 NAMES = ("thickness", "density", "mass")
@@ -49,7 +49,7 @@ def scaled(scene, factors):
 
 
 def truth(fidelity, scenes):
-    """Peak force and its elasticities, by reverse mode and without `fencejax.choice`."""
+    """Peak force and its elasticities, by reverse mode and without `fencejax.measurement`."""
 
     def log_peak(factors, scene):
         result = fj.simulate(scaled(scene, factors), fidelity=fidelity, only=FIELD)

@@ -3,8 +3,9 @@
     m yddot = -N,  M qddot + B qdot + K q = p N,  D = y - p.q,
     N = max(0, b m^0.4 Ddot D^2 + k D^4) for D > 0
 
-The numbers of the first test were computed by LSODA and by CVODES with forward sensitivities on all
-forty modes; those of the paper's beam by `independent.beam` and LSODA here.
+The first tests are on the beam of the race against other codes, `peers.race`, whose numbers LSODA
+and CVODES with forward sensitivities computed on all forty modes; the numbers of the paper's beam
+are found here, by `independent.beam` and LSODA.
 """
 
 import functools
@@ -14,29 +15,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from independent import beam as independent
+from peers import fencejax_beam, race
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 import fencejax as fj
-from fencejax import beam
-
-# h_1, E, rho, beta in B = beta K, l_p; the thickness frozen at the middle of each element.
-POINT = np.array([0.045, 2.5e9, 1130.0, 2e-4, 0.75])
-TAPER = fj.SteppedTaper(fj.ConstantStrength(), 20)
-PEAK, PEAK_TIME = 846.9166, 0.073240
-ELASTICITIES = np.array([1.25743, 0.44536, -0.07864, -0.00764, -1.41471])
 
 
 def scene(numbers):
-    thickness, modulus, density, beta, length = numbers
-    parts = dict(rigid_length=0.0, flexible_length=length, thickness=thickness, taper=TAPER)
-    plain = fj.Fence(**parts, material=fj.Material(modulus, density, 0.0))
-    first = beam.tables(TAPER, 20, 1).eigenvalues[0]
-    frequency = jnp.sqrt(first * plain.stiffness_scale / plain.mass_scale)
-    fence = fj.Fence(**parts, material=fj.Material(modulus, density, beta * frequency / 2))
-    return fj.scenes.normal_impact(
-        fence=fence, distance=0.975 * length, speed=(2 * 9.81 * 0.3) ** 0.5
-    )
+    """The race's scene at h_1, E, rho, beta and l_p [SI]."""
+    return fencejax_beam.scene(numbers, float(race.unit_modes(1).eigenvalues[0]))
 
 
 @functools.partial(jax.jit, static_argnames="fidelity")
@@ -51,14 +39,13 @@ def run(logs, fidelity):
 
 @pytest.mark.parametrize("modes", [8, None])
 def test_reference_numbers(modes):
-    # Second order: 3.5e-9 h^2 / us^2 of the peak and as much of the elasticities, to their printed
-    # digits; eight modes and the viscoelastic rest leave some 1e-5 of the peak, 1e-4 of these.
+    # Second order: 1.3e-10 (h / us)^2 of the peak, 2.5e-9 (h / us)^2 of the elasticities, 8e-8 and
+    # 1.6e-6 here; with eight modes and the viscoelastic rest as with all of them.
     fidelity = fj.Fidelity(modes=modes, step=2.5e-5)
-    result, slopes = run(jnp.log(POINT), fidelity)
-    value, gradient = (1e-6, 3e-5) if modes is None else (2e-5, 3e-4)
-    assert float(result.peak_force) == pytest.approx(PEAK, rel=value)
-    assert float(result.peak_time) == pytest.approx(PEAK_TIME, abs=2e-6)
-    np.testing.assert_allclose(slopes, ELASTICITIES, rtol=0, atol=gradient)
+    result, slopes = run(jnp.log(race.START), fidelity)
+    assert float(result.peak_force) == pytest.approx(race.PEAK, rel=1e-6)
+    assert float(result.peak_time) == pytest.approx(race.PEAK_TIME, abs=2e-6)
+    np.testing.assert_allclose(slopes, race.ELASTICITIES, rtol=0, atol=2e-5)
     assert int(result.status) == fj.Status.SUCCESSFUL
 
 
@@ -66,7 +53,7 @@ def test_second_order_in_the_step():
     # Halving the step quarters the differences of peak and tip deflection: 4 to a tenth.
     def peaks(step):
         fidelity = fj.Fidelity(modes=6, step=step)
-        result = fj.simulate(scene(jnp.asarray(POINT)), fidelity=fidelity, history=False)
+        result = fj.simulate(scene(jnp.asarray(race.START)), fidelity=fidelity, history=False)
         return [float(result.peak_force), float(result.tip_deflection), float(result.peak_time)]
 
     values = np.array([peaks(step) for step in (2e-4, 1e-4, 5e-5)])

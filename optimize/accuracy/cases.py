@@ -16,6 +16,7 @@ VARIABLES = (
 is x of the parcel's front when the drive starts."""
 SYMBOLS = ("$h_1$", "$l_s$", "$l_p$", "$E$", r"$\rho$", r"$\zeta$", "$m_p$", "$R$")
 QUANTITIES = ("peak_force", "tip_deflection", "impulse")
+TITLES = tuple(name.replace("_", " ") for name in QUANTITIES)
 SCENES = ("impact", "slide", "sort", "random")
 
 _PAPER = {

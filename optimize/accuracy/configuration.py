@@ -5,6 +5,7 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+from .. import flags
 from .cases import SCENES
 
 LADDERS = ("full", "dense", "quick")
@@ -31,13 +32,9 @@ class WorkPrecisionConfig:
     plots: bool = True
 
     def __post_init__(self):
-        for name, least in (
-            ("random", 1), ("lanes", 1), ("candidates", 0), ("batch", 1), ("repeats", 3),
-            ("threads", 1), ("seed", 0),
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if value < least:
-                raise ValueError(f"Argument `{name}` must be at least {least} [1], but is {value}.")
+        flags.at_least(
+            self, random=1, lanes=1, candidates=0, batch=1, repeats=3, threads=1, seed=0
+        )
         if not self.duration > 0:
             raise ValueError(
                 f"Argument `duration` must be above 0 [s], but is {self.duration:g}."
@@ -47,10 +44,7 @@ class WorkPrecisionConfig:
                 raise ValueError(f"Argument `scene` must be of {SCENES}, but holds {name!r}.")
         if not self.scene:
             raise ValueError(f"Argument `scene` must name at least one of {SCENES}, but is empty.")
-        if self.ladder not in LADDERS:
-            raise ValueError(
-                f"Argument `ladder` must be one of {LADDERS}, but is {self.ladder!r}."
-            )
+        flags.one_of("ladder", self.ladder, LADDERS)
 
     def quick(self) -> "WorkPrecisionConfig":
         """A small version: eight impacts, few points."""
@@ -82,27 +76,17 @@ _HELP = {
 
 def parser() -> argparse.ArgumentParser:
     """One flag for each field of the configuration, and `--quick`."""
-    result = argparse.ArgumentParser(
-        prog="python -m optimize.work_precision",
+    return flags.parser(
+        WorkPrecisionConfig,
+        prog="optimize.work_precision",
         description="Measure speed against accuracy of the fidelities, for values and gradients.",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        explained=_HELP,
+        special={
+            "scene": {"choices": SCENES, "default": list(SCENES)},
+            "ladder": {"choices": LADDERS},
+        },
+        quick="eight impacts, few points, whatever else is said",
     )
-    for field in dataclasses.fields(WorkPrecisionConfig):
-        flag, default = "--" + field.name, field.default
-        settings: dict = {"default": default, "help": _HELP[field.name]}
-        if isinstance(default, bool):
-            settings["action"] = argparse.BooleanOptionalAction
-        elif field.name == "scene":
-            settings.update(choices=SCENES, nargs="+", default=list(SCENES))
-        else:
-            settings["type"] = Path if isinstance(default, Path) else type(default)
-        if field.name == "ladder":
-            settings["choices"] = LADDERS
-        result.add_argument(flag, **settings)
-    result.add_argument(
-        "--quick", action="store_true", help="eight impacts, few points, whatever else is said"
-    )
-    return result
 
 
 def configure(arguments: Sequence[str] | None = None) -> WorkPrecisionConfig:
@@ -110,8 +94,7 @@ def configure(arguments: Sequence[str] | None = None) -> WorkPrecisionConfig:
 
     Raises `ValueError` where a number is out of range.
     """
-    given = vars(parser().parse_args(arguments))
+    given = flags.read(parser(), arguments)
     quick = given.pop("quick")
-    given["scene"] = tuple(given["scene"])
     config = WorkPrecisionConfig(**given)
     return config.quick() if quick else config

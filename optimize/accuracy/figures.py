@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .cases import SYMBOLS, VARIABLES
+from .cases import SYMBOLS, TITLES, VARIABLES
 from .errors import spread
 
 if TYPE_CHECKING:
@@ -13,12 +13,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ..work_precision import Report, Rung
+    from .errors import Errors
+    from .ladder import Point
 
 # Okabe and Ito's colours, told apart by colour-blind readers, and a marker with each.
 _COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000", "#7f7f7f")
 _MARKERS = "osD^v<>P"
 _PAGE = 6.9
-_TITLES = ("peak force", "tip deflection", "impulse")
 _LOG_KNOBS = {
     "modes": "modes kept [1]",
     "slip_speed": r"slip_speed $\varepsilon$ [m/s]",
@@ -45,6 +46,14 @@ def _prepared(axes: "Axes", x: str, y: str, title: str = "") -> "Axes":
     return axes
 
 
+def _legend(figure: "Figure", columns: int) -> None:
+    """One legend above all panels, of what the first of them shows."""
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside upper center", ncols=columns, frameon=False,
+        fontsize="small",
+    )  # fmt: skip
+
 
 def _shares(axes: "Axes", axis: str) -> None:
     """A logarithmic axis of errors, its ticks in per cent."""
@@ -66,6 +75,23 @@ def _times(axes: "Axes") -> None:
     axes.yaxis.set_major_locator(LogLocator(subs=subs))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _knobs(report: "Report") -> "dict[str, list[tuple[Point, Errors]]]":
+    """The measured points of the knobs that are drawn over a logarithmic axis."""
+    drawn = (name for name in _LOG_KNOBS if report.knobs.get(name))
+    return {name: [(p, e) for p, e in report.knobs[name] if p.size > 0] for name in drawn}
+
+
+def _over_knob(axes: "Axes", name: str, points: "list[tuple[Point, Errors]]") -> None:
+    """Errors over a knob: both axes logarithmic, every number of modes a tick of its own."""
+    axes.set_xscale("log")
+    _shares(axes, "y")
+    if name == "modes":
+        from matplotlib.ticker import NullLocator
+
+        axes.set_xticks([p.size for p, _ in points], [p.label for p, _ in points])
+        axes.xaxis.set_minor_locator(NullLocator())
 
 
 def front_figure(report: "Report") -> "Figure":
@@ -103,23 +129,19 @@ def front_figure(report: "Report") -> "Figure":
         _shares(axes, "x")
         axes.margins(x=0.14, y=0.08)
         _times(axes)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=6, frameon=False, fontsize="small"
-    )
+    _legend(figure, 6)
     return figure
 
 
 def knob_figure(report: "Report") -> "Figure | None":
     """Errors over modes, smoothing and step, one at a time: three values above, three gradients
     below; lines are medians, bands reach to 95 % of the impacts."""
-    names = [name for name in _LOG_KNOBS if report.knobs.get(name)]
-    if not names:
+    knobs = _knobs(report)
+    if not knobs:
         return None
     figure = _figure(5.2)
-    panels = figure.subplots(2, len(names), sharex="col", sharey="row", squeeze=False)
-    for column, name in enumerate(names):
-        points = [(p, e) for p, e in report.knobs[name] if p.size > 0]
+    panels = figure.subplots(2, len(knobs), sharex="col", sharey="row", squeeze=False)
+    for column, (name, points) in enumerate(knobs.items()):
         x = [point.size for point, _ in points]
         for row, kind in enumerate(("value", "gradient")):
             axes = panels[row, column]
@@ -127,7 +149,7 @@ def knob_figure(report: "Report") -> "Figure | None":
                 axes, _LOG_KNOBS[name] if row else "", "" if column else f"error of the {kind}",
                 "" if row else name,
             )  # fmt: skip
-            for k, title in enumerate(_TITLES):
+            for k, title in enumerate(TITLES):
                 rows = [spread(getattr(errors, kind)[:, k]) for _, errors in points]
                 middle = np.maximum([r["median"] for r in rows], _LEAST)
                 upper = np.maximum([r["95 %"] for r in rows], _LEAST)
@@ -136,31 +158,20 @@ def knob_figure(report: "Report") -> "Figure | None":
                     label=title,
                 )  # fmt: skip
                 axes.fill_between(x, middle, upper, color=_COLORS[k], alpha=0.15, linewidth=0)
-            axes.set_xscale("log")
-            _shares(axes, "y")
-            if name == "modes":
-                from matplotlib.ticker import NullFormatter, NullLocator
-
-                axes.set_xticks(x, [point.label for point, _ in points])
-                axes.xaxis.set_minor_locator(NullLocator())
-                axes.xaxis.set_minor_formatter(NullFormatter())
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize="small"
-    )
+            _over_knob(axes, name, points)
+    _legend(figure, 3)
     return figure
 
 
 def component_figure(report: "Report") -> "Figure | None":
     """Median error of each component of the peak force's gradient, relative to its norm, over
     modes, smoothing and step."""
-    names = [name for name in _LOG_KNOBS if report.knobs.get(name)]
-    if not names:
+    knobs = _knobs(report)
+    if not knobs:
         return None
     figure = _figure(3.4)
-    panels = figure.subplots(1, len(names), sharey=True, squeeze=False)[0]
-    for axes, name in zip(panels, names, strict=True):
-        points = [(p, e) for p, e in report.knobs[name] if p.size > 0]
+    panels = figure.subplots(1, len(knobs), sharey=True, squeeze=False)[0]
+    for axes, (name, points) in zip(panels, knobs.items(), strict=True):
         x = [point.size for point, _ in points]
         _prepared(
             axes, _LOG_KNOBS[name],
@@ -176,17 +187,8 @@ def component_figure(report: "Report") -> "Figure | None":
                 x, np.maximum(rows, _LEAST), _MARKERS[j] + "-", color=_COLORS[j], markersize=3.5,
                 linewidth=1.0, label=SYMBOLS[j],
             )  # fmt: skip
-        axes.set_xscale("log")
-        _shares(axes, "y")
-        if name == "modes":
-            from matplotlib.ticker import NullLocator
-
-            axes.set_xticks(x, [point.label for point, _ in points])
-            axes.xaxis.set_minor_locator(NullLocator())
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=8, frameon=False, fontsize="small"
-    )
+        _over_knob(axes, name, points)
+    _legend(figure, 8)
     return figure
 
 
@@ -209,10 +211,7 @@ def random_figure(report: "Report") -> "Figure":
         _shares(axes, "x")
         axes.tick_params(axis="x", labelsize="x-small")
         axes.set_ylim(0, 1.02)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=4, frameon=False, fontsize="small"
-    )
+    _legend(figure, 4)
     return figure
 
 
@@ -262,10 +261,7 @@ def cost_figure(report: "Report") -> "Figure":
             axes.set_ylim(0, axes.get_ylim()[1])
         else:
             _times(axes)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=2, frameon=False, fontsize="small"
-    )
+    _legend(figure, 2)
     return figure
 
 

@@ -118,10 +118,11 @@ def _ladder(modes, bare_modes, elements, slips, steps, fades) -> Ladder:
             "tip_fade", base,
             [(f"{1e3 * d:g} mm", d, {"tip_fade": d}) for d in fades],
         ),
+        "precision": _knob(
+            "precision", base,
+            [("float32", 32, {"precision": "float32"}), ("float64", 64, {})],
+        ),
     }  # fmt: skip
-    if any(field.name == "precision" for field in dataclasses.fields(fj.Fidelity)):
-        widths = [("float32", 32, {"precision": "float32"}), ("float64", 64, {})]
-        knobs["precision"] = _knob("precision", base, widths)
     return Ladder(
         truth, truth.replace(step=truth.step / 2), base, rungs, knobs,
         _grid(base, (1, 2, 3, 4, 6), (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4),

@@ -7,14 +7,12 @@ import numpy as np
 
 import fencejax as fj
 
-from .cases import QUANTITIES, RANGES, VARIABLES
+from .cases import QUANTITIES, RANGES, TITLES, VARIABLES
 from .errors import Errors, Outcome, spread, summary
 from .orders import observed
 
 if TYPE_CHECKING:
     from ..work_precision import Report, Rung
-
-_TITLES = ("peak force", "tip deflection", "impulse")
 
 
 def knobs_of(fidelity: fj.Fidelity) -> str:
@@ -63,9 +61,9 @@ def rung_table(report: "Report") -> str:
     """Errors of the named rungs over all impacts: median / 95 % / worst."""
     heads = ["", *(rung.name for rung in report.rungs)]
     rows = [["knobs", *(knobs_of(rung.fidelity) for rung in report.rungs)]]
-    for k, title in enumerate(_TITLES):
+    for k, title in enumerate(TITLES):
         rows.append([title, *(_three(r.errors.value[:, k]) for r in report.rungs)])
-    for k, title in enumerate(_TITLES):
+    for k, title in enumerate(TITLES):
         cells = []
         for rung in report.rungs:
             assert rung.errors.gradient is not None
@@ -137,8 +135,8 @@ def knob_table(report: "Report") -> str:
                 slope = spread(errors.gradient[:, k])
                 row.append(f"{percent(slope['median'])} / {percent(slope['95 %'])}")
             rows.append(row)
-    gradients = [f"gradient of the {title}" for title in _TITLES]
-    return _rows(["knob", "at", *_TITLES, *gradients], rows)
+    gradients = [f"gradient of the {title}" for title in TITLES]
+    return _rows(["knob", "at", *TITLES, *gradients], rows)
 
 
 def front_table(report: "Report", kind: str) -> str:
@@ -161,7 +159,7 @@ def stage_table(report: "Report") -> str:
     """Errors of the named rungs in slide and whole sort: value; gradient."""
     rows = []
     for stage, found in report.stages.items():
-        for k, title in enumerate(_TITLES):
+        for k, title in enumerate(TITLES):
             cells = [stage, title]
             for rung in report.rungs:
                 errors = found.get(rung.name)
@@ -180,7 +178,7 @@ def step_orders(report: "Report") -> dict[str, dict[str, Any]]:
     steps = [point.size for point, _ in points]
     found: dict[str, dict[str, Any]] = {}
     for kind in ("value", "gradient"):
-        for k, title in enumerate(_TITLES):
+        for k, title in enumerate(TITLES):
             row = [spread(getattr(errors, kind)[:, k])["median"] for _, errors in points]
             found[f"{title}, {kind}"] = {
                 "steps [s]": steps, "errors": row, "orders": observed(steps, row).tolist()
@@ -263,7 +261,7 @@ def document(report: "Report") -> str:
             for name, errors in report.integrators.items()
         ]
         parts += ["Integrators, the paper's impact, four modes, against Tsit5 at 1e-7:",
-                  _rows(["integrator", *_TITLES], rows)]  # fmt: skip
+                  _rows(["integrator", *TITLES], rows)]  # fmt: skip
     parts += ["## Observed order of convergence in the step", order_table(report)]
     for name, text in report.failures.items():
         parts.append(f"FAILED: {name}: {text.splitlines()[0]}")

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import fencejax as fj
 
+from .. import flags
 from .fences import REACH
-
-FIDELITIES = ("fast", "standard", "reference")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,12 +30,7 @@ class PaperConfig:
     plots: bool = True
 
     def __post_init__(self):
-        for name, least in (
-            ("grid", 2), ("coarse_grid", 4), ("sensitivity_points", 2), ("chunk", 1),
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if value < least:
-                raise ValueError(f"Argument `{name}` must be at least {least} [1], but is {value}.")
+        flags.at_least(self, grid=2, coarse_grid=4, sensitivity_points=2, chunk=1)
         for name, lowest, highest in (("masses", 0.0, None), ("distances", 0.0, REACH)):
             low, high = getattr(self, name)
             if not lowest < low < high:
@@ -49,10 +43,7 @@ class PaperConfig:
                     f"Argument `{name}` must be at most {highest:g} [m], but is {high:g}. The "
                     "fence ends there."
                 )
-        if self.fidelity not in FIDELITIES:
-            raise ValueError(
-                f"Argument `fidelity` must be one of {FIDELITIES}, but is {self.fidelity!r}."
-            )
+        flags.one_of("fidelity", self.fidelity, flags.FIDELITIES)
 
     @property
     def knobs(self) -> fj.Fidelity:
@@ -84,31 +75,19 @@ _HELP = {
 
 
 def parser() -> argparse.ArgumentParser:
-    """One flag for each field of the configuration, and --quick."""
-    result = argparse.ArgumentParser(
-        prog="python -m optimize.reproduce_paper",
+    """One flag for each field of the configuration, and `--quick`."""
+    span = {"nargs": 2, "metavar": ("FROM", "TO")}
+    return flags.parser(
+        PaperConfig,
+        prog="optimize.reproduce_paper",
         description="Recompute the numerical results of T. Piatkowski, Active fence with flexible "
         "link, 2010, for the two-link and the one-link fence, and compare.",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-    )
-    for field in dataclasses.fields(PaperConfig):
-        flag, default = "--" + field.name.replace("_", "-"), field.default
-        settings: dict = {"default": default, "help": _HELP[field.name]}
-        if isinstance(default, bool):
-            settings["action"] = argparse.BooleanOptionalAction
-        elif isinstance(default, tuple):
-            settings.update(type=float, nargs=2, metavar=("FROM", "TO"))
-        else:
-            settings["type"] = Path if isinstance(default, Path) else type(default)
-        if field.name == "fidelity":
-            settings["choices"] = FIDELITIES
-        result.add_argument(flag, **settings)
-    result.add_argument(
-        "--quick",
-        action="store_true",
-        help="coarse maps at the fast fidelity, whatever the flags for them say",
-    )
-    return result
+        explained=_HELP,
+        special={
+            "masses": span, "distances": span, "fidelity": {"choices": flags.FIDELITIES},
+        },
+        quick="coarse maps at the fast fidelity, whatever the flags for them say",
+    )  # fmt: skip
 
 
 def configure(arguments: Sequence[str] | None = None) -> PaperConfig:
@@ -116,9 +95,7 @@ def configure(arguments: Sequence[str] | None = None) -> PaperConfig:
 
     Raises `ValueError` where a number is out of range.
     """
-    given = vars(parser().parse_args(arguments))
+    given = flags.read(parser(), arguments)
     quick = given.pop("quick")
-    for name in ("masses", "distances"):
-        given[name] = tuple(given[name])
     config = PaperConfig(**given)
     return config.quick() if quick else config

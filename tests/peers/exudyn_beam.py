@@ -69,6 +69,21 @@ def _law(displacement, velocity, factor):
     return _symbolic.max(zero, square * (stiff * square - viscous * velocity))
 
 
+def _connector(system, kind, markers, force):
+    """A spring-damper between two markers, and its user function, which must outlive the run.
+
+    kind: the item's name. force: of displacement and velocity, symbolic.
+    """
+
+    def user(mbs, t, itemNumber, displacement, velocity, stiffness, damping, offset):
+        del mbs, t, itemNumber, stiffness, damping, offset
+        return force(displacement, velocity)
+
+    law = CreateSymbolicUserFunction(system, user, "springForceUserFunction", itemTypeName=kind)
+    item = getattr(itemInterface, kind)(markerNumbers=markers, springForceUserFunction=law)
+    return system.AddObject(item), law
+
+
 def _matrices(system, parameters, modes):
     """The link as one object of M, beta K and K, and the parcel; the connector between them."""
     if modes is None:
@@ -112,22 +127,10 @@ def _matrices(system, parameters, modes):
         system.AddMarker(itemInterface.MarkerNodeCoordinate(nodeNumber=link, coordinate=place)),
     ]
 
-    def force(mbs, t, itemNumber, displacement, velocity, stiffness, damping, offset):  # noqa: N803
-        del mbs, t, itemNumber, stiffness, damping, offset
+    def force(displacement, velocity):
         return -_law(displacement, velocity, 1.0)
 
-    law = CreateSymbolicUserFunction(
-        system,
-        force,
-        "springForceUserFunction",
-        itemTypeName="ObjectConnectorCoordinateSpringDamper",
-    )
-    connector = system.AddObject(
-        itemInterface.ObjectConnectorCoordinateSpringDamper(
-            markerNumbers=markers, springForceUserFunction=law
-        )
-    )
-    return connector, law
+    return _connector(system, "ObjectConnectorCoordinateSpringDamper", markers, force)
 
 
 def _cables(system, parameters, factor):
@@ -181,22 +184,10 @@ def _cables(system, parameters, factor):
         ),
     ]
 
-    def force(mbs, t, itemNumber, displacement, velocity, stiffness, damping, offset):  # noqa: N803
-        del mbs, t, itemNumber, stiffness, damping, offset
+    def force(displacement, velocity):
         return [0.0, -_law(displacement[1], velocity[1], factor), 0.0]
 
-    law = CreateSymbolicUserFunction(
-        system,
-        force,
-        "springForceUserFunction",
-        itemTypeName="ObjectConnectorCartesianSpringDamper",
-    )
-    connector = system.AddObject(
-        itemInterface.ObjectConnectorCartesianSpringDamper(
-            markerNumbers=markers, springForceUserFunction=law
-        )
-    )
-    return connector, law
+    return _connector(system, "ObjectConnectorCartesianSpringDamper", markers, force)
 
 
 def force_history(parameters, steps, tolerance, model="matrices", modes=None, factor=1.0):

@@ -19,7 +19,6 @@ from ..impact import Fence, contact_force
 from .common import (
     TIED,
     Foot,
-    beam_rate,
     belt_friction,
     contact_law,
     corner_friction,
@@ -27,6 +26,7 @@ from .common import (
     make_sample,
     on_fence,
     parcel_of,
+    state_rate,
 )
 
 NAME = "along the fence"
@@ -91,12 +91,7 @@ def derivative(impact, time, state):
     """Time derivative of the state vector."""
     fence, motion, found = tie(impact, time, state)
     _, _, moved, acting = wall(impact, motion, found)
-    return np.concatenate(
-        [
-            beam_rate(impact, fence, state, acting.normal * found.load),
-            [motion.r_dot, motion.alpha_dot, moved.r_ddot, moved.alpha_ddot],
-        ]
-    )
+    return state_rate(impact, fence, state, acting.normal * found.load, motion, moved, TIED)
 
 
 def tied_acceleration(impact, time, state, step=1e-7):

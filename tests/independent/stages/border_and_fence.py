@@ -6,19 +6,18 @@ on the fence where it has turned parallel to the tangent at the foot C of C_s, `
 parcel that is not pressed in, at the same moment where corner 2 gets to the hinge, `past_hinge`.
 """
 
-import numpy as np
-
 from .. import polar
 from ..impact import Fence
 from .common import (
     at_border,
     at_fence,
-    beam_rate,
     belt_friction,
+    center,
     foot,
     free_state,
     make_sample,
     parcel_of,
+    state_rate,
 )
 
 NAME = "border and fence"
@@ -40,13 +39,7 @@ def derivative(impact, time, state):
     moved = polar.border_and_fence(
         motion, found.point, parcel_of(impact), acting, FENCE_CORNER, BORDER_CORNER
     )
-    return np.concatenate(
-        [
-            beam_rate(impact, fence, state, acting.normal * found.load),
-            motion[3:],
-            [moved.r_ddot, moved.alpha_ddot, moved.phi_ddot],
-        ]
-    )
+    return state_rate(impact, fence, state, acting.normal * found.load, motion, moved)
 
 
 def sample(impact, time, state):
@@ -70,8 +63,8 @@ def sample(impact, time, state):
 def flush(impact, time, state):
     """phi - q5(C) [rad], C the foot of C_s: rises through zero where the wall lies parallel."""
     motion = free_state(impact, state)
-    place = motion.r * np.cos(motion.alpha), motion.r * np.sin(motion.alpha)
-    return motion.phi - foot(impact, Fence(impact, time, state), *place).point.q5
+    found = foot(impact, Fence(impact, time, state), *center(motion))
+    return motion.phi - found.point.q5
 
 
 def past_hinge(impact, time, state):

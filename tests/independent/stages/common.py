@@ -11,7 +11,8 @@ from ..impact import GRAVITY, contact_force, fence_load
 
 FREE = ("r", "alpha", "phi", "r_dot", "alpha_dot", "phi_dot")
 TIED = ("r", "alpha", "r_dot", "alpha_dot")
-_STILL = polar.FencePoint(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+STILL = polar.FencePoint(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""A point at rest on the x axis: of the border, or of a fence that carries no force."""
 
 
 class Foot(NamedTuple):
@@ -123,6 +124,27 @@ def beam_rate(impact, fence, state, load):
     return out
 
 
+def state_rate(impact, fence, state, load, motion, moved, layout=FREE):
+    """Time derivative of a state vector in the `layout`.
+
+    load: modal, as in `beam_rate`. motion: polar.PolarState. moved: the parcel's accelerations,
+    r_ddot, alpha_ddot and, where the rotation is free, phi_ddot.
+    """
+    places = layout[: len(layout) // 2]
+    return np.concatenate(
+        [
+            beam_rate(impact, fence, state, load),
+            [getattr(motion, f"{place}_dot") for place in places],
+            [getattr(moved, f"{place}_ddot") for place in places],
+        ]
+    )
+
+
+def center(motion):
+    """(x, y) [m] of C_s in a PolarState."""
+    return motion.r * cos(motion.alpha), motion.r * sin(motion.alpha)
+
+
 def corner_friction(impact, normal, sliding):
     """F_2 [N] on a corner or on the wall, (2.19)_4 smoothed as in `Impact`."""
     kinetic, static = impact.mu_fence
@@ -151,7 +173,7 @@ def belt_friction(impact, state):
 
 def at_border(impact, motion, corner):
     """(N_2, F) [N] of a corner on the border y = 0: (2.2) on D = -y_C, (2.34), and friction."""
-    touch = motion, _STILL, parcel_of(impact), corner
+    touch = motion, STILL, parcel_of(impact), corner
     normal = contact_force(impact, polar.gap(*touch), polar.gap_rate(*touch))
     return normal, corner_friction(impact, normal, polar.sliding_speed(*touch))
 

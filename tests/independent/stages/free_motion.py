@@ -4,11 +4,17 @@ State vector in the layout `common.FREE`. `common.Sample.normal` is what the con
 at corners 1 and 2 if they were still in contact: zero says that the stage holds.
 """
 
-import numpy as np
-
 from .. import polar
 from ..impact import Fence
-from .common import at_fence, beam_rate, belt_friction, free_state, make_sample, parcel_of
+from .common import (
+    STILL,
+    at_fence,
+    belt_friction,
+    free_state,
+    make_sample,
+    parcel_of,
+    state_rate,
+)
 
 NAME = "free motion"
 EVENTS = {}
@@ -19,15 +25,8 @@ def derivative(impact, time, state):
     fence = Fence(impact, time, state)
     motion = free_state(impact, state)
     acting = polar.FenceForces(0.0, 0.0, *belt_friction(impact, motion))
-    anywhere = polar.FencePoint(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    moved = polar.oblique_impact(motion, anywhere, parcel_of(impact), acting, 1)
-    return np.concatenate(
-        [
-            beam_rate(impact, fence, state, 0.0),
-            motion[3:],
-            [moved.r_ddot, moved.alpha_ddot, moved.phi_ddot],
-        ]
-    )
+    moved = polar.oblique_impact(motion, STILL, parcel_of(impact), acting, 1)
+    return state_rate(impact, fence, state, 0.0, motion, moved)
 
 
 def sample(impact, time, state):

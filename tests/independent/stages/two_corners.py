@@ -7,19 +7,18 @@ that, and by nothing else: the difference is their effect. State vector in the l
 `common.FREE`. The stage ends where corner 1 runs over the tip.
 """
 
-import numpy as np
-
 from .. import polar
 from ..impact import Fence
 from .common import (
     at_border,
     at_fence,
-    beam_rate,
     belt_friction,
+    center,
     foot,
     free_state,
     make_sample,
     parcel_of,
+    state_rate,
 )
 
 NAME = "two corners"
@@ -51,13 +50,7 @@ def derivative(impact, time, state):
     )
     moved = polar.border_and_fence(motion, first.point, parcel, acting, 1, 2)
     load = sum(normal * found.load for found, normal, _ in corners.values())
-    return np.concatenate(
-        [
-            beam_rate(impact, fence, state, load),
-            motion[3:],
-            [moved.r_ddot, moved.alpha_ddot, moved.phi_ddot],
-        ]
-    )
+    return state_rate(impact, fence, state, load, motion, moved)
 
 
 def sample(impact, time, state):
@@ -67,7 +60,6 @@ def sample(impact, time, state):
         float(polar.gap(motion, found.point, parcel_of(impact), corner))
         for corner, (found, _, _) in corners.items()
     ]
-    place = motion.r * np.cos(motion.alpha), motion.r * np.sin(motion.alpha)
     normals = tuple(normal for _, normal, _ in corners.values())
     return make_sample(
         impact,
@@ -77,7 +69,7 @@ def sample(impact, time, state):
         normal=sum(normals),
         friction=sum(friction for _, _, friction in corners.values()),
         gap=0.5 * sum(gaps),
-        arc=foot(impact, fence, *place).arc,
+        arc=foot(impact, fence, *center(motion)).arc,
         border_normal=border[0],
         corner_normals=normals,
     )
