@@ -2,6 +2,7 @@
 
 import os
 
+import jax
 import jaxlib.version
 from jax._src.xla_bridge import backends_are_initialized
 
@@ -17,6 +18,12 @@ _EXTRA = {
 # An unknown flag of this kind stops the process: given only to versions that are known to have it.
 _FLAGS = {"xla_cpu_use_fusion_emitters": "false"}
 _KNOWN = (0, 7, 0), (0, 11, 0)
+
+
+def shares_arithmetic() -> bool:
+    """Whether XLA computes once what several results have in common: on a CPU if told to."""
+    told = "xla_cpu_use_multi_output_fusion=true" in os.environ.get("XLA_FLAGS", "")
+    return told or jax.default_backend() != "cpu"
 
 
 def tune_compiler(devices: int | None = None) -> None:

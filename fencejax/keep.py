@@ -10,15 +10,21 @@ from equinox.internal import unvmap_any
 from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array
 
+from .compiler import shares_arithmetic
+
 
 def keep(holds: Array, function: Callable[..., Any], *arguments: Any) -> Any:
     """`function(*arguments)`, worked out once and put in memory; not a number unless `holds`.
 
-    On a CPU the compiler fuses cheap arithmetic into every place that reads it, over and over:
-    long scalar formulas with many results grow out of hand, in time to compile and to run. A
-    branch keeps it from that, as long as the compiler cannot know that it is always taken: `holds`
-    must be true for every sound input, one for the whole batch, and not a constant.
+    Left to itself (see `fencejax.tune_compiler`), on a CPU the compiler fuses cheap arithmetic into
+    every place that reads it, over and over: long scalar formulas with many results grow out of
+    hand, in time to compile and to run. A branch keeps it from that, as long as the compiler cannot
+    know that it is always taken: `holds` must be true for every sound input, one for the whole
+    batch, and not a constant. Where the compiler shares arithmetic, this is just
+    `function(*arguments)`.
     """
+    if shares_arithmetic():
+        return function(*arguments)
     # Traced once, and from there on taken as it is.
     traced, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     results = jax.tree.structure(shapes)

@@ -78,6 +78,11 @@ class Forces(NamedTuple):
     belt_slopes: tuple[Array, Array] | None
     slip: tuple[Array, Array, Array] | None
 
+    def outcome(self) -> "Forces":
+        """What counts of them once the motion is found: not how they answer to a change."""
+        touches = tuple(touch._replace(normal=(), tangent=()) for touch in self.touches)
+        return self._replace(touches=touches, laws=(), responses=(), belt_slopes=None, slip=None)
+
 
 def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
     """Share t <= 1 at which s - t d is nearest to rest, given s.d and d.d; 1 where that lies
@@ -278,10 +283,10 @@ class Mechanics(eqx.Module):
         scale = jnp.full_like(forces.acceleration.x, 1e-6)
         if self.belt is not None:
             scale = scale + self.belt.weight
-        for what, law in zip(forces.fence, forces.laws, strict=True):
-            scale = scale + jnp.abs(what.normal) + law
-        for what in forces.border:
-            scale = scale + what.normal
+        for what in (*forces.fence, *forces.border):
+            scale = scale + jnp.abs(what.normal)
+        for law in forces.laws:
+            scale = scale + law
         return scale
 
     def reversal(self, forces: Forces, change) -> Array:

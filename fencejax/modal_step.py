@@ -184,7 +184,12 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     arms = mechanics.arms(predicted)
     equations = _End(mechanics, body, was, predicted, arms, frame, fence, stride)
     root, (forces, unbalance) = newton.solve(
-        _End.evaluate, _End.shorten, equations, guess, clock.iterations
+        _End.evaluate,
+        _End.shorten,
+        equations,
+        guess,
+        clock.iterations,
+        lambda extra: (extra[0].outcome(), extra[1]),
     )
     after = equations.body_at(root[:3])
     normals = tuple(c.normal for c in forces.fence)

@@ -42,6 +42,7 @@ def solve(
     given: Any,
     guess: Unknowns,
     most: Array,
+    wanted: Callable[[Any], Any] = lambda extra: extra,
 ) -> tuple[Unknowns, Any]:
     """A root near `guess` by at most `most` steps of Newton's method, and what goes with it.
 
@@ -50,6 +51,7 @@ def solve(
       wanted at the root.
     - `shorten(given, extra, change)` returns the share of a step x - change that may be taken, so
       that no friction force is carried across its jump.
+    - `wanted(extra)`: what of it is returned, and differentiated.
     - `most` is a traced number (floating-point). The compiler so keeps the loop: one copy of
       `evaluate` in the program, its results in memory.
 
@@ -66,7 +68,7 @@ def solve(
             change = eliminate(matrix, residual)
             share = shorten(given, extra, change)
             after = tuple(a - share * b for a, b in zip(x, change, strict=True))
-            return count + 1, size, after, x, extra
+            return count + 1, size, after, x, wanted(extra)
 
         def go_on(carry):
             count, size = carry[:2]
@@ -85,7 +87,7 @@ def solve(
 
         def at_root(given):
             residual, _, _, extra = evaluate(given, root)
-            return residual, extra
+            return residual, wanted(extra)
 
         def moved(given_dot):
             _, matrix, _, _ = evaluate(given, root)
@@ -93,7 +95,7 @@ def solve(
             return tuple(-d for d in eliminate(matrix, residual_dot)), extra_dot
 
         def total(root_dot, extra_dot):
-            _, along = jax.jvp(lambda x: evaluate(given, x)[3], (root,), (root_dot,))
+            _, along = jax.jvp(lambda x: wanted(evaluate(given, x)[3]), (root,), (root_dot,))
             return jax.tree.map(jnp.add, extra_dot, along)
 
         root_dot, extra_dot = keep(count > 0, moved, tangents[0])
