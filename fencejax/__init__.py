@@ -1,6 +1,11 @@
 """Differentiable simulation and design of flexible sorting fences, in JAX."""
 
-from . import objectives as objectives, plot as plot, scenes as scenes
+from . import (
+    objectives as objectives,
+    plot as plot,
+    sampling as sampling,
+    scenes as scenes,
+)
 from .belt import Belt as Belt, Border as Border
 from .choice import (
     Choice as Choice,
@@ -37,9 +42,13 @@ from .objectives import (
 from .optimizer import Optimum as Optimum, Record as Record, Stop as Stop, minimize as minimize
 from .parcel import Parcel as Parcel
 from .result import Ledger as Ledger, Result as Result
+from .scene_family import SceneFamily as SceneFamily
 from .scenes import NormalScene as NormalScene, Scene as Scene
 from .simulate import simulate as simulate
 from .status import Status as Status
+from .sweep import Sweep as Sweep
+from .sweep_run import run_sweep as run_sweep
+from .sweep_table import SweepTable as SweepTable
 from .taper import (
     AbstractTaper as AbstractTaper,
     ConstantStrength as ConstantStrength,

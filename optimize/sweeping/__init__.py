@@ -1,0 +1,1 @@
+"""The pieces of the sweep: its configuration and its figures."""
