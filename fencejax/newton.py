@@ -56,8 +56,7 @@ def solve(
       `evaluate` in the program, its results in memory.
 
     In a batch all lanes go on until the last one is done. The derivative is by the implicit
-    function theorem, dx = -M^-1 dF at fixed x, and does not pass through the iterations: it is
-    right to the first order, as the root is converged and M close.
+    function theorem, dx = -F_x^-1 dF at fixed x, with the exact F_x whatever the iterations used.
     """
 
     @jax.custom_jvp
@@ -85,21 +84,28 @@ def solve(
         given, guess, most = primals
         (root, extra), count = run(given, guess, most)
 
-        def at_root(given):
-            residual, _, _, extra = evaluate(given, root)
+        def at(given, x):
+            residual, _, _, extra = evaluate(given, x)
             return residual, wanted(extra)
 
         def moved(given_dot):
-            _, matrix, _, _ = evaluate(given, root)
-            _, (residual_dot, extra_dot) = jax.jvp(at_root, (given,), (given_dot,))
-            return tuple(-d for d in eliminate(matrix, residual_dot)), extra_dot
+            # The whole Jacobian in x, column by column: `matrix` is only close to it.
+            columns = jax.vmap(
+                lambda *unit: jax.jvp(lambda x: at(given, x), (root,), (unit,))[1], out_axes=-1
+            )(*jnp.eye(len(root), dtype=root[0].dtype))
+            slopes, extra_slopes = columns
+            matrix = [[row[j] for j in range(len(root))] for row in slopes]
+            _, (residual_dot, extra_dot) = jax.jvp(lambda g: at(g, root), (given,), (given_dot,))
+            root_dot = tuple(-d for d in eliminate(matrix, residual_dot))
 
-        def total(root_dot, extra_dot):
-            _, along = jax.jvp(lambda x: wanted(evaluate(given, x)[3]), (root,), (root_dot,))
-            return jax.tree.map(jnp.add, extra_dot, along)
+            def total(held, slope):
+                for j, dot in enumerate(root_dot):
+                    held = held + slope[j] * dot
+                return held
+
+            return root_dot, jax.tree.map(total, extra_dot, extra_slopes)
 
         root_dot, extra_dot = keep(count > 0, moved, tangents[0])
-        extra_dot = keep(count > 0, total, root_dot, extra_dot)
         return ((root, extra), count), ((root_dot, extra_dot), jnp.zeros_like(count))
 
     return run(given, jax.lax.stop_gradient(guess), most)[0]
