@@ -1,10 +1,14 @@
 """Differentiable simulation and design of flexible sorting fences, in JAX."""
 
 from . import (
+    identify as identify,
     objectives as objectives,
     plot as plot,
+    recording as recording,
     sampling as sampling,
+    scene_numbers as scene_numbers,
     scenes as scenes,
+    sensitivity as sensitivity,
 )
 from .belt import Belt as Belt, Border as Border
 from .choice import (
@@ -41,6 +45,7 @@ from .objectives import (
 )
 from .optimizer import Optimum as Optimum, Record as Record, Stop as Stop, minimize as minimize
 from .parcel import Parcel as Parcel
+from .response import Response as Response
 from .result import Ledger as Ledger, Result as Result
 from .scene_family import SceneFamily as SceneFamily
 from .scenes import NormalScene as NormalScene, Scene as Scene

@@ -1,116 +1,200 @@
-"""Pictures of a scene: the fence bent, the parcel, the belt and the border, seen from above."""
+"""Pictures of a scene seen from above: the fence bent, the parcel, belt and border, forces."""
 
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
+from . import _check, style
 from .fidelity import Fidelity
-from .link import FlexibleLink
+from .histories import single_history
+from .outline import FORCES, Outline, outline
 from .result import Result
 from .scenes import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.quiver import Quiver
 
-_FENCE, _PARCEL, _BELT = "#c8501e", "#0b5fa5", "#ece8df"
+FENCE, PARCEL = "#c8501e", "#0b5fa5"
+_BELT, _TEXT = "#ece8df", "#8a8577"
+_FORCES = {
+    # name: color, title
+    "fence": ("black", "fence, normal"),
+    "fence_friction": ("#7a4aa0", "fence, friction"),
+    "border": ("black", "border, normal"),
+    "border_friction": ("#7a4aa0", "border, friction"),
+    "belt": ("#2a8c4a", "belt"),
+}
+_LONGEST = 0.3
 
 
-def fence_line(scene: Scene, result: Result, index: int, fidelity: Fidelity | None = None):
-    """Points (x, y) [m] of the fence at sample `index`: the hinge and the nodes of the link.
+class Arrows(NamedTuple):
+    """How forces are drawn: their names, and metres of arrow a newton."""
 
-    `fidelity` is the one that the result was computed with, by default `Fidelity.standard()`.
+    names: tuple[str, ...]
+    scale: float
+
+
+def chosen_arrows(
+    result: Result, forces: Sequence[str], force_scale: float | None
+) -> Arrows:
+    """Check the names; without a scale the largest force of the result becomes 0.3 m long.
+
+    Raises `ValueError` for an unknown name or a scale that is not above 0.
     """
-    if scene.fence is None or result.history is None or result.history.vibration is None:
-        raise ValueError(
-            "Arguments `scene` and `result` must hold a fence and a history, but do not. Write "
-            "simulate(scene, history=True) for a scene with a fence."
-        )
-    assert result.history.drive is not None
-    link = FlexibleLink(scene.fence, Fidelity.standard() if fidelity is None else fidelity)
-    amplitude = [np.asarray(block)[index] for block in result.history.vibration.amplitude]
-    deflection = np.zeros(link.elements + 1)
-    for table, value in zip(link.deflection, amplitude, strict=True):
-        deflection = deflection + np.asarray(jnp.dot(table, value))
-    size = float(link.length) / link.elements
-    angles = np.arcsin(np.clip(np.diff(deflection) / size, -1, 1))
-    along = float(link.rigid_length) + size * np.concatenate([[0.0], np.cumsum(np.cos(angles))])
-    along, across = np.concatenate([[0.0], along]), np.concatenate([[0.0], deflection])
-    turn = float(np.asarray(result.history.drive.angle)[index])
-    cosine, sine = np.cos(turn), np.sin(turn)
-    return cosine * along - sine * across, sine * along + cosine * across
+    names = (forces,) if isinstance(forces, str) else tuple(forces)
+    for name in names:
+        _check.choice("forces", name, FORCES)
+    if force_scale is not None:
+        return Arrows(names, _check.number("force_scale", force_scale, above=0, unit="m/N"))
+    history = single_history(result)
+    found = [np.asarray(c.normal) for c in (*history.fence, *history.border)]
+    if history.belt is not None and "belt" in names:
+        found.append(np.hypot(np.asarray(history.belt.x), np.asarray(history.belt.y)))
+    largest = max((float(np.nanmax(part)) for part in found), default=0.0)
+    return Arrows(names, _LONGEST / largest if largest > 0 else 1.0)
 
 
-def parcel_outline(scene: Scene, result: Result, index: int):
-    """Corners (x, y) [m] of the parcel at sample `index`, closed."""
-    assert result.history is not None
-    body = [float(np.asarray(q)[index]) for q in result.history.body[:3]]
-    corners = np.array([[float(v) for v in scene.parcel.corner(k)] for k in (1, 2, 3, 4, 1)])
-    cosine, sine = np.cos(body[2]), np.sin(body[2])
-    return (
-        body[0] + cosine * corners[:, 0] - sine * corners[:, 1],
-        body[1] + sine * corners[:, 0] + cosine * corners[:, 1],
-    )
+def draw_ground(scene: Scene, axes: "Axes") -> None:
+    """Belt, border and hinge, in metres; labels of the axes."""
+    if scene.belt is not None:
+        width = float(scene.belt.width)
+        axes.axhspan(0.0, width, color=_BELT, linewidth=0, zorder=0)
+        axes.axhline(width, color=_TEXT, linewidth=0.8, linestyle=":", zorder=0)
+    axes.axhline(0.0, color="black", linewidth=0.8 if scene.border is None else 2.0, zorder=1)
+    if scene.fence is not None:
+        axes.plot(0.0, 0.0, "o", color=FENCE, markersize=5, zorder=5)
+    axes.set_aspect("equal")
+    runs = "" if scene.belt is None else f", {float(scene.belt.speed):g} m/s $\\rightarrow$"
+    axes.set_xlabel(f"x along the belt{runs} [m]")
+    axes.set_ylabel("y across the belt [m]")
+
+
+def draw_arrows(shape: Outline, index: int, arrows: Arrows, axes: "Axes", alpha: float = 1.0):
+    """Forces of one frame as arrows; a quiver for each name that the scene has, in metres."""
+    made: dict[str, Quiver] = {}
+    for name in arrows.names:
+        if name not in shape.forces:
+            continue
+        x, y, force_x, force_y = (part[index] for part in shape.forces[name])
+        made[name] = axes.quiver(
+            x, y, arrows.scale * force_x, arrows.scale * force_y, color=_FORCES[name][0],
+            angles="xy", scale_units="xy", scale=1.0, units="inches", width=0.022,
+            headwidth=5.0, headlength=6.0, headaxislength=5.5, minlength=0.1, alpha=alpha,
+            zorder=6,
+        )  # fmt: skip
+    return made
+
+
+def reference_force(scale: float) -> float:
+    """A round force [N] whose arrow is between 0.08 m and 0.2 m long."""
+    most = 0.2 / scale
+    power = 10 ** math.floor(math.log10(most))
+    return max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-9))
+
+
+def explain_arrows(made: "dict[str, Quiver]", arrows: Arrows, axes: "Axes") -> None:
+    """A key above the axes: how long an arrow is, and colors where there are several."""
+    if not made:
+        return
+    newton = reference_force(arrows.scale)
+    # An empty title keeps the room above.
+    axes.set_title(axes.get_title(loc="left") or " ", loc="left", fontsize="small")
+    axes.quiverkey(
+        next(iter(made.values())), 0.8, 1.04, arrows.scale * newton, f"{newton:g} N",
+        labelpos="E", coordinates="axes", fontproperties={"size": "small"}, color="black",
+    )  # fmt: skip
+    colors = {_FORCES[name][0] for name in made}
+    for color in sorted(colors) if len(colors) > 1 else ():
+        titles = [_FORCES[name][1] for name in made if _FORCES[name][0] == color]
+        axes.plot([], [], color=color, linewidth=1.4, label="\n".join(titles))
 
 
 def draw_scene(
     scene: Scene,
     result: Result,
-    times=(0.0,),
+    times: Any = 0.0,
     *,
+    forces: Sequence[str] = ("fence", "border"),
+    force_scale: float | None = None,
+    path: bool = False,
     axes: "Axes | None" = None,
     fidelity: Fidelity | None = None,
 ) -> "Axes":
-    """Draw fence and parcel at `times` [s], later ones darker, with the normal force as an arrow.
+    """A scene from above at one time or several [s], later ones darker.
 
-    Returns the axes, in metres, seen from above with the belt running to the right.
+    The fence's line is where the corners meet it; its thickness is drawn behind it. The arrows are
+    the forces on the parcel, to scale.
+
+    **Arguments:**
+
+    - `scene`, `result`: what was simulated, with its history.
+    - `forces`: names of `fencejax.outline.FORCES`; those that the scene lacks are left out.
+    - `force_scale` [m/N]: metres of arrow a newton; by default the largest force is 0.3 m long.
+    - `path`: draw the path of C_s up to the last of the times.
+    - `axes`: where to draw, in metres; by default a figure of page width.
+    - `fidelity`: the one that the result was computed with, if its elements are not 20.
+
+    Raises `TypeError` and `ValueError` as `fencejax.outline.outline` does, and `ValueError` for an
+    unknown force.
     """
-    if axes is None:
-        from matplotlib.figure import Figure
-
-        axes = Figure(figsize=(6.3, 3.6), layout="constrained").subplots()
-    if result.history is None:
-        raise ValueError("Argument `result` must hold a history. Write history=True.")
-    clock = np.asarray(result.history.time)
-    width = 0.7 if scene.belt is None else float(scene.belt.width)
-    axes.axhspan(0.0, width, color=_BELT, zorder=0)
-    axes.axhline(0.0, color="black", linewidth=1.5)
-    axes.axhline(width, color="black", linewidth=0.8, linestyle=":")
-    shades = np.linspace(0.25, 1.0, len(times)) if len(times) > 1 else [1.0]
-    strongest = float(np.max(np.asarray(result.history.fence_force))) or 1.0
-    for time, shade in zip(times, shades, strict=True):
-        index = int(np.argmin(np.abs(clock - time)))
-        x, y = parcel_outline(scene, result, index)
-        axes.fill(x, y, facecolor=_PARCEL, alpha=0.15 * shade, zorder=1)
-        axes.plot(x, y, color=_PARCEL, alpha=shade, linewidth=1.2)
-        center = [float(np.asarray(q)[index]) for q in result.history.body[:2]]
-        axes.plot(*center, "+", color=_PARCEL, alpha=shade, markersize=5)
-        if scene.fence is None:
-            continue
-        line_x, line_y = fence_line(scene, result, index, fidelity)
-        axes.plot(line_x, line_y, color=_FENCE, alpha=shade, linewidth=2.0)
-        for corner, contact in zip(scene.fence_corners, result.history.fence, strict=True):
-            force = float(np.asarray(contact.normal)[index])
-            if force > 0.02 * strongest:
-                foot = x[corner - 1], y[corner - 1]
-                length = 0.25 * force / strongest
-                angle = _normal_angle(line_x, line_y, float(np.asarray(contact.place)[index]))
-                head = foot[0] + length * np.cos(angle), foot[1] + length * np.sin(angle)
-                axes.annotate(
-                    "",
-                    head,
-                    foot,
-                    arrowprops={"arrowstyle": "-|>", "color": "black", "alpha": shade},
-                )
-    axes.plot(0.0, 0.0, "o", color=_FENCE, markersize=5)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x along the belt [m]")
-    axes.set_ylabel("y across the belt [m]")
+    arrows = chosen_arrows(result, forces, force_scale)
+    shape = outline(scene, result, times, fidelity=fidelity)
+    axes = style.figure(3.7).subplots() if axes is None else axes
+    draw_ground(scene, axes)
+    count = len(shape.time)
+    order = np.argsort(np.argsort(shape.time, kind="stable"), kind="stable")
+    shades = 0.3 + 0.7 * order / max(1, count - 1) if count > 1 else np.ones(1)
+    made = {}
+    for index, shade in enumerate(shades):
+        shade = float(shade)
+        name = f"{1e3 * shape.time[index]:.3g} ms" if 1 < count <= 8 else None
+        axes.fill(*shape.parcel[index], facecolor=PARCEL, alpha=0.15 * shade, zorder=2)
+        axes.plot(
+            *shape.parcel[index], color=PARCEL, alpha=shade, linewidth=1.2, zorder=3, label=name
+        )
+        axes.plot(*shape.center[index], "+", color=PARCEL, alpha=shade, markersize=5, zorder=3)
+        if shape.fence is not None and shape.back is not None:
+            axes.fill(*band(shape, index), facecolor=FENCE, alpha=0.25 * shade, zorder=3)
+            axes.plot(*shape.fence[index], color=FENCE, alpha=shade, linewidth=1.6, zorder=4)
+            draw_joint(scene, shape, index, axes, shade)
+        made = draw_arrows(shape, index, arrows, axes, shade) or made
+    if path:
+        clock = np.asarray(single_history(result).time, dtype=float)
+        last = np.max(shape.time)
+        body = single_history(result).body
+        way = np.stack([np.asarray(body.x), np.asarray(body.y)])[:, clock < last]
+        way = np.concatenate([way, shape.center[[int(np.argmax(shape.time))]].T], axis=1)
+        axes.plot(
+            *way, color=PARCEL, linewidth=0.8, linestyle="--", zorder=2, label="path of C$_s$"
+        )
+    explain_arrows(made, arrows, axes)
+    if axes.get_legend_handles_labels()[0]:
+        # Beside the picture, which seldom fills the page.
+        axes.legend(
+            frameon=False, fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.02),
+            handlelength=1.2,
+        )  # fmt: skip
     return axes
 
 
-def _normal_angle(x, y, place):
-    """Direction [rad] of the normal of the drawn line at the arc coordinate `place` [m]."""
-    reached = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
-    piece = int(np.clip(np.searchsorted(reached, place) - 1, 0, len(x) - 2))
-    return np.arctan2(y[piece + 1] - y[piece], x[piece + 1] - x[piece]) + np.pi / 2
+def draw_joint(scene: Scene, shape: Outline, index: int, axes: "Axes", alpha: float = 1.0):
+    """A mark where the rigid link ends and the flexible one begins, unless that is the hinge."""
+    if scene.fence is None or shape.fence is None:
+        return None
+    if float(scene.fence.rigid_length) < 0.01 * float(scene.fence.reach):
+        return None
+    x, y = shape.fence[index][:, 1]
+    (mark,) = axes.plot(
+        [x], [y], "o", color=FENCE, markerfacecolor="white", markersize=4, alpha=alpha, zorder=5
+    )
+    return mark
+
+
+def band(shape: Outline, index: int):
+    """(x, y) of the fence's body at a frame: along its line and back behind it."""
+    assert shape.fence is not None
+    assert shape.back is not None
+    return np.concatenate([shape.fence[index], shape.back[index][:, ::-1]], axis=1)

@@ -10,9 +10,8 @@ from jaxtyping import Array
 
 import fencejax as fj
 from fencejax.kinematics import Body
-from fencejax.mechanics import Mechanics
 from fencejax.scenes import NormalScene, Scene
-from fencejax.simulate import initial_state
+from fencejax.simulate import prepared
 
 from .drives import FittedDrive
 from .fences import FENCES
@@ -77,8 +76,8 @@ class Start(eqx.Module):
 
 def _pose(scene: Scene, fidelity: fj.Fidelity) -> tuple[Array, Body]:
     """The drive's clock [s] and the parcel's motion at the first touch."""
-    time, body, _ = initial_state(scene, Mechanics(scene, fidelity))
-    return time, body
+    _, clock, memory = prepared(scene, fidelity)
+    return clock.start, memory.body
 
 
 @eqx.filter_jit
