@@ -5,10 +5,12 @@ from . import (
     objectives as objectives,
     plot as plot,
     recording as recording,
+    risk as risk,
     sampling as sampling,
     scene_numbers as scene_numbers,
     scenes as scenes,
     sensitivity as sensitivity,
+    severity as severity,
 )
 from .belt import Belt as Belt, Border as Border
 from .choice import (
@@ -36,14 +38,22 @@ from .error import (
 from .fence import Fence as Fence
 from .fidelity import Fidelity as Fidelity
 from .friction import Friction as Friction
+from .journal import Journal as Journal
 from .material import Material as Material
+from .multistart import minimize_many as minimize_many
 from .objectives import (
     LIMITS as LIMITS,
     OBJECTIVES as OBJECTIVES,
     Limit as Limit,
     Quantity as Quantity,
 )
-from .optimizer import Optimum as Optimum, Record as Record, Stop as Stop, minimize as minimize
+from .optimizer import (
+    Optimum as Optimum,
+    Program as Program,
+    Record as Record,
+    Stop as Stop,
+    minimize as minimize,
+)
 from .parcel import Parcel as Parcel
 from .response import Response as Response
 from .result import Ledger as Ledger, Result as Result
@@ -62,3 +72,4 @@ from .taper import (
     SteppedTaper as SteppedTaper,
     Uniform as Uniform,
 )
+from .verification import Verification as Verification, verify as verify

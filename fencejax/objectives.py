@@ -4,9 +4,12 @@ import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from . import _check
+from .fence import Fence
 from .result import Result
 from .scenes import NormalScene, Scene
 
@@ -23,7 +26,7 @@ class Quantity:
 
     - `name`, `unit`, `meaning`: what it is.
     - `read`: the function of the result and the scene behind it.
-    - `needs`: the parts of the scene that it cannot do without: `"fence"`, `"belt"`.
+    - `needs`: the parts of the scene that it cannot do without: `"fence"`, `"belt"`, `"drive"`.
     - `fields`: the fields of the result that it reads; `None` if that is not known.
     """
 
@@ -104,11 +107,45 @@ TIP_CLEARANCE = Quantity(
     fields=("largest_place",),
 )  # fmt: skip
 
+RING_ENERGY = Quantity(
+    "ring_energy", "J", "what the fence's motion and bending hold at the end, less at the start",
+    lambda result, scene: result.energy.fence_kinetic + result.energy.strain,
+    needs=("fence",),
+    fields=("energy",),
+)  # fmt: skip
+FENCE_MASS = Quantity(
+    "fence_mass", "kg", "mass of the rigid and the flexible link",
+    lambda result, scene: _fence_mass(scene.fence),
+    needs=("fence",),
+    fields=(),
+)  # fmt: skip
+CYCLE_TIME = Quantity(
+    "cycle_time", "s", "time until the drive is home again: the shortest from parcel to parcel",
+    lambda result, scene: scene.drive.cycle,
+    needs=("drive",),
+    fields=(),
+)  # fmt: skip
+
+
+def _fence_mass(fence: Fence) -> Array:
+    """rho z h_1 (l_s + l_p mean of g) [kg], with the taper's mean by Gauss-Legendre quadrature.
+
+    In u, tip_distance = u^2: exact for uniform and constant-strength links.
+    """
+    node, weight = np.polynomial.legendre.leggauss(24)
+    root, weight = 0.5 * (1 + node), 0.5 * weight
+    material = fence.material
+    section = material.density * fence.width * fence.thickness
+    relative = jnp.asarray(fence.taper(1 - root**2, root**2)).astype(section.dtype)
+    mean = jnp.sum(relative * jnp.asarray(2 * weight * root, dtype=section.dtype))
+    return section * (fence.rigid_length + fence.flexible_length * mean)
+
+
 OBJECTIVES: Mapping[str, Quantity] = {
     quantity.name: quantity
     for quantity in (
         PEAK_FORCE, TIP_DEFLECTION, PEAK_STRESS, IMPULSE, PEAK_TORQUE, BORDER_FORCE,
-        CONTACT_TIME, INDENTATION, CROSSING, TIP_CLEARANCE,
+        CONTACT_TIME, INDENTATION, CROSSING, TIP_CLEARANCE, RING_ENERGY, FENCE_MASS, CYCLE_TIME,
     )
 }  # fmt: skip
 """Every quantity by name."""

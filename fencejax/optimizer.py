@@ -3,27 +3,37 @@
 import dataclasses
 import enum
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from jaxtyping import ArrayLike
 
 from . import _check
 from .descent import Adam, Lbfgs, Merit
-from .evaluator import Evaluator, Problem, Record as Record
+from .evaluator import Evaluator, Numbers, Problem, Program, Record as Record
+from .journal import Journal
 from .lagrangian import (
     Evaluation,
     Multipliers,
     Residual,
     Vector,
     augmented,
+    onto_simplex,
     projected,
     residual,
     shortfall,
     updated,
 )
+from .sequential import Sequence
 from .status import Status
 
 _METHODS = {"lbfgs": Lbfgs, "adam": Adam}
+_ENDS = {
+    "optimal": "OPTIMAL",
+    "spent": "BUDGET",
+    "stalled": "STAGNATED",
+    "infeasible": "INFEASIBLE",
+}
 _ROUNDS = 30
 
 
@@ -91,9 +101,10 @@ class Optimum:
 
 
 def minimize(
-    problem: Problem,
+    problem: Problem | Program,
     start: ArrayLike,
     *,
+    data: tuple[Any, ...] = (),
     logits: bool = False,
     method: str = "lbfgs",
     tolerance: float = 1e-3,
@@ -101,57 +112,105 @@ def minimize(
     penalty: float = 10.0,
     scale: float | None = None,
     budget: int = 150,
+    multipliers: Multipliers | None = None,
     worst_status: int = Status.LEFT_OVER_TIP,
+    journal: Journal | None = None,
     progress: Callable[[Record], None] | None = None,
 ) -> Optimum:
     """min over z of max_i F_i(z), subject to g_j(z) >= 0.
 
-    An augmented Lagrangian (`fencejax.lagrangian`) with an inner descent by optax. One evaluation
-    is one call of the compiled problem, which gives every F and g with the Jacobian.
+    An augmented Lagrangian (`fencejax.lagrangian`) with an inner descent by optax, or sequential
+    quadratic programming. One evaluation is one call of the compiled problem, which gives every F
+    and g with the Jacobian.
 
     **Arguments:**
 
     - `problem`: z (n,) -> objectives F (k,), margins g (m,) [1], statuses of the lanes (any shape;
-      see `Status`, 0 where there are none).
+      see `Status`, 0 where there are none); or a `Program` made of such a function, which several
+      runs then share.
     - `start`: z at the start.
+    - `data`: further arguments of the problem, the same throughout the run.
     - `logits`: z are logits of shares in [0, 1], as those of `DesignSpace`; stationarity is then
       that of the shares between their bounds.
-    - `method`: `"lbfgs"` or `"adam"`.
+    - `method`: `"lbfgs"` or `"adam"` on the augmented Lagrangian, or `"sqp"`, sequential quadratic
+      programming (`fencejax.sequential`), which takes the fewest evaluations.
     - `tolerance` [1]: on stationarity and complementarity, the objective over `scale`.
     - `feasibility` [1]: the violation of a margin that still counts as none.
     - `penalty`: rho at the start.
     - `scale`: of the objective, by default its magnitude at the start.
     - `budget`: evaluations at most.
+    - `multipliers`: those at the start, in the units of `scale`: of a neighbouring problem's
+      optimum, say. By default equal weights, and 0 for the margins.
     - `worst_status`: an evaluation with a status above it, or with a number that is not finite,
       has failed: the step towards it is shortened.
+    - `journal`: evaluations made before; the run is resumed from them, and adds its own.
     - `progress`: called with every `Record`.
 
     Raises `ValueError` and `TypeError` for arguments out of their range.
     """
-    _check.choice("method", method, tuple(_METHODS))
-    for name, number in (
-        ("tolerance", tolerance),
-        ("feasibility", feasibility),
-        ("penalty", penalty),
-    ):
-        _check.number(name, number, above=0)
-    _check.count("budget", budget, least=1)
-    if scale is not None:
-        _check.number("scale", scale, above=0)
-    point = np.asarray(_check.vector("start", np.asarray(start, dtype=float)))
-    run = Evaluator(problem, logits, scale, budget, worst_status, progress)
-    inner = _METHODS[method]()
-    at = run(point)
-    assert at is not None
-    run.first = at
-    if at.failed:
-        return _outcome(run, at, _initial(at), Stop.FAILED_START, feasibility)
-    at, multipliers, stop = _outer_loop(run, inner, at, tolerance, feasibility, penalty)
-    if stop is not Stop.OPTIMAL:
-        at, multipliers, stop = _least_violating(
-            run, inner, at, multipliers, stop, tolerance, feasibility
-        )
-    return _outcome(run, at, multipliers, stop, feasibility)
+    program = problem if isinstance(problem, Program) else Program(problem)
+
+    def compute(point: Vector) -> Numbers:
+        return program(point, *data)
+
+    settings = Settings(
+        logits, method, tolerance, feasibility, penalty, scale, budget, worst_status
+    )
+    return settings.run(compute, start, data, multipliers, journal, progress)
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """The arguments of `minimize` that say how, checked."""
+
+    logits: bool = False
+    method: str = "lbfgs"
+    tolerance: float = 1e-3
+    feasibility: float = 1e-4
+    penalty: float = 10.0
+    scale: float | None = None
+    budget: int = 150
+    worst_status: int = Status.LEFT_OVER_TIP
+
+    def __post_init__(self):
+        _check.choice("method", self.method, ("sqp", *_METHODS))
+        for name in ("tolerance", "feasibility", "penalty"):
+            _check.number(name, getattr(self, name), above=0)
+        _check.count("budget", self.budget, least=1)
+        if self.scale is not None:
+            _check.number("scale", self.scale, above=0)
+
+    def run(
+        self,
+        compute: Callable[[Vector], Numbers],
+        start: ArrayLike,
+        data: tuple[Any, ...] = (),
+        multipliers: Multipliers | None = None,
+        journal: Journal | None = None,
+        progress: Callable[[Record], None] | None = None,
+    ) -> Optimum:
+        """Minimise what `compute` gives; see `minimize`."""
+        point = np.asarray(_check.vector("start", np.asarray(start, dtype=float)))
+        run = Evaluator(
+            compute, self.logits, self.scale, self.budget, self.worst_status, progress, journal,
+            data,
+        )  # fmt: skip
+        at = run(point)
+        assert at is not None
+        run.first = at
+        held = _initial(at) if multipliers is None else _fitting(multipliers, at)
+        if at.failed:
+            return _outcome(run, at, held, Stop.FAILED_START, self.feasibility)
+        within = (self.tolerance, self.feasibility)
+        if self.method == "sqp":
+            inner = Lbfgs()
+            at, held, stop = _stepwise(run, at, held, *within, self.penalty, self.logits)
+        else:
+            inner = _METHODS[self.method]()
+            at, held, stop = _outer_loop(run, inner, at, held, *within, self.penalty)
+        if stop is not Stop.OPTIMAL:
+            at, held, stop = _least_violating(run, inner, at, held, stop, *within)
+        return _outcome(run, at, held, stop, self.feasibility)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -180,9 +239,20 @@ class _Round:
         return projected(at.point, slope, self.logits) <= self.within or self.optimal(at)
 
 
-def _outer_loop(run: Evaluator, inner, at: Evaluation, tolerance, feasibility, penalty):
+def _stepwise(run: Evaluator, at, multipliers, tolerance, feasibility, penalty, logits):
+    """Sequential quadratic programming."""
+    run.outer = 1
+    latest = [multipliers]
+    run.estimate = lambda _: latest[0]
+    sequence = Sequence(logits, tolerance, feasibility, penalty)
+    at, multipliers, end = sequence.run(run, at, multipliers, latest)
+    return at, multipliers, Stop[_ENDS[end]]
+
+
+def _outer_loop(
+    run: Evaluator, inner, at: Evaluation, multipliers, tolerance, feasibility, penalty
+):
     """Descend, update the multipliers, raise the penalty where the violation does not fall."""
-    multipliers = _initial(at)
     inner_tolerance, left, idle = 0.1, np.inf, 0
 
     for outer in range(1, _ROUNDS + 1):
@@ -212,6 +282,18 @@ def _outer_loop(run: Evaluator, inner, at: Evaluation, tolerance, feasibility, p
 def _initial(at: Evaluation) -> Multipliers:
     count = at.objectives.size
     return Multipliers(np.full(count, 1 / count), np.zeros(at.margins.size))
+
+
+def _fitting(given: Multipliers, at: Evaluation) -> Multipliers:
+    """Given multipliers, checked: weights on the simplex, none below 0."""
+    weights, margins = (np.asarray(part, dtype=float) for part in given)
+    if weights.shape != at.objectives.shape or margins.shape != at.margins.shape:
+        raise ValueError(
+            f"Argument `multipliers` must have the shapes {at.objectives.shape} and "
+            f"{at.margins.shape} of objectives and margins, but has {weights.shape} and "
+            f"{margins.shape}."
+        )
+    return Multipliers(onto_simplex(weights), np.maximum(margins, 0.0))
 
 
 def _slack(at: Evaluation, multipliers: Multipliers) -> float:

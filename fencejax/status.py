@@ -1,16 +1,22 @@
 """What a simulation says about itself."""
 
 import enum
+from typing import TYPE_CHECKING, Any
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
+
+if TYPE_CHECKING:
+    from .result import Result
 
 
 class Status(enum.IntEnum):
     """The outcome of a simulation, one a lane; the largest that applies counts.
 
     `text` says the likely cause and what to change. Up to `LEFT_OVER_TIP` the numbers are good
-    within the fidelity's error; from `LARGE_DEFLECTION` on they are not to be relied on.
+    within the fidelity's error; from `LARGE_DEFLECTION` on they are not to be relied on, and
+    `fencejax.good` takes them out of a sum and of its gradient.
     """
 
     SUCCESSFUL = 0
@@ -19,8 +25,12 @@ class Status(enum.IntEnum):
     LEFT_OVER_TIP = 3
     LARGE_DEFLECTION = 4
     DEEP_PENETRATION = 5
-    STEP_TOO_COARSE = 6
-    NON_FINITE = 7
+    FRICTION_SMOOTHED = 6
+    ENERGY_GAINED = 7
+    STEP_TOO_COARSE = 8
+    LIMIT_REACHED = 9
+    INCONSISTENT = 10
+    NON_FINITE = 11
 
     @property
     def text(self) -> str:
@@ -39,8 +49,16 @@ _TEXT = {
     "beyond the linear beam; stiffen the fence",
     Status.DEEP_PENETRATION: "a corner goes in by more than half the parcel's shorter side, "
     "beyond the contact law; check its stiffness and the speed",
-    Status.STEP_TOO_COARSE: "a step's equations were not solved; lower `step` or raise "
-    "`iterations` in the fidelity",
+    Status.FRICTION_SMOOTHED: "the parcel slips on the belt hardly faster than dry friction is "
+    "smoothed over; lower `slip_speed` and `static_speed` in the fidelity",
+    Status.ENERGY_GAINED: "the energy ledger ends with more than the work done accounts for; "
+    "lower `step` in the fidelity",
+    Status.STEP_TOO_COARSE: "a step's equations were not solved, or the force rose or fell within "
+    "a step or two; lower `step` or raise `iterations` in the fidelity",
+    Status.LIMIT_REACHED: "a general integrator came to its limit of steps; use "
+    "`integrator=\"modal\"`, raise `tolerance`, or smooth friction over a higher `slip_speed`",
+    Status.INCONSISTENT: "a number of the scene is out of its bounds, or the start is none that "
+    "the fence reaches; build the scene outside the transformation to be told which",
     Status.NON_FINITE: "the state is not finite; check the inputs for extreme values, then lower "
     "`step`",
 }
@@ -52,3 +70,42 @@ def worst(checks, like: Array) -> Array:
     for code, holds in checks:
         status = jnp.maximum(status, jnp.where(holds, float(code), 0.0))
     return status
+
+
+def holds(result: "Result") -> Array:
+    """Whether a result's numbers are good, one a lane: its status is at most `LEFT_OVER_TIP`."""
+    return jnp.asarray(result.status) <= Status.LEFT_OVER_TIP
+
+
+def good(result: "Result", value: Any, otherwise: float = 0.0) -> Any:
+    """`value` where the numbers of `result` are good, `otherwise` in the other lanes, whose
+    gradient is then 0.
+
+        def force(thickness):
+            result = fj.simulate(scene(thickness), only=("peak_force",))
+            return fj.good(result, result.peak_force), fj.holds(result)
+
+        forces, held = jax.vmap(force)(thicknesses)
+        mean = jnp.sum(forces) / jnp.sum(held)
+
+    It is `jnp.where(status <= Status.LEFT_OVER_TIP, value, otherwise)`. That is enough, forwards
+    and in reverse, with `Fidelity(gradient="forward")`: a lane that ends `NON_FINITE` has
+    derivatives of 0, so that nothing of it is left in a sum. A value computed from a result by
+    functions of one's own may have derivatives that are none; mask before them. Count the lanes
+    that are left, as above: a sum over fewer lanes is another sum.
+
+    **Arguments:**
+
+    - `result`: of `fencejax.simulate`, of any batch shape.
+    - `value`: a number or pytree computed from it, each leaf with the batch's axes first.
+    """
+    fine = holds(result)
+
+    def masked(leaf):
+        leaf = jnp.asarray(leaf)
+        apart = jnp.reshape(fine, fine.shape + (1,) * (leaf.ndim - fine.ndim))
+        return jnp.where(
+            jnp.broadcast_to(apart, leaf.shape), leaf, jnp.full_like(leaf, otherwise)
+        )
+
+    return jax.tree.map(masked, value)

@@ -77,7 +77,10 @@ class Tally(NamedTuple):
     """Running results of a scene; each is free where nobody reads it.
 
     `origin` are the energies at the start; `length` [s] is that of the last step, `None` where all
-    are alike.
+    are alike. `rough`, `rough_border` [N] are the largest second differences of the forces of the
+    fence and of the border from step to step; `slip` [m/s] is the largest speed at which C_s slips
+    on the belt. They say whether the step and the smoothing of friction resolve the motion, and
+    have no derivative.
     """
 
     last: Instant
@@ -97,6 +100,9 @@ class Tally(NamedTuple):
     largest_place: Array
     over_tip: Array
     defect: Array
+    rough: Array
+    rough_border: Array
+    slip: Array
 
 
 def _border_force(instant: Instant) -> Array:
@@ -138,6 +144,9 @@ def empty(like: Instant, body: Body, alike: bool) -> Tally:
         largest_place=zero,
         over_tip=zero,
         defect=zero,
+        rough=zero,
+        rough_border=zero,
+        slip=zero,
     )
 
 
@@ -161,6 +170,25 @@ def largest_place_so_far(before: Instant, instant: Instant, least: Array) -> Arr
         last = was.place + share * (now.place - was.place)
         least = jnp.maximum(least, jnp.where(ends, last, 0.0))
     return least
+
+
+def _bend(before: Array, now: Array, new: Array, span: Span, second: Array) -> Array:
+    """Second difference [N] of a force over the last two steps, for the length of the last one;
+    the plain difference at the second sample of a scene, 0 at its first one."""
+    rise = new - now
+    bend = 2 * (rise + (before - now) / span.ratio) / (1 + span.ratio)
+    bend = jnp.abs(jnp.where(second, rise, bend))
+    return jax.lax.stop_gradient(jnp.where(span.first, 0.0, bend))
+
+
+def _slip(instant: Instant) -> Array:
+    """Speed [m/s] at which C_s slips on the belt: grip u^2 over the force grip u."""
+    if instant.belt is None:
+        return jnp.zeros_like(instant.time)
+    x, y, moment, dissipated = jax.lax.stop_gradient(instant.belt)
+    force = jnp.sqrt(x**2 + y**2)
+    by_sliding = dissipated + moment * jax.lax.stop_gradient(instant.body.spin)
+    return jnp.where(force > 0, by_sliding / jnp.where(force > 0, force, 1.0), 0.0)
 
 
 def _stayed(stay: Stay, instant: Instant, before: Instant, gap: Array, span: Span) -> Stay:
@@ -218,18 +246,24 @@ def add(
         assert reach is not None
         passed = (c.place > reach) & (c.gap > 0) & (c.normal > 0)
         over = jnp.where(passed, 1.0, over)
+    # Times count from the scene's first sample.
+    second = ~first & (before.time == 0)
+    border = _border_force(instant)
+    force, wall = tally.force, tally.border
+    rough = _bend(force.before, force.now, instant.fence_force, span, second)
+    rough_border = _bend(wall.before, wall.now, border, span, second)
     return Tally(
         last=instant,
         origin=jax.tree.map(
             lambda kept, new: jnp.where(first, new, kept), tally.origin, instant.energy
         ),
         length=None if tally.length is None else length,
-        force=tally.force.update(instant.fence_force, time, span),
+        force=force.update(instant.fence_force, time, span),
         tip=tally.tip.update(jnp.abs(instant.tip_deflection), time, span),
         stress=stress,
         stress_place=jnp.where(higher, instant.stress_place, tally.stress_place),
         torque=tally.torque.update(jnp.abs(instant.torque), time, span),
-        border=tally.border.update(_border_force(instant), time, span),
+        border=wall.update(border, time, span),
         work=work,
         impulse=tally.impulse + mean(before.fence_force, instant.fence_force),
         stay=_stayed(tally.stay, instant, before, _gap(instant, reach), span),
@@ -238,4 +272,7 @@ def add(
         largest_place=largest_place_so_far(before, instant, tally.largest_place),
         over_tip=over,
         defect=jnp.maximum(tally.defect, defect),
+        rough=jnp.maximum(tally.rough, rough),
+        rough_border=jnp.maximum(tally.rough_border, rough_border),
+        slip=jnp.maximum(tally.slip, _slip(instant)),
     )

@@ -22,6 +22,7 @@ _MARKERS = "osD^v<>P"
 _PAGE = 6.9
 _LOG_KNOBS = {
     "modes": "modes kept [1]",
+    "longest_stride": "longest stride [s]",
     "slip_speed": r"slip_speed $\varepsilon$ [m/s]",
     "step": "step [s]",
 }

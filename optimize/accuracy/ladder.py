@@ -91,9 +91,11 @@ def dense() -> Ladder:
 
 def _ladder(modes, bare_modes, elements, slips, steps, fades) -> Ladder:
     truth = fj.Fidelity(
-        modes=12, geometry="chord", step=1.25e-5, iterations=20, **smoothed(1e-4)
+        modes=12, geometry="chord", step=1.25e-5, longest_stride=1, iterations=20, **smoothed(1e-4)
     )
-    base = fj.Fidelity(modes=8, geometry="chord", step=6.25e-5, iterations=20)
+    base = fj.Fidelity(
+        modes=8, geometry="chord", step=6.25e-5, longest_stride=1, iterations=20
+    )
     rungs = {"coarse": coarse()}
     rungs |= {name: getattr(fj.Fidelity, name)() for name in ("fast", "standard", "reference")}
     bare = {"static_correction": False}
@@ -114,6 +116,10 @@ def _ladder(modes, bare_modes, elements, slips, steps, fades) -> Ladder:
         ),
         "slip_speed": _slips(base, slips),
         "step": _steps(base, steps),
+        "longest_stride": _knob(
+            "longest_stride", base,
+            [(f"{n}", n * base.step, {"longest_stride": n}) for n in (32, 8, 1)],
+        ),
         "tip_fade": _knob(
             "tip_fade", base,
             [(f"{1e3 * d:g} mm", d, {"tip_fade": d}) for d in fades],
@@ -132,7 +138,9 @@ def _ladder(modes, bare_modes, elements, slips, steps, fades) -> Ladder:
 
 def quick() -> Ladder:
     """A small ladder around `fast` and `standard`."""
-    truth = fj.Fidelity(modes=8, geometry="chord", step=1e-4, iterations=20, **smoothed(1e-3))
+    truth = fj.Fidelity(
+        modes=8, geometry="chord", step=1e-4, longest_stride=1, iterations=20, **smoothed(1e-3)
+    )
     base = fj.Fidelity.standard()
     knobs = {
         "modes": _knob("modes", base, _modes(base, (1, 4))),
