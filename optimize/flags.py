@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-FIDELITIES = ("fast", "standard", "reference")
+FIDELITIES = ("coarse", "fast", "standard", "reference")
 
 
 def parser(

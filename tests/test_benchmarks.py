@@ -1,7 +1,9 @@
-"""Speed and accuracy of the fidelities. Skipped unless `pytest --bench DIR` asks for it.
+"""Speed and accuracy of the fidelities, and what each part of a scene costs. Skipped unless
+`pytest --bench DIR` asks for it.
 
 Writes `speed.json` and `speed.txt` into DIR: medians and spread over repeats, errors against
-`Fidelity.reference()` over sixteen impacts of different distance, mass and drive angle.
+`Fidelity.reference()` over sixteen impacts of different distance, mass and drive angle; and
+`parts.md`: state, operations and times from the rigid wall to the whole sort.
 """
 
 import json
@@ -13,6 +15,7 @@ import numpy as np
 import pytest
 
 import fencejax as fj
+from fencejax.simulate import prepared
 
 pytestmark = pytest.mark.bench
 
@@ -82,11 +85,18 @@ def test_speed(bench_directory):
         row["gradient [ms]"] = 1e3 * median_time(program, START)[0]
         row["gradient / value"] = row["gradient [ms]"] / row["value [ms]"]
         if name != "reference":
-            for lanes in (256, 4096):
-                spread = np.random.default_rng(0).uniform(0.95, 1.05, (lanes, START.size))
-                batch = START[None] * jnp.asarray(spread)
-                program, _ = compiled(jax.vmap(one), batch)
-                row[f"lanes/s at {lanes}"] = lanes / median_time(program, batch, repeats=5)[0]
+            # One after the other in groups: as many as fill the processor's vectors and caches.
+            spread = np.random.default_rng(0).uniform(0.95, 1.05, (4096, START.size))
+            batch = START[None] * jnp.asarray(spread)
+            for kind, function, group, lanes in (
+                ("values", one, 64, 4096),
+                ("gradients", jax.value_and_grad(one), 16, 512),
+            ):
+                program, _ = compiled(
+                    lambda b, f=function, n=group: jax.lax.map(f, b, batch_size=n), batch[:lanes]
+                )
+                seconds = median_time(program, batch[:lanes], repeats=5)[0]
+                row[f"{kind}/s on one core"] = lanes / seconds
             value, gradient = elasticities(fidelity)
             row["value error, largest"] = float(np.max(np.abs(value / truth - 1)))
             size = np.linalg.norm(slopes, axis=1)
@@ -106,3 +116,74 @@ def test_speed(bench_directory):
     ]
     (bench_directory / "speed.txt").write_text("\n".join(lines) + "\n")
     assert all(row["value [ms]"] > 0 for row in rows)
+
+
+CORNERS = {"fence_corners": (1, 2, 3, 4), "border_corners": (1, 2, 3, 4)}
+STILL = {"belt": None, "fence_friction": None, "velocity": (2.0, 0.0, 0.0)}
+RIGID = fj.Fidelity(modes=0, geometry="small")
+SCENES = {
+    "rigid wall": (lambda m: fj.scenes.rigid_wall(parcel=parcel(m)), fj.Fidelity()),
+    "fence held still, normal direction": (
+        lambda m: fj.scenes.normal_impact(fence=fj.Fence(), parcel=parcel(m)), fj.Fidelity()
+    ),
+    "parcel on the belt": (
+        lambda m: fj.scenes.free_motion(parcel=parcel(m), duration=0.13), fj.Fidelity()
+    ),
+    "rigid fence swings, no belt, no friction": (
+        lambda m: impact(m, **STILL), RIGID
+    ),
+    "flexible fence": (lambda m: impact(m, **STILL), fj.Fidelity()),
+    "with the belt": (lambda m: impact(m, fence_friction=None), fj.Fidelity()),
+    "oblique impact: with friction at the fence": (lambda m: impact(m), fj.Fidelity()),
+    "two corners at the fence": (
+        lambda m: fj.scenes.along_fence(parcel=parcel(m), duration=0.13), fj.Fidelity()
+    ),
+    "whole sort of 1.36 s, 2 + 2 corners": (
+        lambda m: fj.scenes.whole_sort(parcel=parcel(m)), fj.Fidelity()
+    ),
+    "whole sort, 4 + 4 corners": (
+        lambda m: fj.scenes.whole_sort(parcel=parcel(m), **CORNERS), fj.Fidelity()
+    ),
+}
+
+
+def parcel(mass):
+    return fj.Parcel(mass=mass)
+
+
+def impact(mass, **parts):
+    return fj.scenes.oblique_impact(parcel=parcel(mass), duration=0.13, **parts)
+
+
+def state_size(scene, fidelity):
+    """Numbers carried from step to step."""
+    if isinstance(scene, fj.NormalScene):
+        return None
+    memory = jax.eval_shape(lambda: prepared(scene, fidelity))[2]
+    return sum(leaf.size for leaf in jax.tree.leaves(memory))
+
+
+def test_parts(bench_directory):
+    """What a scene does not hold costs nothing."""
+    masses = jnp.asarray(np.random.default_rng(0).uniform(5, 20, 64))
+    rows = [
+        "| scene, 0.13 s unless said | state | operations | one [ms] | a lane of 64 [ms] |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    counts = []
+    for name, (make, fidelity) in SCENES.items():
+        def peak(mass, make=make, fidelity=fidelity):
+            return fj.simulate(make(mass), fidelity=fidelity, only=["peak_force"]).peak_force
+
+        program, _ = compiled(peak, 15.0)
+        operations = program.as_text().count(" = ")
+        one = 1e3 * median_time(program, jnp.asarray(15.0))[0]
+        batch, _ = compiled(jax.vmap(peak), masses)
+        lane = 1e3 * median_time(batch, masses, repeats=7)[0] / 64
+        size = state_size(make(15.0), fidelity)
+        counts.append(operations)
+        shown = "" if size is None else size
+        rows.append(f"| {name} | {shown} | {operations} | {one:.3f} | {lane:.4f} |")
+        print(rows[-1], flush=True)
+    (bench_directory / "parts.md").write_text("\n".join(rows) + "\n")
+    assert counts[0] < counts[1] < counts[4] < counts[6] < counts[-1]

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import fencejax as fj
 from fencejax.forward import by_columns
 
 EPS = np.finfo(float).eps
@@ -144,3 +145,23 @@ def test_type_of_the_inputs_is_kept(dtype):
     gradient = jax.grad(lambda x: wrapped(x)["sum"])(x)
     assert {leaf.dtype for leaf in jax.tree.leaves(gradient)} == {jnp.dtype(dtype)}
     assert wrapped(x)["end"].dtype == dtype
+
+
+def test_memory_of_the_reverse_mode_grows_slower_than_the_steps():
+    # Checkpoints: as the square root of the number of steps, where the trajectory would grow in
+    # step with it.
+    fidelity = fj.Fidelity(
+        modes=1, static_correction=False, geometry="small", step=2e-4, gradient="reverse"
+    )
+
+    def memory(duration):
+        def peak(thickness):
+            scene = fj.scenes.normal_impact(fence=fj.Fence(thickness=thickness), duration=duration)
+            return fj.simulate(scene, fidelity=fidelity, only=["peak_force"]).peak_force
+
+        program = jax.jit(jax.grad(peak)).lower(0.045).compile()
+        return program.memory_analysis().temp_size_in_bytes
+
+    few, many, more = (memory(duration) for duration in (0.02, 0.08, 0.32))
+    assert many < 3 * few
+    assert more - many < 3 * (many - few)

@@ -43,11 +43,6 @@ def smoothed(slip_speed: float) -> dict[str, Any]:
     return {"slip_speed": slip_speed, "static_speed": 5 * slip_speed}
 
 
-def coarse() -> fj.Fidelity:
-    """Two modes, steps of 1 ms, friction smoothed over 0.02 m/s: a rung below `fast`."""
-    return fj.Fidelity(modes=2, step=1e-3, **smoothed(2e-2))
-
-
 def _knob(name: str, base: fj.Fidelity, points) -> tuple[Point, ...]:
     return tuple(
         Point(name, label, float(size), base.replace(**changes)) for label, size, changes in points
@@ -96,8 +91,8 @@ def _ladder(modes, bare_modes, elements, slips, steps, fades) -> Ladder:
     base = fj.Fidelity(
         modes=8, geometry="chord", step=6.25e-5, longest_stride=1, iterations=20
     )
-    rungs = {"coarse": coarse()}
-    rungs |= {name: getattr(fj.Fidelity, name)() for name in ("fast", "standard", "reference")}
+    names = "coarse", "fast", "standard", "reference"
+    rungs = {name: getattr(fj.Fidelity, name)() for name in names}
     bare = {"static_correction": False}
     knobs = {
         "modes": _knob("modes", base, _modes(base, modes)),
