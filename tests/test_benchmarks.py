@@ -172,13 +172,14 @@ def test_parts(bench_directory):
     ]
     counts = []
     for name, (make, fidelity) in SCENES.items():
-        def peak(mass, make=make, fidelity=fidelity):
-            return fj.simulate(make(mass), fidelity=fidelity, only=["peak_force"]).peak_force
+        def run(mass, make=make, fidelity=fidelity):
+            result = fj.simulate(make(mass), fidelity=fidelity, only=["peak_force", "final"])
+            return result.peak_force, result.final
 
-        program, _ = compiled(peak, 15.0)
+        program, _ = compiled(run, 15.0)
         operations = program.as_text().count(" = ")
         one = 1e3 * median_time(program, jnp.asarray(15.0))[0]
-        batch, _ = compiled(jax.vmap(peak), masses)
+        batch, _ = compiled(jax.vmap(run), masses)
         lane = 1e3 * median_time(batch, masses, repeats=7)[0] / 64
         size = state_size(make(15.0), fidelity)
         counts.append(operations)

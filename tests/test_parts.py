@@ -9,7 +9,7 @@ import pytest
 
 import fencejax as fj
 from fencejax import integrate, modal_step
-from fencejax.simulate import prepared
+from fencejax.simulate import _program as program, prepared
 
 STANDARD = fj.Fidelity.standard()
 
@@ -194,3 +194,21 @@ def test_steps_are_counted():
     assert integrate.count_steps(0.25, 2.5e-4) == 1000
     assert integrate.count_steps(0.25, 2.6e-4) == 962
     assert integrate.count_steps(1e-6, 1e-3) == 1
+
+
+def test_one_program_serves_every_design_of_a_shape():
+    fidelity = fj.Fidelity(modes=1, static_correction=False, geometry="small")
+    scenes = [
+        fj.scenes.normal_impact(
+            fence=fj.Fence(thickness=t), distance=d, parcel=fj.Parcel(mass=m), duration=0.02
+        )
+        for t, d, m in ((0.04, 1.0, 5.0), (0.06, 0.9, 20.0), (0.05, 0.8, 1.0))
+    ]
+    forces = {
+        float(fj.simulate(s, fidelity=fidelity, only=["peak_force"]).peak_force) for s in scenes
+    }
+    assert len(forces) == 3
+    structures = {jax.tree.structure(scene) for scene in scenes}
+    assert len(structures) == 1
+    _, compiled = program(structures.pop(), fidelity, False, ("peak_force", "status"))
+    assert compiled._cache_size() == 1
