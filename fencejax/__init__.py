@@ -60,7 +60,7 @@ from .result import Ledger as Ledger, Result as Result
 from .scene_family import SceneFamily as SceneFamily
 from .scenes import NormalScene as NormalScene, Scene as Scene
 from .simulate import simulate as simulate
-from .status import Status as Status
+from .status import Status as Status, good as good, holds as holds
 from .sweep import Sweep as Sweep
 from .sweep_run import run_sweep as run_sweep
 from .sweep_table import SweepTable as SweepTable

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import re
 from collections.abc import Mapping, Sequence
 
 import equinox as eqx
@@ -12,10 +11,11 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
-from . import _check
+from . import _check, scene_names
 from .drive import AbstractDrive, HarmonicDrive
 from .fence import Fence
 from .material import Material
+from .scene_names import element
 
 _SCALINGS = ("logarithmic", "linear")
 # Shares of the range nearer to a bound than this are moved here, where the logit is +-13.8.
@@ -80,46 +80,19 @@ class DesignVariable:
         return self.lower * jnp.exp(math.log(self.upper / self.lower) * share)
 
 
-_FENCE_VARIABLES = (
-    # name, lower, upper, unit, scaling. The flexible link is at least half of the reach; the
-    # moduli run from polyethylene to glass-filled polyamide.
-    DesignVariable("thickness", 0.01, 0.09, "m"),
-    DesignVariable("length_ratio", 0.0, 1.0, "1", "linear"),
-    DesignVariable("reach", 0.9, 1.8, "m"),
-    DesignVariable("width", 0.03, 0.40, "m"),
-    DesignVariable("youngs_modulus", 0.5e9, 10e9, "Pa"),
-    DesignVariable("density", 900.0, 2000.0, "kg/m^3"),
-    DesignVariable("damping_ratio", 0.005, 0.20, "1"),
-)
-_DRIVE_VARIABLES = (
-    DesignVariable("top_speed", 0.5, 4.0, "rad/s"),
-    DesignVariable("cycle_time", 0.5, 4.0, "s"),
-    DesignVariable("speed", 0.5, 4.0, "rad/s"),
-    DesignVariable("held_angle", -1.0, 1.0, "rad", "linear"),
-    DesignVariable("end_angle", 0.3, 1.2, "rad"),
-    DesignVariable("acceleration", 2.0, 60.0, "rad/s^2"),
-    DesignVariable("jerk", 20.0, 2000.0, "rad/s^3"),
-    DesignVariable("dwell", 0.0, 1.0, "s", "linear"),
-    DesignVariable("control_angles", -0.2, 1.2, "rad", "linear"),
-)
 VARIABLES: Mapping[str, DesignVariable] = {
-    variable.name: variable for variable in _FENCE_VARIABLES + _DRIVE_VARIABLES
+    name: DesignVariable(**fields)
+    for name, fields in scene_names.bounded(scene_names.FENCE + scene_names.DRIVE).items()
 }
 """Variables with default bounds. `length_ratio` is l_s / l_p at a given reach l_s + l_p."""
 
-_FENCE_NAMES = tuple(variable.name for variable in _FENCE_VARIABLES)
+_FENCE_NAMES = tuple(scene_names.bounded(scene_names.FENCE))
 
 
 def _drive_fields(drive: AbstractDrive) -> dict[str, Array]:
     """The drive's floating-point fields by name."""
     fields = {field.name: getattr(drive, field.name) for field in dataclasses.fields(drive)}
     return {name: leaf for name, leaf in fields.items() if eqx.is_inexact_array(leaf)}
-
-
-def _split(name: str) -> tuple[str, int | None]:
-    """`"control_angles[3]"` as ("control_angles", 3); a plain name with `None`."""
-    match = re.fullmatch(r"(\w+)\[(\d+)\]", name)
-    return (name, None) if match is None else (match[1], int(match[2]))
 
 
 class DesignSpace:
@@ -164,7 +137,7 @@ class DesignSpace:
     def _expand(self, given: str | DesignVariable) -> list[DesignVariable]:
         """The scalar variables that a name or a variable stands for."""
         name = given if isinstance(given, str) else given.name
-        field, index = _split(name)
+        field, index = element(name)
         size = self._fields[field].size if field in self._fields else 1
         scalar = field not in self._fields or self._fields[field].ndim == 0
         known = field in _FENCE_NAMES or field in self._fields
@@ -228,7 +201,7 @@ class DesignSpace:
         }
         values = []
         for name in self.names:
-            field, index = _split(name)
+            field, index = element(name)
             leaf = numbers[field] if field in numbers else getattr(drive, field)
             values.append(leaf if index is None else leaf[index])
         return jnp.stack(values)
@@ -273,7 +246,7 @@ class DesignSpace:
             taper=base.taper,
         )
         for name, value in named.items():
-            field, index = _split(name)
+            field, index = element(name)
             if field in self._fields:
                 leaf = getattr(drive, field)
                 new = value if index is None else leaf.at[index].set(value)

@@ -9,13 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
-from . import _check, design, scenes
+from . import _check, scene_names, scenes
 from .belt import Belt, Border
 from .design import DesignSpace, DesignVariable
 from .drive import AbstractDrive, HarmonicDrive, SCurveDrive, TrapezoidDrive
 from .fence import Fence
 from .friction import Friction
 from .parcel import Parcel
+from .scene_names import NUMBERS, Number
 from .scenes import Default, Scene
 from .start import AtTouch, BetweenBorderAndFence, FlushOnFence
 
@@ -27,45 +28,25 @@ KINDS: Mapping[str, tuple[str, ...]] = {
 }
 """Kinds of scene, each with those arguments of its function that are numbers."""
 
-_OTHER_VARIABLES = (
-    # name, lower, upper, unit, scaling: parcels as a sorter meets them.
-    DesignVariable("mass", 0.2, 30.0, "kg"),
-    DesignVariable("length", 0.1, 0.8, "m"),
-    DesignVariable("breadth", 0.1, 0.6, "m"),
-    DesignVariable("center_x", -0.05, 0.05, "m", "linear"),
-    DesignVariable("center_y", -0.05, 0.05, "m", "linear"),
-    DesignVariable("inertia", 0.01, 2.0, "kg m^2"),
-    DesignVariable("stiffness", 1e8, 1e10, "N/m^4"),
-    DesignVariable("damping", 1e5, 1e6, "N s kg^-0.4 m^-3"),
-    DesignVariable("belt_speed", 0.5, 3.0, "m/s"),
-    DesignVariable("belt_width", 0.5, 1.0, "m"),
-    DesignVariable("gravity", 1.0, 10.0, "m/s^2"),
-    DesignVariable("belt_kinetic_friction", 0.2, 0.9, "1", "linear"),
-    DesignVariable("belt_static_friction", 0.3, 1.0, "1", "linear"),
-    DesignVariable("fence_kinetic_friction", 0.1, 0.6, "1", "linear"),
-    DesignVariable("fence_static_friction", 0.2, 0.8, "1", "linear"),
-    DesignVariable("border_kinetic_friction", 0.1, 0.6, "1", "linear"),
-    DesignVariable("border_static_friction", 0.2, 0.8, "1", "linear"),
-    DesignVariable("distance", 0.5, 1.1, "m", "linear"),
-    DesignVariable("drive_angle", 0.1, 0.5, "rad", "linear"),
-    DesignVariable("parcel_angle", -0.5, 0.5, "rad", "linear"),
-    DesignVariable("front", -0.5, 0.5, "m", "linear"),
-    DesignVariable("offset", 0.0, 0.3, "m", "linear"),
-    DesignVariable("angle", -0.5, 0.5, "rad", "linear"),
-)
 VARIABLES: Mapping[str, DesignVariable] = {
-    **design.VARIABLES,
-    **{variable.name: variable for variable in _OTHER_VARIABLES},
+    name: DesignVariable(**fields) for name, fields in scene_names.bounded(NUMBERS).items()
 }
 """Variables with default bounds, unit and scaling: those of `fencejax.design.VARIABLES` and the
 numbers of parcel, belt, border, friction and of the scenes themselves."""
 
-_FENCE_NAMES = (
-    "thickness", "length_ratio", "reach", "width", "youngs_modulus", "density", "damping_ratio",
-)  # fmt: skip
-_PARCEL = ("mass", "length", "breadth", "center_x", "center_y", "inertia", "stiffness", "damping")
-_BELT = {"belt_speed": "speed", "belt_width": "width", "gravity": "gravity"}
-_COEFFICIENTS = ("kinetic", "static")
+
+def _fields(numbers: Sequence[Number], part: str = "") -> dict[str, str]:
+    """The last field of the path by name, of the numbers of a part."""
+    return {
+        number.name: number.path.rpartition(".")[2]
+        for number in numbers
+        if number.name is not None and number.name.startswith(part)
+    }
+
+
+_FENCE_NAMES = tuple(scene_names.bounded(scene_names.FENCE))
+_PARCEL, _BELT = _fields(scene_names.PARCEL), _fields(scene_names.BELT)
+_COEFFICIENTS = {part: _fields(scene_names.FRICTION, part) for part in ("belt", "fence", "border")}
 # A design space that takes every number: what may be is asked of the parts themselves.
 _WIDE = 1e15
 
@@ -144,10 +125,10 @@ class SceneFamily:
             names += [field] if leaf.ndim == 0 else [f"{field}[{k}]" for k in range(leaf.size)]
         names += _PARCEL
         if self.belt is not None:
-            names += [*_BELT, *(f"belt_{c}_friction" for c in _COEFFICIENTS)]
+            names += [*_BELT, *_COEFFICIENTS["belt"]]
         for part, friction in self._frictions().items():
             if friction is not None:
-                names += [f"{part}_{c}_friction" for c in _COEFFICIENTS]
+                names += _COEFFICIENTS[part]
         return [*names, *KINDS[self.kind]]
 
     def _frictions(self) -> dict[str, Friction | None]:
@@ -225,9 +206,9 @@ class SceneFamily:
         )
 
     def _parcel(self, numbers: Mapping[str, Any]) -> Parcel:
-        fields: dict[str, Any] = {name: getattr(self.parcel, name) for name in _PARCEL}
-        fields["inertia"] = self.parcel.given_inertia
-        return Parcel(**(fields | {name: numbers[name] for name in _PARCEL if name in numbers}))
+        return Parcel(**{
+            name: numbers.get(name, getattr(self.parcel, field)) for name, field in _PARCEL.items()
+        })  # fmt: skip
 
     def _with_friction(self, part: str, numbers: Mapping[str, Any]):
         """Belt or border with their numbers among `numbers`."""
@@ -307,7 +288,7 @@ def _rubbing(friction: Friction | None, part: str, numbers: Mapping[str, Any]) -
     if friction is None:
         return None
     return Friction(*(
-        numbers.get(f"{part}_{name}_friction", getattr(friction, name)) for name in _COEFFICIENTS
+        numbers.get(name, getattr(friction, field)) for name, field in _COEFFICIENTS[part].items()
     ))  # fmt: skip
 
 

@@ -9,24 +9,13 @@ import jax
 import jax.numpy as jnp
 from jax.core import Tracer
 
+from .scene_names import DERIVED, PATHS
+from .scene_numbers import AnyScene
 from .scenes import NormalScene, Scene
 
-AnyScene = NormalScene | Scene
 Selector = str | Callable[[AnyScene], Any]
 """A name, a path like `"drive.top_speed"`, or a function from a scene to one of its arrays."""
 
-# Where a scene keeps what is differentiated; the first that it has counts.
-_PATHS = {
-    "thickness": ("fence.thickness",),
-    "rigid_length": ("fence.rigid_length",),
-    "flexible_length": ("fence.flexible_length",),
-    "width": ("fence.width",),
-    "youngs_modulus": ("fence.material.youngs_modulus",),
-    "density": ("fence.material.density",),
-    "damping_ratio": ("fence.material.damping_ratio",),
-    "mass": ("parcel.mass",),
-    "distance": ("start.place", "distance"),
-}
 _BY_DEFAULT = (
     "thickness", "flexible_length", "youngs_modulus", "density", "damping_ratio", "mass",
     "distance", "speed",
@@ -48,25 +37,32 @@ def _follow(scene: Any, path: str) -> Any:
 def _selector(scene: AnyScene, given: Selector) -> Callable[[AnyScene], Any] | None:
     """How `given` is found in scenes like this one; `None` if it is not there."""
     if isinstance(given, str):
-        for path in _PATHS.get(given, (given,)):
+        for path in PATHS.get(given, (given,)):
             if eqx.is_inexact_array(_follow(scene, path)):
                 return functools.partial(_follow, path=path)
         return None
     return given if eqx.is_inexact_array(given(scene)) else None
 
 
+def _usual(scene: AnyScene) -> dict[str, Callable[[AnyScene], Any]]:
+    """What is differentiated by default, by name. A drive's speed is not, a parcel's is."""
+    names = _BY_DEFAULT if isinstance(scene, NormalScene) else _BY_DEFAULT[:-1]
+    found = {name: _selector(scene, name) for name in names}
+    return {name: selector for name, selector in found.items() if selector is not None}
+
+
 def _selectors(scene: AnyScene, given: Sequence[Selector] | None):
     if given is None:
-        found = [_selector(scene, name) for name in _BY_DEFAULT]
-        return tuple(selector for selector in found if selector is not None)
+        return tuple(_usual(scene).values())
     chosen = []
     for element in given:
         selector = _selector(scene, element)
         if selector is None:
             raise ValueError(
                 f"Argument `with_respect_to` must name numbers of every scene, by one of "
-                f"{list(_PATHS)}, a path like 'drive.top_speed' or a function of the scene, but "
-                f"{element!r} is no floating-point number of a {type(scene).__name__}."
+                f"{[name for name in PATHS if name not in DERIVED]}, a path like "
+                f"'drive.top_speed' or a function of the scene, but {element!r} is no "
+                f"floating-point number of a {type(scene).__name__}."
             )
         chosen.append(selector)
     return tuple(chosen)
@@ -130,7 +126,7 @@ def names(groups: Sequence[Group], with_respect_to: Sequence[Selector] | None) -
         return tuple(
             name
             for name in _BY_DEFAULT
-            if any(_selector(group.scenes, name) is not None for group in groups)
+            if any(name in _usual(group.scenes) for group in groups)
         )
     return tuple(
         given if isinstance(given, str) else getattr(given, "__name__", repr(given))

@@ -1,14 +1,13 @@
 """The numbers of a scene by name: what there is, in which unit, and how to read and replace it.
 
-Every number has its path, `"fence.material.youngs_modulus"`, and most have a name beside it, the
-one that design variables and sweeps use: `"youngs_modulus"`, `"mass"`, `"belt_speed"`,
-`"fence_kinetic_friction"`, `"distance"` (where the parcel touches). Any end of a path does where it
-is clear. An element of a vector is `"control_angles[3]"`. Two names stand for what a designer
-thinks in: `"reach"` is l_s + l_p at a constant l_s / l_p, `"length_ratio"` is l_s / l_p at a
-constant reach.
+Every number has its path, `"fence.material.youngs_modulus"`, and most have a name beside it
+(`fencejax.scene_names`), the one that design variables and sweeps use: `"youngs_modulus"`,
+`"mass"`, `"belt_speed"`, `"fence_kinetic_friction"`, `"distance"` (where the parcel touches). Any
+end of a path does where it is clear. An element of a vector is `"control_angles[3]"`. Two names
+stand for what a designer thinks in: `"reach"` is l_s + l_p at a constant l_s / l_p,
+`"length_ratio"` is l_s / l_p at a constant reach.
 """
 
-import re
 from collections.abc import Sequence
 
 import jax
@@ -16,84 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
+from . import scene_names
+from .scene_names import ABOVE, DERIVED as DERIVED, LEAST, PATHS, element
 from .scenes import NormalScene, Scene
 
 AnyScene = NormalScene | Scene
 
-_UNITS = {
-    "parcel.mass": "kg",
-    "parcel.length": "m",
-    "parcel.breadth": "m",
-    "parcel.center_x": "m",
-    "parcel.center_y": "m",
-    "parcel.given_inertia": "kg m^2",
-    "parcel.stiffness": "N/m^4",
-    "parcel.damping": "N s kg^-0.4 m^-3",
-    "start.place": "m",
-    "start.drive_angle": "rad",
-    "start.parcel_angle": "rad",
-    "start.velocity[0]": "m/s",
-    "start.velocity[1]": "m/s",
-    "start.velocity[2]": "rad/s",
-    "start.front": "m",
-    "start.offset": "m",
-    "start.angle": "rad",
-    "start.motion.x": "m",
-    "start.motion.y": "m",
-    "start.motion.angle": "rad",
-    "start.motion.x_rate": "m/s",
-    "start.motion.y_rate": "m/s",
-    "start.motion.spin": "rad/s",
-    "belt.speed": "m/s",
-    "belt.width": "m",
-    "belt.gravity": "m/s^2",
-    "fence.rigid_length": "m",
-    "fence.flexible_length": "m",
-    "fence.width": "m",
-    "fence.thickness": "m",
-    "fence.material.youngs_modulus": "Pa",
-    "fence.material.density": "kg/m^3",
-    "fence.material.damping_ratio": "1",
-    "drive.top_speed": "rad/s",
-    "drive.cycle_time": "s",
-    "drive.held_angle": "rad",
-    "drive.hold_time": "s",
-    "drive.speed": "rad/s",
-    "drive.end_angle": "rad",
-    "drive.acceleration": "rad/s^2",
-    "drive.jerk": "rad/s^3",
-    "drive.dwell": "s",
-    "drive.control_angles": "rad",
-    "drive.turn": "1",
-    "speed": "m/s",
-    "distance": "m",
-}
-# Coefficients of friction and the numbers of a taper are ratios.
-_RATIOS = re.compile(r"(belt\.friction|fence_friction|border\.friction|fence\.taper)\..*")
-_NAMED = {
-    "distance": ("distance", "start.place"),
-    "speed": ("speed", "drive.speed"),
-    "mass": ("parcel.mass",),
-    "length": ("parcel.length",),
-    "breadth": ("parcel.breadth",),
-    "inertia": ("parcel.given_inertia",),
-    "stiffness": ("parcel.stiffness",),
-    "damping": ("parcel.damping",),
-    "width": ("fence.width",),
-    "belt_speed": ("belt.speed",),
-    "belt_width": ("belt.width",),
-    "gravity": ("belt.gravity",),
-    "belt_kinetic_friction": ("belt.friction.kinetic",),
-    "belt_static_friction": ("belt.friction.static",),
-    "fence_kinetic_friction": ("fence_friction.kinetic",),
-    "fence_static_friction": ("fence_friction.static",),
-    "border_kinetic_friction": ("border.friction.kinetic",),
-    "border_static_friction": ("border.friction.static",),
-    "angle": ("start.angle",),
-}
 _LENGTHS = ("fence.rigid_length", "fence.flexible_length")
-DERIVED = ("reach", "length_ratio")
-"""Names of what is not a number of the scene itself, but of both lengths of the fence."""
 
 
 def _paths(scene: AnyScene) -> list[tuple[str, tuple[int, ...]]]:
@@ -119,17 +47,7 @@ def unit(name: str) -> str:
 
     Raises `ValueError` for a path that no scene has.
     """
-    if name in DERIVED:
-        return "m" if name == "reach" else "1"
-    for path in (name, re.sub(r"\[\d+\]$", "", name)):
-        if path in _UNITS:
-            return _UNITS[path]
-    if _RATIOS.fullmatch(name):
-        return "1"
-    raise ValueError(
-        f"Argument `name` must be the path of a scene's number, such as {list(_UNITS)[:3]}, but is "
-        f"{name!r}."
-    )
+    return scene_names.at(name).unit
 
 
 def resolve(scene: AnyScene, name: str) -> str:
@@ -142,8 +60,8 @@ def resolve(scene: AnyScene, name: str) -> str:
         return name
     if name in DERIVED and all(path in known for path in _LENGTHS):
         return name
-    if name in _NAMED:
-        found = [path for path in _NAMED[name] if path in known]
+    if name in PATHS:
+        found = [path for path in PATHS[name] if path in known]
     else:
         found = [path for path in known if path.endswith(f".{name}")]
     if len(found) == 1:
@@ -155,11 +73,11 @@ def resolve(scene: AnyScene, name: str) -> str:
 
 def short(scene: AnyScene, path: str) -> str:
     """The name of a number that `resolve` takes for it, or its path if it has none."""
-    for name, candidates in _NAMED.items():
+    for name, candidates in PATHS.items():
         if path in candidates:
             return name
     end = path.rpartition(".")[2]
-    if path in DERIVED or end == path or end in _NAMED:
+    if path in DERIVED or end == path or end in PATHS:
         return path
     return end if [p for p in names(scene) if p.endswith(f".{end}")] == [path] else path
 
@@ -181,12 +99,6 @@ def with_values(scene: AnyScene, numbers: ArrayLike) -> AnyScene:
     return jax.tree.unflatten(structure, new)
 
 
-def _leaf(path: str) -> tuple[str, int | None]:
-    """The leaf that a path belongs to, and the place in it if it is a vector's element."""
-    match = re.fullmatch(r"(.*)\[(\d+)\]", path)
-    return (path, None) if match is None else (match[1], int(match[2]))
-
-
 def read(scene: AnyScene, chosen: Sequence[str]) -> list[Array]:
     """The numbers of some names [SI]."""
     leaves = dict(zip([path for path, _ in _paths(scene)], jax.tree.leaves(scene), strict=True))
@@ -194,7 +106,7 @@ def read(scene: AnyScene, chosen: Sequence[str]) -> list[Array]:
     def number(path):
         if path in leaves:
             return leaves[path]
-        name, place = _leaf(path)
+        name, place = element(path)
         return leaves[name][place]
 
     found = []
@@ -223,7 +135,7 @@ def replace(scene: AnyScene, chosen: Sequence[str], given: Sequence[ArrayLike] |
         elif path in paths:
             leaves[paths.index(path)] = jnp.asarray(given[k], dtype=float)
         else:
-            owner, place = _leaf(path)
+            owner, place = element(path)
             index = paths.index(owner)
             leaves[index] = jnp.asarray(leaves[index]).at[place].set(given[k])
     if derived:
@@ -236,36 +148,22 @@ def replace(scene: AnyScene, chosen: Sequence[str], given: Sequence[ArrayLike] |
     return jax.tree.unflatten(structure, leaves)
 
 
-# What the parts' own constructors ask for: above 0, and at least 0.
-_ABOVE = (
-    "parcel.mass", "parcel.length", "parcel.breadth", "parcel.given_inertia", "belt.width",
-    "fence.flexible_length", "fence.width", "fence.thickness", "fence.material.youngs_modulus",
-    "fence.material.density", "drive.cycle_time", "drive.hold_time", "reach",
-)  # fmt: skip
-_LEAST = (
-    "parcel.stiffness", "parcel.damping", "start.place", "start.offset", "belt.speed",
-    "belt.gravity", "fence.rigid_length", "fence.material.damping_ratio", "drive.top_speed",
-    "drive.dwell", "distance", "length_ratio",
-)  # fmt: skip
-
-
 def check(scene: AnyScene, name: str, value: float) -> None:
     """Raise `ValueError` where a number of the scene cannot have the value [SI], or where a
     distance lies beyond the scene's own fence."""
     path = resolve(scene, name)
+    number = scene_names.at(path)
     word = None
     if not np.isfinite(value):
         word = "finite"
-    elif path in _ABOVE and value <= 0:
-        word = "above 0"
-    elif (path in _LEAST or "friction" in path) and value < 0:
-        word = "at least 0"
+    elif number.sign == ABOVE and value <= 0 or number.sign == LEAST and value < 0:
+        word = number.sign
     elif path in ("start.place", "distance") and scene.fence is not None:
         reach = float(scene.fence.reach)
         word = f"at most {reach:g}, where the fence ends" if value > reach else None
     if word is not None:
         raise ValueError(
-            f"Argument `{name}` must be {word} [{unit(path)}], but is {value:g}."
+            f"Argument `{name}` must be {word} [{number.unit}], but is {value:g}."
         )
 
 

@@ -15,11 +15,11 @@ COLORS = ("#8a8a8a", "#0b5fa5", "#c8501e", "#2a8c4a", "#7a4aa0", "#a08a20")
 WIDTH, HEIGHT = 6.3, 3.2
 
 
-def figure(height: float = HEIGHT) -> "Figure":
-    """A figure of page width, `height` inches high, that pyplot does not know of."""
+def figure(height: float = HEIGHT, width: float = WIDTH) -> "Figure":
+    """A figure, by default of page width, that pyplot does not know of. Both in inches."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(WIDTH, height), layout="constrained")
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def prepared(axes: "Axes | None", height: float = HEIGHT) -> "Axes":
@@ -29,6 +29,16 @@ def prepared(axes: "Axes | None", height: float = HEIGHT) -> "Axes":
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
+    return axes
+
+
+def panel(axes: "Axes", x_label: str, y_label: str, title: str = "") -> "Axes":
+    """The axes as one of several in a figure: with small labels, and a title at the left."""
+    prepared(axes)
+    axes.tick_params(labelsize="small")
+    axes.set_xlabel(x_label, fontsize="small")
+    axes.set_ylabel(y_label, fontsize="small")
+    axes.set_title(title, loc="left", fontsize="small", fontweight="bold")
     return axes
 
 
@@ -45,6 +55,17 @@ def legend(axes: "Axes") -> None:
             bbox_to_anchor=(0, 1.0),
             columnspacing=1.2,
         )
+
+
+def legend_above(axes: "Axes", columns: int) -> None:
+    """A legend above all panels of a figure, of what one of them shows."""
+    axes.figure.legend(
+        *axes.get_legend_handles_labels(),
+        loc="outside upper center",
+        ncols=columns,
+        frameon=False,
+        fontsize="small",
+    )
 
 
 def check_labels(**labels: str) -> None:

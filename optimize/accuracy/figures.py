@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fencejax import style
+from fencejax.style import legend_above, panel
+
 from .cases import SYMBOLS, TITLES, VARIABLES
 from .errors import spread
 
@@ -31,29 +34,7 @@ _LEAST = 1e-9
 
 
 def _figure(height: float) -> "Figure":
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(_PAGE, height), layout="constrained")
-
-
-def _prepared(axes: "Axes", x: str, y: str, title: str = "") -> "Axes":
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(True, color="#dddddd", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize="small")
-    axes.set_xlabel(x, fontsize="small")
-    axes.set_ylabel(y, fontsize="small")
-    axes.set_title(title, loc="left", fontsize="small", fontweight="bold")
-    return axes
-
-
-def _legend(figure: "Figure", columns: int) -> None:
-    """One legend above all panels, of what the first of them shows."""
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=columns, frameon=False,
-        fontsize="small",
-    )  # fmt: skip
+    return style.figure(height, _PAGE)
 
 
 def _shares(axes: "Axes", axis: str) -> None:
@@ -88,11 +69,16 @@ def _over_knob(axes: "Axes", name: str, points: "list[tuple[Point, Errors]]") ->
     """Errors over a knob: both axes logarithmic, every number of modes a tick of its own."""
     axes.set_xscale("log")
     _shares(axes, "y")
-    if name == "modes":
-        from matplotlib.ticker import NullLocator
+    from matplotlib.ticker import LogFormatterMathtext, LogLocator, NullLocator
 
+    axes.xaxis.set_minor_locator(NullLocator())
+    if name == "modes":
         axes.set_xticks([p.size for p, _ in points], [p.label for p, _ in points])
-        axes.xaxis.set_minor_locator(NullLocator())
+        return
+    sizes = [p.size for p, _ in points]
+    subs = (1.0,) if max(sizes) > 10 * min(sizes) else (1.0, 2.0, 5.0)
+    axes.xaxis.set_major_locator(LogLocator(subs=subs))
+    axes.xaxis.set_major_formatter(LogFormatterMathtext(labelOnlyBase=False))
 
 
 def front_figure(report: "Report") -> "Figure":
@@ -101,7 +87,7 @@ def front_figure(report: "Report") -> "Figure":
     lanes = len(report.truth.values)
     for axes, kind in zip(figure.subplots(1, 2), ("value", "gradient"), strict=True):
         title = "peak force" if kind == "value" else "its gradient in eight variables"
-        _prepared(
+        panel(
             axes, f"error of the {kind}, 95 % of impacts", f"time a lane of {lanes} [ms]", title
         )
 
@@ -130,7 +116,7 @@ def front_figure(report: "Report") -> "Figure":
         _shares(axes, "x")
         axes.margins(x=0.14, y=0.08)
         _times(axes)
-    _legend(figure, 6)
+    legend_above(figure.axes[0], 6)
     return figure
 
 
@@ -146,7 +132,7 @@ def knob_figure(report: "Report") -> "Figure | None":
         x = [point.size for point, _ in points]
         for row, kind in enumerate(("value", "gradient")):
             axes = panels[row, column]
-            _prepared(
+            panel(
                 axes, _LOG_KNOBS[name] if row else "", "" if column else f"error of the {kind}",
                 "" if row else name,
             )  # fmt: skip
@@ -160,7 +146,7 @@ def knob_figure(report: "Report") -> "Figure | None":
                 )  # fmt: skip
                 axes.fill_between(x, middle, upper, color=_COLORS[k], alpha=0.15, linewidth=0)
             _over_knob(axes, name, points)
-    _legend(figure, 3)
+    legend_above(figure.axes[0], 3)
     return figure
 
 
@@ -174,7 +160,7 @@ def component_figure(report: "Report") -> "Figure | None":
     panels = figure.subplots(1, len(knobs), sharey=True, squeeze=False)[0]
     for axes, (name, points) in zip(panels, knobs.items(), strict=True):
         x = [point.size for point, _ in points]
-        _prepared(
+        panel(
             axes, _LOG_KNOBS[name],
             "" if axes is not panels[0] else "error of a component of the\ngradient of the peak "
             "force / norm",
@@ -189,7 +175,7 @@ def component_figure(report: "Report") -> "Figure | None":
                 linewidth=1.0, label=SYMBOLS[j],
             )  # fmt: skip
         _over_knob(axes, name, points)
-    _legend(figure, 8)
+    legend_above(figure.axes[0], 8)
     return figure
 
 
@@ -197,7 +183,7 @@ def random_figure(report: "Report") -> "Figure":
     """Share of the impacts whose error is at most so large, by rung."""
     figure = _figure(3.0)
     for axes, kind in zip(figure.subplots(1, 2, sharey=True), ("value", "gradient"), strict=True):
-        _prepared(
+        panel(
             axes, f"error of the peak force's {kind}",
             "share of the impacts [1]" if kind == "value" else "",
         )  # fmt: skip
@@ -212,7 +198,7 @@ def random_figure(report: "Report") -> "Figure":
         _shares(axes, "x")
         axes.tick_params(axis="x", labelsize="x-small")
         axes.set_ylim(0, 1.02)
-    _legend(figure, 4)
+    legend_above(figure.axes[0], 4)
     return figure
 
 
@@ -247,7 +233,7 @@ def cost_figure(report: "Report") -> "Figure":
     for axes in panels[len(costs):]:
         axes.set_axis_off()
     for axes, (title, points) in zip(panels, costs.items(), strict=False):
-        _prepared(axes, "error of the peak force", "", "")
+        panel(axes, "error of the peak force", "", "")
         axes.set_title(title, loc="left", fontsize="small")
         for fill, (kind, color) in enumerate((("value", _COLORS[0]), ("gradient", _COLORS[1]))):
             x = [rung.error(kind) for rung, *_ in points]
@@ -262,7 +248,7 @@ def cost_figure(report: "Report") -> "Figure":
             axes.set_ylim(0, axes.get_ylim()[1])
         else:
             _times(axes)
-    _legend(figure, 2)
+    legend_above(figure.axes[0], 2)
     return figure
 
 

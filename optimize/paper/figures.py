@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import fencejax as fj
+from fencejax import style
+from fencejax.style import legend_above, panel
 
 from . import fences
 from .case import lane
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLORS = ("#0b5fa5", "#d1541b")
+_COLORS = style.COLORS[1:3]
 _STYLES = ("-", "--")
 _STIFF = "#222222"
 _BELT = "#ece8df"
@@ -28,20 +30,7 @@ _PLATE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
 
 
 def _figure(height: float) -> "Figure":
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(_PAGE, height), layout="constrained")
-
-
-def _prepared(axes: "Axes", letter: str, x: str, y: str) -> "Axes":
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(True, color="#dddddd", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize="small")
-    axes.set_xlabel(x, fontsize="small")
-    axes.set_ylabel(y, fontsize="small")
-    axes.set_title(f"({letter})", loc="left", fontsize="small", fontweight="bold")
-    return axes
+    return style.figure(height, _PAGE)
 
 
 def _points(axes: "Axes", cycle: Cycle, values, across=None, offsets=((5, 5), (5, -11))) -> None:
@@ -106,13 +95,13 @@ def cycle_figure(
     """
     figure = _figure(5.6)
     (a, b), (c, d) = figure.subplots(2, 2)
-    _prepared(a, "a", "x along the belt [m]", "y across the belt [m]")
+    panel(a, "x along the belt [m]", "y across the belt [m]", "(a)")
     _path(a, cycle, parcel)
-    _prepared(b, "b", "time t [s]", "tip deflection, pushed back [mm]")
+    panel(b, "time t [s]", "tip deflection, pushed back [mm]", "(b)")
     _lines(b, cycle.time, cycle.deflection, -1e3)
     _points(b, cycle, -1e3 * np.asarray(cycle.deflection), None, ((-11, 6), (9, -13)))
     largest = np.asarray(cycle.peak_force)[:, None]
-    _prepared(c, "c", "time t [s]", r"$N / N_{max}$,  $N_{stiff} / N_{max}$ [1]")
+    panel(c, "time t [s]", r"$N / N_{max}$,  $N_{stiff} / N_{max}$ [1]", "(c)")
     _lines(c, cycle.time, np.asarray(cycle.force) / largest)
     picks = [first_and_last(lane(cycle, i)) for i in range(len(fences.NAMES))]
     begin, end = (float(np.asarray(cycle.time)[0, pick]) for pick in picks[0])
@@ -131,7 +120,7 @@ def cycle_figure(
     margin = 0.15 * (end - begin)
     c.set_xlim(begin - margin, end + margin)
     c.set_ylim(bottom=0)
-    _prepared(d, "d", "time t [s]", r"belt friction $|F_1|$ [N]")
+    panel(d, "time t [s]", r"belt friction $|F_1|$ [N]", "(d)")
     _lines(d, cycle.time, cycle.belt_force)
     d.axhline(
         float(np.asarray(cycle.hold)[0]), color="black", linewidth=0.8, linestyle=":",
@@ -142,10 +131,7 @@ def cycle_figure(
     )  # fmt: skip
     _points(d, cycle, cycle.belt_force)
     d.set_ylim(0, 1.15 * float(np.asarray(cycle.hold)[0]))
-    handles, labels = c.get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize="small"
-    )
+    legend_above(c, 3)
     return figure
 
 
@@ -167,8 +153,8 @@ def map_figure(maps: Maps, quantity: str) -> "Figure":
     figure = _figure(3.7)
     panels = figure.subplots(1, len(fences.NAMES), sharey=True)
     for index, (axes, name) in enumerate(zip(panels, fences.NAMES, strict=True)):
-        _prepared(axes, "ab"[index], "place of the first touch R [m]", "" if index else
-                  r"parcel mass $m_p$ [kg]")  # fmt: skip
+        mass = "" if index else r"parcel mass $m_p$ [kg]"
+        panel(axes, "place of the first touch R [m]", mass, f"({'ab'[index]})")
         axes.set_title(name, fontsize="small")
         filled = axes.contourf(
             maps.distances, maps.masses, shown[index], levels=levels, cmap="viridis"
@@ -210,26 +196,21 @@ def sensitivity_figure(found: Sensitivities) -> "Figure":
     panels = figure.subplots(3, 2, sharex=True).ravel()
     place = "place of the first touch R [m]"
     across = np.broadcast_to(found.distances, found.force.shape)
-    first = _prepared(panels[0], "a", "", r"$N_{max}$ [N]")
+    first = panel(panels[0], "", r"$N_{max}$ [N]", "(a)")
     _lines(first, across, found.force)
     first.set_ylim(bottom=0)
     for index, (words, symbol) in enumerate(VARIABLES.values()):
         axes = panels[index + 1]
         plain = words == "length ratio"
         below = f"d({symbol})" if plain else rf"d\,\ln {symbol}"
-        _prepared(
-            axes, "bcdef"[index], place if index >= 3 else "",
-            rf"$d\,\ln N_{{max}} \,/\, {below}$ [1]",
-        )  # fmt: skip
+        slope = rf"$d\,\ln N_{{max}} \,/\, {below}$ [1]"
+        panel(axes, place if index >= 3 else "", slope, f"({'bcdef'[index]})")
         axes.set_title(words, fontsize="small")
         axes.axhline(0.0, color="black", linewidth=0.8)
         _lines(axes, across, found.slope[..., index])
     for axes in panels:
         axes.axvline(fences.JOINT, color="#999999", linewidth=0.8, linestyle=":")
-    handles, labels = first.get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside upper center", ncols=2, frameon=False, fontsize="small"
-    )
+    legend_above(first, 2)
     return figure
 
 

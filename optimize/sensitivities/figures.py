@@ -12,14 +12,8 @@ from .study import Global, Local
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_LINES = ("#0b5fa5", "#c8501e", "#2a8c4a", "#7a4aa0", "#a08a20", "#555555", "#3aa0a0", "#c04080")
+_LINES = (*style.COLORS[1:], "#555555", "#3aa0a0", "#c04080")
 _MARKED = "outside what the model answers for"
-
-
-def _figure(width: float, height: float) -> "Figure":
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
 
 
 def _words(name: str) -> str:
@@ -28,7 +22,7 @@ def _words(name: str) -> str:
 
 def bars(titles: Sequence[str], outputs, names, found: Local) -> "Figure":
     """Elasticities at each point, one panel a point and one bar an output."""
-    figure = _figure(3.4 + 2.6 * len(titles), 1.4 + 0.42 * len(names))
+    figure = style.figure(1.4 + 0.42 * len(names), 3.4 + 2.6 * len(titles))
     panels = figure.subplots(1, len(titles), sharey=True, sharex=True, squeeze=False)[0]
     thick = 0.84 / len(outputs)
     places = np.arange(len(names))
@@ -56,7 +50,7 @@ def along(label: str, at: np.ndarray, outputs, names, found: Local, most: int = 
     """Elasticities along a line, one panel an output, of the inputs that count most; shaded where
     the status says that the model does not answer for it."""
     rows = (len(outputs) + 1) // 2
-    figure = _figure(9.2, 0.8 + 2.9 * rows)
+    figure = style.figure(0.8 + 2.9 * rows, 9.2)
     panels = figure.subplots(rows, 2, sharex=True, squeeze=False)
     largest = np.max(np.abs(np.nan_to_num(found.elasticity)), axis=(0, 1))
     chosen = sorted(np.argsort(-largest, kind="stable")[:most])
@@ -94,7 +88,7 @@ def shares(outputs, names, found: Global, confidence: float) -> "Figure":
     """Sobol' indices beside the bounds from derivatives, one panel an output, with intervals."""
     columns = 2 if len(outputs) > 1 else 1
     rows = (len(outputs) + columns - 1) // columns
-    figure = _figure(1.6 + 3.9 * columns, 0.9 + rows * (0.8 + 0.34 * len(names)))
+    figure = style.figure(0.9 + rows * (0.8 + 0.34 * len(names)), 1.6 + 3.9 * columns)
     panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
     places = np.arange(len(names))
     series = (
