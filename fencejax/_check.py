@@ -2,33 +2,73 @@
 
 import math
 import operator
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
+_SPAN = 1e12
+
+
+class Bounds(NamedTuple):
+    """What a number may be: `unit`, bounds, and its ordinary `size`. It is at most 1e12 times its
+    size and, where it must be above 0, at least 1e-12 times: beyond, sums in double precision lose
+    what is added."""
+
+    unit: str = "1"
+    above: float | None = None
+    least: float | None = None
+    most: float | None = None
+    size: float | None = None
+
+    def holds(self, value: Array) -> Array:
+        """Whether each of the numbers is within the bounds; not what is not a number."""
+        fine = jnp.isfinite(value)
+        if self.above is not None:
+            fine = fine & (value > self.above)
+        if self.least is not None:
+            fine = fine & (value >= self.least)
+        if self.most is not None:
+            fine = fine & (value <= self.most)
+        if self.size is not None:
+            # The square root of the span in single precision.
+            span = _SPAN if value.dtype == jnp.float64 else _SPAN**0.5
+            fine = fine & (jnp.abs(value) <= self.size * span)
+            if self.above == 0:
+                fine = fine & (value >= self.size / span)
+        return fine
+
+
+def field(part, name: str, value: ArrayLike) -> Array:
+    """Check a field by the `bounds` of its class, as `scalar` does."""
+    return scalar(name, value, **part.bounds[name]._asdict())
+
 
 def scalar(name: str, value: ArrayLike, *, above: float | None = None, least: float | None = None,
-           most: float | None = None, unit: str = "1", remedy: str = "") -> Array:
+           most: float | None = None, size: float | None = None, unit: str = "1",
+           remedy: str = "") -> Array:
     """Convert `value` to a floating-point array and check it, unless it is traced.
 
     The array has the default floating-point type, or the type of `value` if that is already
     floating-point. Arrays of more than no dimension are let through (one value a lane).
 
     Raises `TypeError` where the value is not a real number and `ValueError` where it is not
-    finite or out of its bounds; the message names the field, its value and the bound.
+    finite, out of its bounds, above 1e12 times its ordinary `size` or, where it must be above 0,
+    below 1e-12 times; the message names the field, its value and the bound.
     """
-    return _checked(name, value, above, least, most, unit, remedy)
+    return _checked(name, value, above, least, most, size, unit, remedy)
 
 
 def vector(name: str, value: ArrayLike, *, size_least: int = 1, above: float | None = None,
-           least: float | None = None, most: float | None = None, unit: str = "1",
-           remedy: str = "") -> Array:
+           least: float | None = None, most: float | None = None, size: float | None = None,
+           unit: str = "1", remedy: str = "") -> Array:
     """As `scalar`, for a one-dimensional array or sequence of at least `size_least` numbers."""
     if isinstance(value, (list, tuple)):
-        value = jnp.stack([jnp.asarray(v, dtype=float) for v in value]) if value else np.zeros(0)
-    array = _checked(name, value, above, least, most, unit, remedy)
+        numbers = [_checked(name, v, None, None, None, None, unit, remedy) for v in value]
+        value = jnp.stack([v.astype(float) for v in numbers]) if numbers else np.zeros(0)
+    array = _checked(name, value, above, least, most, size, unit, remedy)
     if array.ndim < 1 or array.shape[-1] < size_least:
         raise ValueError(
             f"Argument `{name}` must be a vector of at least {size_least} numbers, but has the "
@@ -37,9 +77,15 @@ def vector(name: str, value: ArrayLike, *, size_least: int = 1, above: float | N
     return array
 
 
-def _checked(name, value, above, least, most, unit, remedy) -> Array:
+def _checked(name, value, above, least, most, size, unit, remedy) -> Array:
     if isinstance(value, (str, bytes)) or value is None:
         raise TypeError(f"Argument `{name}` [{unit}] must be a real number, but is {value!r}.")
+    if isinstance(value, int) and not isinstance(value, bool):
+        # One that is too large for any integer type may still be one for a floating-point type.
+        try:
+            value = float(value)
+        except OverflowError:
+            value = math.inf
     try:
         dtype = jnp.result_type(value)
     except TypeError as error:
@@ -49,6 +95,11 @@ def _checked(name, value, above, least, most, unit, remedy) -> Array:
     if jnp.issubdtype(dtype, jnp.complexfloating) or dtype == jnp.bool_:
         raise TypeError(
             f"Argument `{name}` [{unit}] must be a real number, but has the type {dtype}."
+        )
+    if jnp.issubdtype(dtype, jnp.floating) and jnp.finfo(dtype).bits < 32:
+        raise TypeError(
+            f"Argument `{name}` [{unit}] must be in single or double precision, but has the type "
+            f"{dtype}. Write jnp.float32({name})."
         )
     floating = jnp.issubdtype(dtype, jnp.floating) and hasattr(value, "dtype")
     array = jnp.asarray(value, dtype=dtype if floating else float)
@@ -70,6 +121,16 @@ def _checked(name, value, above, least, most, unit, remedy) -> Array:
             limit = word if bound is None else f"{word} {bound:g}"
             raise ValueError(
                 f"Argument `{name}` must be {limit} [{unit}], but is {float(worst):g}. "
+                f"{remedy}".rstrip()
+            )
+    if size is not None:
+        least = size / _SPAN if above == 0 else 0.0
+        away = (np.abs(host) < least) | (np.abs(host) > size * _SPAN)
+        if np.any(away):
+            worst = host[away].flat[0]
+            raise ValueError(
+                f"Argument `{name}` must be {least:g} ... {size * _SPAN:g} [{unit}] in size, but "
+                f"is {float(worst):g}. Beyond, rounding takes over: check the unit. "
                 f"{remedy}".rstrip()
             )
     return array

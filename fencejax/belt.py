@@ -1,11 +1,12 @@
 """The belt the parcel lies on, and the border beside it."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import equinox as eqx
 from jaxtyping import Array, ArrayLike
 
 from . import _check
+from ._check import Bounds
 from .friction import Friction
 
 
@@ -16,6 +17,12 @@ class Belt(eqx.Module):
     width: Array
     friction: Friction
     gravity: Array
+
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "speed": Bounds("m/s", least=0, size=1.0),
+        "width": Bounds("m", above=0, size=1.0),
+        "gravity": Bounds("m/s^2", least=0, size=10.0),
+    }
 
     def __init__(
         self,
@@ -31,10 +38,10 @@ class Belt(eqx.Module):
         - `friction`: default kinetic 0.65, static 0.85.
         - `gravity`: g [m/s^2], at least 0.
         """
-        self.speed = _check.scalar("speed", speed, least=0, unit="m/s")
-        self.width = _check.scalar("width", width, above=0, unit="m")
+        self.speed = _check.field(self, "speed", speed)
+        self.width = _check.field(self, "width", width)
         self.friction = Friction(kinetic=0.65, static=0.85) if friction is None else friction
-        self.gravity = _check.scalar("gravity", gravity, least=0, unit="m/s^2")
+        self.gravity = _check.field(self, "gravity", gravity)
 
 
 class Border(eqx.Module):

@@ -5,7 +5,7 @@ three are consistent by construction.
 """
 
 import abc
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,6 +13,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from . import _check
+from ._check import Bounds
+
+_ROUNDING = 1e-6
 
 CYCLE_TIME = 1.36
 """t_c of Piatkowski (2010) [s]."""
@@ -28,6 +31,13 @@ class DriveMotion(NamedTuple):
 
 class AbstractDrive(eqx.Module):
     """A law alpha_w(t), with alpha_w = 0 and the fence at rest at t = 0."""
+
+    bounds: ClassVar[dict[str, Bounds]] = {}
+
+    @property
+    def feasible(self) -> Array | None:
+        """Whether the law's numbers fit together; `None` where each stands for itself."""
+        return None
 
     @abc.abstractmethod
     def angle(self, time: Array) -> Array:
@@ -91,10 +101,15 @@ class HarmonicDrive(AbstractDrive):
     top_speed: Array
     cycle_time: Array
 
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "top_speed": Bounds("rad/s", least=0, size=1.0),
+        "cycle_time": Bounds("s", above=0, size=1.0),
+    }
+
     def __init__(self, top_speed: ArrayLike = 1.53, cycle_time: ArrayLike = CYCLE_TIME):
         """**Arguments:** `top_speed`: alphadot_max [rad/s], at least 0. `cycle_time`: t_c [s]."""
-        self.top_speed = _check.scalar("top_speed", top_speed, least=0, unit="rad/s")
-        self.cycle_time = _check.scalar("cycle_time", cycle_time, above=0, unit="s")
+        self.top_speed = _check.field(self, "top_speed", top_speed)
+        self.cycle_time = _check.field(self, "cycle_time", cycle_time)
 
     def angle(self, time: Array) -> Array:
         phase = _within(time / self.cycle_time)
@@ -116,10 +131,15 @@ class HeldDrive(AbstractDrive):
     held_angle: Array
     hold_time: Array
 
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "held_angle": Bounds("rad", least=-1.5, most=1.5),
+        "hold_time": Bounds("s", above=0, size=1.0),
+    }
+
     def __init__(self, held_angle: ArrayLike = 0.3, hold_time: ArrayLike = CYCLE_TIME):
         """**Arguments:** `held_angle` [rad]. `hold_time` [s]: how long a scene lasts by default."""
-        self.held_angle = _check.scalar("held_angle", held_angle, least=-1.5, most=1.5, unit="rad")
-        self.hold_time = _check.scalar("hold_time", hold_time, above=0, unit="s")
+        self.held_angle = _check.field(self, "held_angle", held_angle)
+        self.hold_time = _check.field(self, "hold_time", hold_time)
 
     def angle(self, time: Array) -> Array:
         return self.held_angle + 0.0 * time
@@ -146,10 +166,15 @@ class ConstantSpeedDrive(AbstractDrive):
     speed: Array
     end_angle: Array
 
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "speed": Bounds("rad/s", above=0, size=1.0),
+        "end_angle": Bounds("rad", above=0, most=3.1, size=1.0),
+    }
+
     def __init__(self, speed: ArrayLike = 1.53, end_angle: ArrayLike = 0.6623):
         """**Arguments:** `speed` [rad/s], above 0. `end_angle` [rad], above 0."""
-        self.speed = _check.scalar("speed", speed, above=0, unit="rad/s")
-        self.end_angle = _check.scalar("end_angle", end_angle, above=0, most=3.1, unit="rad")
+        self.speed = _check.field(self, "speed", speed)
+        self.end_angle = _check.field(self, "end_angle", end_angle)
 
     def angle(self, time: Array) -> Array:
         return jnp.minimum(self.speed * time, self.end_angle)
@@ -190,6 +215,13 @@ class TrapezoidDrive(AbstractDrive):
     acceleration: Array
     dwell: Array
 
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "end_angle": Bounds("rad", above=0, most=3.1, size=1.0),
+        "top_speed": Bounds("rad/s", above=0, size=1.0),
+        "acceleration": Bounds("rad/s^2", above=0, size=10.0),
+        "dwell": Bounds("s", least=0, size=1.0),
+    }
+
     def __init__(
         self,
         end_angle: ArrayLike = 0.6623,
@@ -203,10 +235,10 @@ class TrapezoidDrive(AbstractDrive):
         - `top_speed` [rad/s], `acceleration` [rad/s^2], above 0.
         - `dwell` [s] at the end of the stroke, at least 0.
         """
-        self.end_angle = _check.scalar("end_angle", end_angle, above=0, most=3.1, unit="rad")
-        self.top_speed = _check.scalar("top_speed", top_speed, above=0, unit="rad/s")
-        self.acceleration = _check.scalar("acceleration", acceleration, above=0, unit="rad/s^2")
-        self.dwell = _check.scalar("dwell", dwell, least=0, unit="s")
+        self.end_angle = _check.field(self, "end_angle", end_angle)
+        self.top_speed = _check.field(self, "top_speed", top_speed)
+        self.acceleration = _check.field(self, "acceleration", acceleration)
+        self.dwell = _check.field(self, "dwell", dwell)
         _check.scalar(
             "end_angle - top_speed^2 / acceleration",
             self.end_angle - self.top_speed**2 / self.acceleration,
@@ -218,6 +250,11 @@ class TrapezoidDrive(AbstractDrive):
     @property
     def _stroke(self):
         return self.end_angle / self.top_speed + self.top_speed / self.acceleration
+
+    @property
+    def feasible(self) -> Array:
+        """Whether the stroke is long enough for the top speed, within rounding."""
+        return self.end_angle * (1 + _ROUNDING) >= self.top_speed**2 / self.acceleration
 
     def angle(self, time: Array) -> Array:
         ramp = self.top_speed / self.acceleration
@@ -244,6 +281,14 @@ class SCurveDrive(AbstractDrive):
     jerk: Array
     dwell: Array
 
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "end_angle": Bounds("rad", above=0, most=3.1, size=1.0),
+        "top_speed": Bounds("rad/s", above=0, size=1.0),
+        "acceleration": Bounds("rad/s^2", above=0, size=10.0),
+        "jerk": Bounds("rad/s^3", above=0, size=100.0),
+        "dwell": Bounds("s", least=0, size=1.0),
+    }
+
     def __init__(
         self,
         end_angle: ArrayLike = 0.6623,
@@ -259,11 +304,11 @@ class SCurveDrive(AbstractDrive):
         - `jerk`: j [rad/s^3].
         - `dwell` [s] at the end of the stroke, at least 0.
         """
-        self.end_angle = _check.scalar("end_angle", end_angle, above=0, most=3.1, unit="rad")
-        self.top_speed = _check.scalar("top_speed", top_speed, above=0, unit="rad/s")
-        self.acceleration = _check.scalar("acceleration", acceleration, above=0, unit="rad/s^2")
-        self.jerk = _check.scalar("jerk", jerk, above=0, unit="rad/s^3")
-        self.dwell = _check.scalar("dwell", dwell, least=0, unit="s")
+        self.end_angle = _check.field(self, "end_angle", end_angle)
+        self.top_speed = _check.field(self, "top_speed", top_speed)
+        self.acceleration = _check.field(self, "acceleration", acceleration)
+        self.jerk = _check.field(self, "jerk", jerk)
+        self.dwell = _check.field(self, "dwell", dwell)
         ramp, rise, cruise = self._segments
         _check.scalar(
             "top_speed / acceleration - acceleration / jerk", rise - ramp, least=0, unit="s",
@@ -288,6 +333,12 @@ class SCurveDrive(AbstractDrive):
     def _stroke(self):
         ramp, rise, cruise = self._segments
         return ramp + rise + cruise
+
+    @property
+    def feasible(self) -> Array:
+        """Whether the acceleration and the top speed are reached, within rounding."""
+        ramp, rise, cruise = self._segments
+        return (rise * (1 + _ROUNDING) >= ramp) & (cruise * (1 + _ROUNDING) >= rise + ramp)
 
     def angle(self, time: Array) -> Array:
         ramp, rise, cruise = self._segments
@@ -317,6 +368,12 @@ class SplineDrive(AbstractDrive):
     cycle_time: Array
     turn: Array
 
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "control_angles": Bounds("rad", least=-100.0, most=100.0),
+        "cycle_time": Bounds("s", above=0, size=1.0),
+        "turn": Bounds(above=0, most=1),
+    }
+
     def __init__(
         self, control_angles: ArrayLike, cycle_time: ArrayLike = CYCLE_TIME, turn: ArrayLike = 0.5
     ):
@@ -327,9 +384,10 @@ class SplineDrive(AbstractDrive):
         - `turn`: the end of the way out as a share of the cycle [1]; used to find when an angle is
           reached, and nowhere else.
         """
-        self.control_angles = _check.vector("control_angles", control_angles, unit="rad")
-        self.cycle_time = _check.scalar("cycle_time", cycle_time, above=0, unit="s")
-        self.turn = _check.scalar("turn", turn, above=0, most=1)
+        limits = self.bounds["control_angles"]._asdict()
+        self.control_angles = _check.vector("control_angles", control_angles, **limits)
+        self.cycle_time = _check.field(self, "cycle_time", cycle_time)
+        self.turn = _check.field(self, "turn", turn)
 
     def angle(self, time: Array) -> Array:
         padded = jnp.pad(self.control_angles, (3, 3))

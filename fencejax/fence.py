@@ -1,9 +1,12 @@
 """The fence: a rigid link hinged to the border, followed by a flexible one."""
 
+from typing import ClassVar
+
 import equinox as eqx
 from jaxtyping import Array, ArrayLike
 
 from . import _check
+from ._check import Bounds
 from .material import Material
 from .taper import AbstractTaper, ConstantStrength
 
@@ -23,6 +26,13 @@ class Fence(eqx.Module):
     material: Material
     taper: AbstractTaper
 
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "rigid_length": Bounds("m", least=0, size=1.0),
+        "flexible_length": Bounds("m", above=0, size=1.0),
+        "width": Bounds("m", above=0, size=0.1),
+        "thickness": Bounds("m", above=0, size=0.05),
+    }
+
     def __init__(
         self,
         rigid_length: ArrayLike = 0.45,
@@ -41,10 +51,10 @@ class Fence(eqx.Module):
         - `material`: default `Material()`.
         - `taper`: the profile of the thickness, default `ConstantStrength()`.
         """
-        self.rigid_length = _check.scalar("rigid_length", rigid_length, least=0, unit="m")
-        self.flexible_length = _check.scalar("flexible_length", flexible_length, above=0, unit="m")
-        self.width = _check.scalar("width", width, above=0, unit="m")
-        self.thickness = _check.scalar("thickness", thickness, above=0, unit="m")
+        self.rigid_length = _check.field(self, "rigid_length", rigid_length)
+        self.flexible_length = _check.field(self, "flexible_length", flexible_length)
+        self.width = _check.field(self, "width", width)
+        self.thickness = _check.field(self, "thickness", thickness)
         self.material = Material() if material is None else material
         self.taper = ConstantStrength() if taper is None else taper
 

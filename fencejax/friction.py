@@ -1,6 +1,6 @@
 """Dry friction: of a corner along the fence or the border, and of the parcel on the belt."""
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from . import _check
+from ._check import Bounds
 
 
 class Friction(eqx.Module):
@@ -16,10 +17,15 @@ class Friction(eqx.Module):
     kinetic: Array
     static: Array
 
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "kinetic": Bounds(least=0, size=1.0),
+        "static": Bounds(least=0, size=1.0),
+    }
+
     def __init__(self, kinetic: ArrayLike, static: ArrayLike):
         """**Arguments:** `kinetic`: mu_k [1], at least 0. `static`: mu_s [1], at least 0."""
-        self.kinetic = _check.scalar("kinetic", kinetic, least=0)
-        self.static = _check.scalar("static", static, least=0)
+        self.kinetic = _check.field(self, "kinetic", kinetic)
+        self.static = _check.field(self, "static", static)
 
 
 class Smoothing(NamedTuple):

@@ -57,7 +57,10 @@ def run(
         dt0=1e-6,
         y0=(body, vibration),
         saveat=diffrax.SaveAt(ts=times),
-        stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=1e-3 * tolerance),
+        # A state that is not a number is refused at every length: it ends at the shortest step.
+        stepsize_controller=diffrax.PIDController(
+            rtol=tolerance, atol=1e-3 * tolerance, dtmin=1e-12, force_dtmin=False
+        ),
         adjoint=adjoint(fidelity),
         max_steps=500_000,
         throw=False,

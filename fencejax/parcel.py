@@ -1,10 +1,13 @@
 """The parcel: a rigid rectangle with compliant corners."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from . import _check
+from ._check import Bounds
 
 
 class Parcel(eqx.Module):
@@ -22,6 +25,17 @@ class Parcel(eqx.Module):
     given_inertia: Array | None
     stiffness: Array
     damping: Array
+
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "mass": Bounds("kg", above=0, size=10.0),
+        "length": Bounds("m", above=0, size=0.4),
+        "breadth": Bounds("m", above=0, size=0.4),
+        "center_x": Bounds("m", size=0.4),
+        "center_y": Bounds("m", size=0.4),
+        "inertia": Bounds("kg m^2", above=0, size=0.3),
+        "stiffness": Bounds("N/m^4", least=0, size=1e9),
+        "damping": Bounds("N s kg^-0.4 m^-3", least=0, size=1e5),
+    }
 
     def __init__(
         self,
@@ -44,11 +58,11 @@ class Parcel(eqx.Module):
           the mass and the size.
         - `stiffness`: k_p [N/m^4], at least 0. `damping`: b_p [N s kg^-0.4 m^-3], at least 0.
         """
-        self.mass = _check.scalar("mass", mass, above=0, unit="kg")
-        self.length = _check.scalar("length", length, above=0, unit="m")
-        self.breadth = _check.scalar("breadth", breadth, above=0, unit="m")
-        self.center_x = _check.scalar("center_x", center_x, unit="m")
-        self.center_y = _check.scalar("center_y", center_y, unit="m")
+        self.mass = _check.field(self, "mass", mass)
+        self.length = _check.field(self, "length", length)
+        self.breadth = _check.field(self, "breadth", breadth)
+        self.center_x = _check.field(self, "center_x", center_x)
+        self.center_y = _check.field(self, "center_y", center_y)
         inside = "The centre of gravity lies inside the rectangle."
         for name, offset, side in (
             ("center_x", self.center_x, self.length),
@@ -57,13 +71,9 @@ class Parcel(eqx.Module):
             _check.scalar(
                 f"|{name}| / half side", 2 * jnp.abs(offset) / side, most=1, remedy=inside
             )
-        self.given_inertia = (
-            None
-            if inertia is None
-            else _check.scalar("inertia", inertia, above=0, unit="kg m^2")
-        )
-        self.stiffness = _check.scalar("stiffness", stiffness, least=0, unit="N/m^4")
-        self.damping = _check.scalar("damping", damping, least=0, unit="N s kg^-0.4 m^-3")
+        self.given_inertia = None if inertia is None else _check.field(self, "inertia", inertia)
+        self.stiffness = _check.field(self, "stiffness", stiffness)
+        self.damping = _check.field(self, "damping", damping)
 
     @property
     def inertia(self) -> Array:

@@ -3,7 +3,9 @@
 from typing import Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
@@ -75,7 +77,7 @@ def _belt(belt: Belt | None | Default) -> Belt | None:
 
 
 def _place(distance: ArrayLike, fence: Fence) -> Array:
-    place = _check.scalar("distance", distance, least=0, unit="m")
+    place = _check.scalar("distance", distance, least=0, size=1.0, unit="m")
     if not isinstance(place + fence.reach, Tracer):
         _check.scalar(
             "distance",
@@ -89,7 +91,9 @@ def _place(distance: ArrayLike, fence: Fence) -> Array:
 
 def _drive_angle(angle: ArrayLike, drive: AbstractDrive) -> Array:
     checked = _check.scalar("drive_angle", angle, least=-1.5, most=1.5, unit="rad")
+    _motion(drive)
     furthest = drive.angle(drive.turning_time)
+    nearest = drive.angle(jnp.zeros_like(drive.turning_time))
     if not isinstance(checked + furthest, Tracer):
         _check.scalar(
             "drive_angle",
@@ -98,7 +102,57 @@ def _drive_angle(angle: ArrayLike, drive: AbstractDrive) -> Array:
             unit="rad",
             remedy="The drive turns back there.",
         )
+        _check.scalar(
+            "drive_angle",
+            checked,
+            least=float(jnp.max(nearest)) - 1e-9,
+            unit="rad",
+            remedy="The drive begins there.",
+        )
     return checked
+
+
+def _motion(drive: AbstractDrive) -> None:
+    """Refuse a drive whose speed or acceleration is not the derivative of its angle, where a class
+    gives `motion` in its own way."""
+    if type(drive).motion is AbstractDrive.motion or _traced(drive):
+        return
+    # Off the whole fractions of a cycle, at which laws have their kinks.
+    for share in (0.137, 0.371, 0.613, 0.859):
+        time = share * drive.cycle
+        given, derived = drive.motion(time), AbstractDrive.motion(drive, time)
+        for name, a, b in zip(derived._fields, given, derived, strict=True):
+            if not np.allclose(a, b, rtol=1e-6, atol=1e-9):
+                raise ValueError(
+                    f"Argument `drive` must move by its own angle, but its {name} at "
+                    f"{float(time):g} [s] is {float(a):g}, the derivative of its angle "
+                    f"{float(b):g}. Leave `motion` to AbstractDrive, which differentiates `angle`."
+                )
+
+
+def _traced(*parts) -> bool:
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(parts))
+
+
+def _clear_of_fence(parcel: Parcel, position, angle, fence: Fence, tilt, remedy: str) -> None:
+    """Refuse a parcel of which a corner lies beyond the straight fence, at the angle `tilt` [rad],
+    by more than rounding. `position` is that of C_s [m]."""
+    if _traced(parcel, position, angle, fence, tilt):
+        return
+    turn, tilt = np.asarray(angle), np.asarray(tilt)
+    for number in _CORNERS:
+        x, y = (np.asarray(q) for q in parcel.corner(number))
+        place_x = position[0] + np.cos(turn) * x - np.sin(turn) * y
+        place_y = position[1] + np.sin(turn) * x + np.cos(turn) * y
+        along = place_x * np.cos(tilt) + place_y * np.sin(tilt)
+        beyond = place_x * np.sin(tilt) - place_y * np.cos(tilt)
+        over = (along >= 0) & (along <= np.asarray(fence.reach))
+        size = np.asarray(parcel.length + parcel.breadth)
+        if np.any(over & (beyond > 1e-6 * size)):
+            raise ValueError(
+                f"The parcel must be clear of the fence at the start, but corner {number} is "
+                f"{float(np.max(np.where(over, beyond, -np.inf))):g} [m] beyond it. {remedy}"
+            )
 
 
 def _duration(duration: float | None, default: float) -> float:
@@ -143,22 +197,25 @@ def oblique_impact(
       `None` for `belt` or `fence_friction` leaves the part out.
     - `duration` [s], static, default 0.25.
 
-    Raises `ValueError` where the distance or the angle is out of the fence's or drive's reach.
+    Raises `ValueError` where the distance or the angle is out of the fence's or drive's reach, or
+    where the parcel, turned by `parcel_angle`, lies beyond the fence with another corner.
     """
     fence = Fence() if fence is None else fence
     drive = HarmonicDrive() if drive is None else drive
     if parcel_angle is not None:
-        parcel_angle = _check.scalar("parcel_angle", parcel_angle, unit="rad")
+        parcel_angle = _check.scalar("parcel_angle", parcel_angle, size=10.0, unit="rad")
     moving = None
     if velocity is not None:
-        x, y, spin = (_check.scalar("velocity", v, unit="m/s") for v in velocity)
+        x, y, spin = (_check.scalar("velocity", v, size=1.0, unit="m/s") for v in velocity)
         moving = (x, y, spin)
     (number,) = _corners("corner", (corner,))
+    parcel = Parcel() if parcel is None else parcel
     start = AtTouch(
         _place(distance, fence), _drive_angle(drive_angle, drive), parcel_angle, moving, number
     )
+    _turned_clear(parcel, start, fence)
     return Scene(
-        Parcel() if parcel is None else parcel,
+        parcel,
         start,
         _belt(belt),
         fence,
@@ -169,6 +226,30 @@ def oblique_impact(
         (),
         _duration(duration, 0.25),
     )
+
+
+def _turned_clear(parcel: Parcel, start: AtTouch, fence: Fence) -> None:
+    """Refuse a parcel that touches with one corner and lies beyond the fence with another one, or
+    has no direction from C_s to the corner."""
+    x, y = parcel.corner(start.corner)
+    if _traced(x, y):
+        return
+    if start.parcel_angle is None:
+        if np.any((np.asarray(x) == 0) & (np.asarray(y) == 0)):
+            raise ValueError(
+                f"Argument `parcel_angle` must be given where the centre of gravity is corner "
+                f"{start.corner}, but is None: no line goes from one to the other."
+            )
+        return
+    if _traced(start, fence):
+        return
+    turn, tilt = start.parcel_angle, start.drive_angle
+    position = (
+        start.place * jnp.cos(tilt) - (jnp.cos(turn) * x - jnp.sin(turn) * y),
+        start.place * jnp.sin(tilt) - (jnp.sin(turn) * x + jnp.cos(turn) * y),
+    )
+    remedy = "Change `parcel_angle`, or name that corner in `corner`."
+    _clear_of_fence(parcel, position, turn, fence, tilt, remedy)
 
 
 def along_fence(
@@ -287,7 +368,9 @@ def free_motion(
         "velocity y": (velocity[1], "m/s"),
         "spin": (velocity[2], "rad/s"),
     }
-    motion = Body(*(_check.scalar(k, value, unit=unit) for k, (value, unit) in numbers.items()))
+    motion = Body(
+        *(_check.scalar(k, value, size=10.0, unit=unit) for k, (value, unit) in numbers.items())
+    )
     if fence is not None and drive is None:
         drive = HarmonicDrive()
     return Scene(
@@ -334,13 +417,20 @@ def whole_sort(
     if drive is None:
         drive, duration = HarmonicDrive(), CYCLE_TIME if duration is None else duration
     start = OnBelt(
-        _check.scalar("front", front, unit="m"),
-        _check.scalar("offset", offset, least=0, unit="m"),
-        _check.scalar("angle", angle, unit="rad"),
+        _check.scalar("front", front, size=1.0, unit="m"),
+        _check.scalar("offset", offset, least=0, size=1.0, unit="m"),
+        _check.scalar("angle", angle, size=10.0, unit="rad"),
     )
     border = Border() if border == "default" else border
+    parcel = Parcel() if parcel is None else parcel
+    _motion(drive)
+    if not _traced(parcel, start, fence, drive):
+        body = start.body(parcel, None, None)
+        tilt = drive.angle(jnp.zeros_like(drive.turning_time))
+        remedy = "Raise `offset`, lower `front`, or begin with the fence at rest at 0 rad."
+        _clear_of_fence(parcel, body[:2], body.angle, fence, tilt, remedy)
     return Scene(
-        Parcel() if parcel is None else parcel,
+        parcel,
         start,
         _belt(belt),
         fence,
@@ -377,7 +467,7 @@ def normal_impact(
         distance = fence.reach - 0.2 * fence.flexible_length
     return NormalScene(
         Parcel() if parcel is None else parcel,
-        _check.scalar("speed", speed, unit="m/s"),
+        _check.scalar("speed", speed, size=1.0, unit="m/s"),
         fence,
         _place(distance, fence),
         _duration(duration, 0.25),
@@ -393,7 +483,7 @@ def rigid_wall(
     """
     return NormalScene(
         Parcel() if parcel is None else parcel,
-        _check.scalar("speed", speed, unit="m/s"),
+        _check.scalar("speed", speed, size=1.0, unit="m/s"),
         None,
         None,
         _duration(duration, 0.1),

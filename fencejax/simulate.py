@@ -13,7 +13,8 @@ from jaxtyping import Array
 
 from . import _check, error, general, integrate, modal_step, normal
 from .clock import Clock, stride_counts
-from .drive import DriveMotion
+from .consistency import consistent
+from .drive import AbstractDrive, DriveMotion
 from .fidelity import Fidelity
 from .forward import by_columns
 from .keep import keep, sound
@@ -25,8 +26,9 @@ from .propagation import Propagator
 from .result import Result, gather
 from .scenes import NormalScene, Scene
 from .start import Pose
-from .status import Status, worst
+from .status import LAGGING, ROUGH, Status, worst
 from .tally import Tally
+from .taper import AbstractTaper
 
 
 def simulate(
@@ -83,6 +85,7 @@ def simulate(
             _check.choice("only", name, _FIELDS)
         only = tuple(sorted({*only, "status"}))
         history = "history" in only
+    _refuse(scene, fidelity)
     result = _result(scene, fidelity, history, only)
     if estimate_error:
         estimated = error.estimate(_result, scene, fidelity, result)
@@ -90,6 +93,55 @@ def simulate(
     if throw:
         raise_for(result)
     return result
+
+
+# More steps than these are no longer counted exactly in single and in double precision [1].
+_STEPS = {"float32": 2**24, "float64": 2**31 - 2}
+# What single precision still resolves: a step's change of the motion [s], a smoothing [m/s].
+_SINGLE = {"step": 1e-4, "slip_speed": 2e-3}
+
+
+def _refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
+    """Raise where the scene's numbers are of a wrong type or shape, or single precision cannot give
+    what the fidelity asks for."""
+    vectors = (AbstractTaper, AbstractDrive)
+    for path, leaf in jax.tree_util.tree_leaves_with_path(
+        scene, is_leaf=lambda part: isinstance(part, vectors)
+    ):
+        if isinstance(leaf, vectors):
+            continue
+        name = jax.tree_util.keystr(path).lstrip(".")
+        shape = np.shape(leaf)
+        if shape:
+            raise ValueError(
+                f"Argument `scene` must hold one number in each field, but `{name}` has the shape "
+                f"{shape}. Write jax.vmap(lambda scene: fj.simulate(scene))(scenes) for a batch."
+            )
+    numbers = jax.tree.leaves(scene)
+    for number in numbers:
+        if jnp.result_type(number) not in (jnp.float32, jnp.float64):
+            raise TypeError(
+                f"Argument `scene` must hold floating-point numbers in single or double precision, "
+                f"but holds {number!r} of the type {jnp.result_type(number)}. Give numbers to the "
+                "constructors, which convert them."
+            )
+    precision = fidelity.precision or str(jnp.result_type(*numbers))
+    steps = scene.duration / fidelity.step
+    if steps > _STEPS[precision]:
+        raise ValueError(
+            f"Argument `duration` / `fidelity.step` must be at most {_STEPS[precision]} [1] in "
+            f"{precision}, but is {steps:g}. Raise `step` or lower `duration`."
+        )
+    if precision == "float64" or isinstance(scene, NormalScene):
+        return
+    for name, least in _SINGLE.items():
+        value = getattr(fidelity, name)
+        if value < least:
+            raise ValueError(
+                f"Argument `fidelity.{name}` must be at least {least:g} in single precision, but "
+                f"is {value:g}: smaller changes are lost in rounding. Raise it, or write "
+                'fidelity.replace(precision="float64") with JAX\'s jax_enable_x64.'
+            )
 
 
 _FIELDS = tuple(f.name for f in dataclasses.fields(Result) if f.name != "error")
@@ -114,16 +166,57 @@ def _program(structure, fidelity: Fidelity, history: bool, only: tuple[str, ...]
         precision = given if fidelity.precision is None else jnp.dtype(fidelity.precision)
         numbers = [number.astype(precision) for number in numbers]
         scene = jax.tree.unflatten(structure, numbers)
-        run = normal.run if isinstance(scene, NormalScene) else _run
-        result = run(scene, fidelity, history)
+        if isinstance(scene, NormalScene):
+            result = normal.run(scene, fidelity, history)
+        else:
+            result = _run(scene, fidelity, history)
         result = jax.tree.map(lambda leaf: leaf.astype(given), result)
-        if only is None:
-            return result
-        dropped = {name: None for name in _FIELDS if name not in only}
-        return dataclasses.replace(result, **dropped)
+        if only is not None:
+            dropped = {name: None for name in _FIELDS if name not in only}
+            result = dataclasses.replace(result, **dropped)
+        return _sound(scene, result)
 
     run = by_columns(outcome) if fidelity.gradient == "forward" else outcome
     return run, jax.jit(run)
+
+
+# Not a number where there was no contact.
+_MAY_BE_NAN = ("first_contact", "last_contact", "leave_x", "leave_y", "status")
+
+
+# Share of the energy turned over that a ledger may gain.
+_GAIN = 0.05
+
+
+def _gained(scene: NormalScene | Scene, result: Result) -> Array:
+    """Whether the energy ledger ends with more than the work done accounts for: a residual above
+    5 % of what was turned over, the parcel's kinetic energy at the end and the sizes of the
+    ledger's terms together."""
+    parcel, final = scene.parcel, result.final
+    held = 0.5 * parcel.mass * (final.x_rate**2 + final.y_rate**2)
+    held = held + 0.5 * parcel.inertia * final.spin**2
+    turned = held + sum(jnp.abs(term) for term in jax.tree.leaves(result.energy))
+    return result.energy.residual > _GAIN * turned
+
+
+def _sound(scene: NormalScene | Scene, result: Result) -> Result:
+    """The same with the status `ENERGY_GAINED` where the ledger is wanted and says so, and
+    `NON_FINITE` where a number is not finite, and then without derivatives: a lane whose value is
+    taken out of a sum is out of the sum's gradient too."""
+    status = jax.lax.stop_gradient(result.status)
+    if result.energy is not None and result.final is not None:
+        gain = _gained(*jax.lax.stop_gradient((scene, result)))
+        status = jnp.where(gain, jnp.maximum(status, float(Status.ENERGY_GAINED)), status)
+    named = {f: v for f, v in vars(result).items() if f not in _MAY_BE_NAN}
+    finite = jnp.asarray(True)
+    for leaf in jax.tree.leaves(named):
+        finite = finite & jnp.all(jnp.isfinite(leaf))
+    status = jnp.where(jax.lax.stop_gradient(finite), status, float(Status.NON_FINITE))
+    lost = status >= Status.NON_FINITE
+    result = jax.tree.map(
+        lambda leaf: jnp.where(lost, jax.lax.stop_gradient(leaf), leaf), result
+    )
+    return eqx.tree_at(lambda r: r.status, result, status)
 
 
 def _result(scene, fidelity: Fidelity, history: bool, only) -> Result:
@@ -208,23 +301,58 @@ def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
         vibration = None if memory.fence is None else memory.fence.vibration
         tally, samples, done = general.run(mechanics, clock, memory.body, vibration, steps)
     return gather(
-        tally, samples if history else None, clock.start, _status(scene, tally, done)
+        tally, samples if history else None, clock.start,
+        _status(scene, mechanics, tally, done, clock.start),
     )
 
 
-def _status(scene: Scene, tally: Tally, done: Array | float) -> Array:
+# Share of the peak force that the belt's friction may lose to its smoothing.
+_SMOOTHED = 0.017
+# Tip deflection that only a motion out of control has, in limits of the linear beam [1].
+_LOST = 40.0
+
+
+def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> Array:
+    """Whether the smoothing of the belt's friction may move the peak force by more than a share:
+    m_p g (mu_k eps + |mu_s - mu_k| w_s) / s of it, with s the largest slip on the belt."""
+    assert scene.belt is not None
+    friction = scene.belt.friction
+    lost = friction.kinetic * fidelity.slip_speed
+    lost = lost + jnp.abs(friction.static - friction.kinetic) * fidelity.static_speed
+    pressed = tally.force.value > 0
+    return pressed & (weight * lost > _SMOOTHED * tally.force.value * tally.slip)
+
+
+def _status(
+    scene: Scene, mechanics: Mechanics, tally: Tally, done: Array | float, start_time: Array
+) -> Array:
     """The largest status that applies, as a floating-point number."""
+    tally = jax.lax.stop_gradient(tally)
+    scene = jax.lax.stop_gradient(scene)
     parcel = scene.parcel
     side = jnp.minimum(parcel.length, parcel.breadth)
     checks = [(Status.DEEP_PENETRATION, tally.deepest > side / 2)]
     forces = jnp.maximum(tally.force.value, tally.border.value)
     weight = parcel.mass * (0.0 if scene.belt is None else scene.belt.gravity)
-    allowed = max(1e-3, 2 * modal_step.tolerance(parcel.mass.dtype)) * (forces + weight)
+    # Where the fence is touched its force must be right beside a large weight, too.
+    share = max(1e-3, 4 * modal_step.tolerance(parcel.mass.dtype))
+    allowed = share * (forces + jnp.where(tally.stay.touched > 0, 0.0, weight))
     checks.append((Status.STEP_TOO_COARSE, tally.defect > allowed + 1e-9))
-    checks.append((Status.STEP_TOO_COARSE, jnp.asarray(done) < 0.5))
+    for peak, rough in ((tally.force, tally.rough), (tally.border, tally.rough_border)):
+        checks.append((Status.STEP_TOO_COARSE, rough > ROUGH * peak.value))
+    checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
+    checks.append((Status.INCONSISTENT, ~consistent(scene, start_time)))
+    if scene.belt is not None and scene.fence_corners:
+        lost = _smoothed(scene, mechanics.fidelity, tally, weight)
+        checks.append((Status.FRICTION_SMOOTHED, lost))
+    if mechanics.link is not None and mechanics.link.frequency_squared:
+        highest = jax.lax.stop_gradient(mechanics.link.eigenvalues[-1])
+        checks.append((Status.MODES_TOO_FEW, tally.hurry > LAGGING * highest * tally.deepest))
     if scene.fence is not None:
         limit = scene.fence.flexible_length / 4
         checks.append((Status.LARGE_DEFLECTION, tally.tip.value > limit))
+        # It runs away: finite still, but its derivatives may be so no more.
+        checks.append((Status.NON_FINITE, tally.tip.value > _LOST * limit))
     if scene.fence_corners:
         checks.append((Status.NEVER_TOUCHED, tally.stay.touched == 0))
         checks.append((Status.IN_CONTACT_AT_END, tally.last.fence_force > 0))

@@ -26,11 +26,12 @@ class Status(enum.IntEnum):
     LARGE_DEFLECTION = 4
     DEEP_PENETRATION = 5
     FRICTION_SMOOTHED = 6
-    ENERGY_GAINED = 7
-    STEP_TOO_COARSE = 8
-    LIMIT_REACHED = 9
-    INCONSISTENT = 10
-    NON_FINITE = 11
+    MODES_TOO_FEW = 7
+    ENERGY_GAINED = 8
+    STEP_TOO_COARSE = 9
+    LIMIT_REACHED = 10
+    INCONSISTENT = 11
+    NON_FINITE = 12
 
     @property
     def text(self) -> str:
@@ -51,6 +52,8 @@ _TEXT = {
     "beyond the contact law; check its stiffness and the speed",
     Status.FRICTION_SMOOTHED: "the parcel slips on the belt hardly faster than dry friction is "
     "smoothed over; lower `slip_speed` and `static_speed` in the fidelity",
+    Status.MODES_TOO_FEW: "the force changes faster than the bending modes left out can follow; "
+    "raise `modes` in the fidelity",
     Status.ENERGY_GAINED: "the energy ledger ends with more than the work done accounts for; "
     "lower `step` in the fidelity",
     Status.STEP_TOO_COARSE: "a step's equations were not solved, or the force rose or fell within "
@@ -59,9 +62,18 @@ _TEXT = {
     "`integrator=\"modal\"`, raise `tolerance`, or smooth friction over a higher `slip_speed`",
     Status.INCONSISTENT: "a number of the scene is out of its bounds, or the start is none that "
     "the fence reaches; build the scene outside the transformation to be told which",
-    Status.NON_FINITE: "the state is not finite; check the inputs for extreme values, then lower "
-    "`step`",
+    Status.NON_FINITE: "the state is not finite, or runs away; check the inputs for extreme "
+    "values, then lower `step`",
 }
+
+
+# A force whose second difference from step to step is a larger share of its peak than this is not
+# resolved. Below it, over random scenes far beyond the ordinary, the peak is off by 1.5 % at most.
+ROUGH = 0.25
+# What the modes left out may lag behind their static deflection, as a share of the depth of the
+# contact, a quarter of its share in the force: |N''| G / w^2 with their compliance G and the square
+# of the highest frequency kept.
+LAGGING = 0.04
 
 
 def worst(checks, like: Array) -> Array:

@@ -79,8 +79,9 @@ class Tally(NamedTuple):
     `origin` are the energies at the start; `length` [s] is that of the last step, `None` where all
     are alike. `rough`, `rough_border` [N] are the largest second differences of the forces of the
     fence and of the border from step to step; `slip` [m/s] is the largest speed at which C_s slips
-    on the belt. They say whether the step and the smoothing of friction resolve the motion, and
-    have no derivative.
+    on the belt; `hurry` [m/s^2] the largest |N''| G under a corner, G [m/N] the compliance of the
+    modes left out. They say whether the step, the smoothing of friction and the modes resolve the
+    motion, and have no derivative.
     """
 
     last: Instant
@@ -103,6 +104,7 @@ class Tally(NamedTuple):
     rough: Array
     rough_border: Array
     slip: Array
+    hurry: Array
 
 
 def _border_force(instant: Instant) -> Array:
@@ -147,6 +149,7 @@ def empty(like: Instant, body: Body, alike: bool) -> Tally:
         rough=zero,
         rough_border=zero,
         slip=zero,
+        hurry=zero,
     )
 
 
@@ -189,6 +192,16 @@ def _slip(instant: Instant) -> Array:
     force = jnp.sqrt(x**2 + y**2)
     by_sliding = dissipated + moment * jax.lax.stop_gradient(instant.body.spin)
     return jnp.where(force > 0, by_sliding / jnp.where(force > 0, force, 1.0), 0.0)
+
+
+def _hurry(instant: Instant, rough: Array, length: Array) -> Array:
+    """|N''| G [m/s^2]: how fast the static deflection of the modes left out is asked to change,
+    times its rate of change."""
+    largest = jnp.zeros_like(rough)
+    for compliance, _ in jax.lax.stop_gradient(instant.carried):
+        largest = jnp.maximum(largest, compliance)
+    pace = jnp.where(length > 0, 1 / jnp.where(length > 0, length, 1.0), 0.0)
+    return largest * rough * jax.lax.stop_gradient(pace) ** 2
 
 
 def _stayed(stay: Stay, instant: Instant, before: Instant, gap: Array, span: Span) -> Stay:
@@ -275,4 +288,5 @@ def add(
         rough=jnp.maximum(tally.rough, rough),
         rough_border=jnp.maximum(tally.rough_border, rough_border),
         slip=jnp.maximum(tally.slip, _slip(instant)),
+        hurry=jnp.maximum(tally.hurry, _hurry(instant, rough, length)),
     )

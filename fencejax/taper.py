@@ -1,7 +1,7 @@
 """The thickness of the flexible link along its length, h(x) = h_1 g(x / l_p)."""
 
 import abc
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from . import _check
+from ._check import Bounds
 
 
 class AbstractTaper(eqx.Module):
@@ -52,8 +53,10 @@ class PowerTaper(AbstractTaper):
 
     exponent: Array
 
+    bounds: ClassVar[dict[str, Bounds]] = {"exponent": Bounds(least=0, most=0.99)}
+
     def __init__(self, exponent: ArrayLike):
-        self.exponent = _check.scalar("exponent", exponent, least=0, most=0.99)
+        self.exponent = _check.field(self, "exponent", exponent)
 
     def __call__(self, position, tip_distance):
         return tip_distance**self.exponent
@@ -64,8 +67,10 @@ class ProfileTaper(AbstractTaper):
 
     ratios: Array
 
+    bounds: ClassVar[dict[str, Bounds]] = {"ratios": Bounds(above=0, size=1.0)}
+
     def __init__(self, ratios: ArrayLike):
-        self.ratios = _check.vector("ratios", ratios, size_least=2, above=0)
+        self.ratios = _check.vector("ratios", ratios, size_least=2, above=0, size=1.0)
 
     def __call__(self, position, tip_distance):
         stations = jnp.linspace(0.0, 1.0, self.ratios.shape[-1])

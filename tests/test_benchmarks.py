@@ -21,6 +21,7 @@ pytestmark = pytest.mark.bench
 
 START = jnp.array([0.045, 3.0e9, 1130.0, 0.05, 0.132, 0.45, 0.75, 1.53])
 FIDELITIES = {
+    "coarse": fj.Fidelity.coarse(),
     "fast": fj.Fidelity.fast(),
     "standard": fj.Fidelity.standard(),
     "reference": fj.Fidelity.reference(),

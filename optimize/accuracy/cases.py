@@ -17,7 +17,7 @@ is x of the parcel's front when the drive starts."""
 SYMBOLS = ("$h_1$", "$l_s$", "$l_p$", "$E$", r"$\rho$", r"$\zeta$", "$m_p$", "$R$")
 QUANTITIES = ("peak_force", "tip_deflection", "impulse")
 TITLES = tuple(name.replace("_", " ") for name in QUANTITIES)
-SCENES = ("impact", "slide", "sort", "random")
+SCENES = ("impact", "slide", "sort", "random", "sorts")
 
 _PAPER = {
     "thickness": 0.045, "rigid_length": 0.45, "flexible_length": 0.75, "youngs_modulus": 3.0e9,
@@ -89,6 +89,15 @@ def slide() -> Family:
 def sort() -> Family:
     """The whole sort at Delta s = 0, parcel's front at 0.1 m, `scenes.whole_sort`."""
     return Family("sort", np.array([list((_PAPER | {"distance": 0.1}).values())]), 1.36)
+
+
+def sorts(count: int, seed: int) -> Family:
+    """Random whole sorts over the ranges of the random impacts, the parcel's front at -0.2 ... 0.3 m
+    when the drive starts."""
+    rows = impacts(count, seed, 1.36).numbers[1:]
+    fronts = np.random.default_rng(seed + 1).uniform(-0.2, 0.3, count)
+    rows[:, NUMBERS.index("distance")] = fronts
+    return Family("sort", rows, 1.36)
 
 
 def scene(family: Family, numbers: Array, factors: Array) -> fj.Scene:

@@ -18,6 +18,7 @@ class WorkPrecisionConfig:
     out: Path = Path("out")
     scene: tuple[str, ...] = SCENES
     random: int = 255
+    sorts: int = 100
     seed: int = 1
     duration: float = 0.13
     lanes: int = 32
@@ -33,7 +34,7 @@ class WorkPrecisionConfig:
 
     def __post_init__(self):
         flags.at_least(
-            self, random=1, lanes=1, candidates=0, batch=1, repeats=3, threads=1, seed=0
+            self, random=1, sorts=1, lanes=1, candidates=0, batch=1, repeats=3, threads=1, seed=0
         )
         if not self.duration > 0:
             raise ValueError(
@@ -57,8 +58,9 @@ class WorkPrecisionConfig:
 
 _HELP = {
     "out": "folder for work_precision.md, work_precision.json and the figures",
-    "scene": "the paper's impact, the slide, the whole sort, the random impacts",
+    "scene": "the paper's impact, the slide, the whole sort, the random impacts, the random sorts",
     "random": "random impacts",
+    "sorts": "random whole sorts",
     "seed": "of the random impacts",
     "duration": "length of an impact [s]",
     "lanes": "impacts over which each knob is moved by itself",

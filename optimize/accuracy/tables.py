@@ -160,7 +160,7 @@ def front_table(report: "Report", kind: str) -> str:
 
 
 def stage_table(report: "Report") -> str:
-    """Errors of the named rungs in slide and whole sort: value; gradient."""
+    """Errors of the named rungs in slide and whole sorts: value; gradient."""
     rows = []
     for stage, found in report.stages.items():
         for k, title in enumerate(TITLES):
@@ -170,7 +170,9 @@ def stage_table(report: "Report") -> str:
                 if errors is None or errors.gradient is None:
                     cells.append("")
                     continue
-                cells.append(f"{percent(errors.value[0, k])}; {percent(errors.gradient[0, k])}")
+                value, gradient = errors.value[:, k], errors.gradient[:, k]
+                show = _three if len(value) > 1 else lambda one: percent(one[0])
+                cells.append(f"{show(value)}; {show(gradient)}")
             rows.append(cells)
     return _rows(["scene", "quantity", *(rung.name for rung in report.rungs)], rows)
 
@@ -252,7 +254,7 @@ def document(report: "Report") -> str:
             f"errors differ by a factor of {factor:.2g} at most."
         )
     if report.stages:
-        parts += ["## Slide and whole sort", stage_table(report)]
+        parts += ["## Slide and whole sorts", stage_table(report)]
     parts += [
         "## Each knob by itself",
         f"All else held at {knobs_of(report.ladder.base)}; over {config.lanes} impacts, against "

@@ -1,0 +1,1 @@
+"""The pieces of the stability map: its scenes and its figures."""

@@ -1,0 +1,335 @@
+"""The corners of the design space: a result within its fidelity's promise, or a status that says
+what happened, in value and in gradient.
+
+Every row below is a lane of one compiled program a fidelity. The truth is `Fidelity.reference` with
+steps of 50 us: its own error, 1e-4 of the peak where its status is good, does not count.
+"""
+
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from extreme_scenes import ORDINARY, impact, stack
+
+import fencejax as fj
+
+PROMISE = {"fast": 0.02, "standard": 0.015}
+"""What the peak force of the worst of many random impacts is off by, and what the docstrings of the
+fidelities promise: friction's smoothing for the most part."""
+
+# Designs: (changes of the ordinary impact).
+ROWS = {
+    "ordinary": {},
+    # Thickness.
+    "thickness-1mm": {"thickness": 1e-3},
+    "thickness-5mm": {"thickness": 5e-3},
+    "thickness-0.1m": {"thickness": 0.1},
+    "thickness-0.3m": {"thickness": 0.3},
+    # Lengths.
+    "one-link": {"flexible": 1.0, "thickness": 0.073},
+    "tip-2cm": {"flexible": 0.02 / 1.2},
+    "tip-2cm-struck": {"flexible": 0.02 / 1.2, "place": 0.995},
+    "reach-0.1m": {"reach": 0.1, "length": 0.05},
+    "reach-0.3m": {"reach": 0.3},
+    "reach-5m": {"reach": 5.0, "thickness": 0.2},
+    "reach-5m-thin": {"reach": 5.0},
+    "width-1mm": {"width": 1e-3},
+    "width-10m": {"width": 10.0},
+    # Material.
+    "rubber": {"modulus": 1e6},
+    "soft-plastic": {"modulus": 2e8, "thickness": 0.1},
+    "steel": {"modulus": 2.1e11, "density": 7850.0, "thickness": 0.01},
+    "steel-plate": {"modulus": 2.1e11, "density": 7850.0},
+    "foam": {"density": 50.0},
+    "lead": {"density": 8000.0},
+    "undamped": {"damping_ratio": 0.0},
+    "critically-damped": {"damping_ratio": 1.0},
+    "overdamped": {"damping_ratio": 2.0},
+    # Parcel.
+    "mass-1g": {"mass": 1e-3},
+    "mass-10g": {"mass": 1e-2},
+    "mass-1kg": {"mass": 1.0},
+    "mass-40kg": {"mass": 40.0},
+    "mass-100kg": {"mass": 100.0},
+    "mass-1t": {"mass": 1e3},
+    "size-1cm": {"length": 0.01, "mass": 0.1},
+    "size-2m": {"length": 2.0, "mass": 50.0},
+    "aspect-1:100": {"aspect": 0.01, "length": 1.0},
+    "aspect-100:1": {"aspect": 100.0, "length": 0.01},
+    "centre-at-an-edge": {"across": 0.5},
+    "centre-at-the-other-edge": {"along": -0.5},
+    "centre-all-but-at-the-corner": {"across": 0.4999, "along": -0.4999},
+    # Contact law.
+    "no-stiffness": {"stiffness": 0.0},
+    "stiffness-1e3": {"stiffness": 1e3},
+    "stiffness-1e6": {"stiffness": 1e6},
+    "stiffness-1e12": {"stiffness": 1e12},
+    "stiffness-1e14": {"stiffness": 1e14},
+    "no-damping": {"damping": 0.0},
+    "damping-1e9": {"damping": 1e9},
+    "soft-and-damped": {"stiffness": 1e3, "damping": 1e9},
+    "no-contact-law": {"stiffness": 0.0, "damping": 0.0},
+    # Speeds.
+    "belt-still": {"belt": 0.0, "ride": 0.0},
+    "belt-20": {"belt": 20.0, "ride": 20.0},
+    "drive-50": {"top_speed": 3.4, "reach": 0.3},
+    "drive-slow": {"top_speed": 1e-3},
+    "approach-1e-6": {"approach": 1e-6},
+    "approach-1": {"approach": 1.0},
+    "approach-10": {"approach": 10.0},
+    "approach-50": {"approach": 50.0},
+    "receding": {"approach": -5.0},
+    "grazing": {"approach": -1.2},
+    # Friction.
+    "no-friction": {"kinetic": 0.0, "static": 0.0, "belt_kinetic": 0.0, "belt_static": 0.0},
+    "friction-5": {"kinetic": 5.0, "static": 5.0},
+    "belt-friction-5": {"belt_kinetic": 5.0, "belt_static": 5.0},
+    "static-is-kinetic": {"static": 0.35, "belt_static": 0.65},
+    "static-far-above": {"static": 3.0, "belt_static": 3.0},
+    "no-gravity": {"gravity": 0.0},
+    "gravity-100": {"gravity": 100.0},
+    # Place.
+    "hinge": {"place": 0.0},
+    "near-the-hinge": {"place": 0.02},
+    "at-the-joint": {"place": 0.375},
+    "at-a-node": {"place": 0.375 + 0.625 * 0.5},
+    "at-the-tip": {"place": 1.0},
+    "over-the-tip": {"place": 0.999, "ride": 4.0, "belt": 4.0},
+    "drive-at-its-start": {"angle": 1e-6},
+    "drive-at-its-turn": {"angle": 0.999999},
+    # Out of every bound: traced numbers pass the constructors.
+    "mass-1e100": {"mass": 1e100},
+    "mass-1e300": {"mass": 1e300},
+    "mass-1e12": {"mass": 1e12},
+    "mass-negative": {"mass": -1.0},
+    "thickness-nan": {"thickness": np.nan},
+    "modulus-inf": {"modulus": np.inf},
+    "beyond-the-tip": {"place": 1.2},
+    "angle-never-reached": {"angle": 1.5},
+    "centre-outside": {"across": 0.7},
+}
+REFUSED = {name for name in list(ROWS)[list(ROWS).index("mass-1e100") :] if name != "mass-1e12"}
+# Rows whose numbers every fidelity must give: a status that warned of all would pass all else.
+GIVEN = {
+    "ordinary", "thickness-0.1m", "one-link", "soft-plastic", "foam", "lead", "undamped",
+    "critically-damped", "overdamped", "mass-1kg", "mass-40kg", "stiffness-1e6", "no-damping",
+    "approach-1", "no-friction", "friction-5", "static-is-kinetic", "at-the-joint", "at-a-node",
+    "no-gravity", "size-2m", "steel-plate", "receding",
+}
+VARIED = ("thickness", "modulus", "density", "mass", "stiffness", "belt", "reach", "belt_kinetic")
+FIELDS = ("peak_force", "tip_deflection", "impulse", "peak_stress", "furthest_y")
+
+
+def numbers():
+    return stack([ORDINARY | changes for changes in ROWS.values()])
+
+
+def chosen(result):
+    return jnp.stack([getattr(result, name) for name in FIELDS])
+
+
+@functools.cache
+def outcome(name):
+    """Status (lanes,), values (lanes, fields) and elasticities' numerators x df/dx
+    (lanes, fields, varied)."""
+    fidelity = getattr(fj.Fidelity, name)()
+
+    @jax.jit
+    @jax.vmap
+    def run(x):
+        def values(varied):
+            result = fj.simulate(impact(x | varied), fidelity=fidelity, history=False)
+            kept = eqx.tree_at(
+                lambda r: (r.first_contact, r.last_contact, r.leave_x, r.leave_y), result, [0.0] * 4
+            )
+            return chosen(result), (result.status, chosen(result), kept)
+
+        varied = {k: x[k] for k in VARIED}
+        slopes, (status, found, kept) = jax.jacfwd(values, has_aux=True)(varied)
+        finite = jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(kept)])
+        return status, found, jnp.stack([slopes[k] * x[k] for k in VARIED], axis=-1), finite.all()
+
+    return jax.device_get(run(numbers()))
+
+
+@functools.cache
+def truth():
+    fidelity = fj.Fidelity.reference(step=5e-5, geometry="arc", modes=8)
+
+    @jax.jit
+    @jax.vmap
+    def run(x):
+        result = fj.simulate(impact(x), fidelity=fidelity, only=FIELDS)
+        return result.status, chosen(result)
+
+    return jax.device_get(run(numbers()))
+
+
+@pytest.mark.parametrize("fidelity", PROMISE)
+@pytest.mark.parametrize("name", ROWS)
+def test_right_or_said(name, fidelity):
+    lane = list(ROWS).index(name)
+    status, values, slopes, finite = (each[lane] for each in outcome(fidelity))
+    if name in REFUSED:
+        assert status >= fj.Status.INCONSISTENT
+        return
+    if name in GIVEN:
+        assert status <= fj.Status.LEFT_OVER_TIP
+    if status > fj.Status.LEFT_OVER_TIP:
+        return
+    assert finite
+    assert np.all(np.isfinite(slopes))
+    other, true = (each[lane] for each in truth())
+    if status != fj.Status.NEVER_TOUCHED and other <= fj.Status.LEFT_OVER_TIP:
+        assert abs(values[0] - true[0]) <= PROMISE[fidelity] * true[0]
+
+
+STRETCH = 1e-3
+"""Relative change of the differences below; they are then off by 5e-7 / 1e-3 of the value, by what
+Newton's method lets be, and by the curvature."""
+
+
+@functools.cache
+def differences():
+    """d f / d log(every varied number) by central differences, (lanes, fields)."""
+    @jax.jit
+    @jax.vmap
+    def run(x):
+        return chosen(fj.simulate(impact(x), fidelity=fj.Fidelity.standard(), only=FIELDS))
+
+    def stretched(by):
+        return {k: v * np.exp(by) if k in VARIED else v for k, v in numbers().items()}
+
+    return (run(stretched(STRETCH)) - run(stretched(-STRETCH))) / (2 * STRETCH)
+
+
+@pytest.mark.parametrize("name", sorted(GIVEN))
+def test_gradients_are_those_of_the_values(name):
+    lane = list(ROWS).index(name)
+    _, values, slopes, _ = (each[lane] for each in outcome("standard"))
+    expected, found = differences()[lane][:3], slopes[:3].sum(axis=-1)
+    size = np.linalg.norm(slopes[:3], axis=-1) + np.abs(values[:3])
+    assert np.all(np.abs(found - expected) <= 5e-3 * size + 1e-9)
+
+
+# --- One bad lane -------------------------------------------------------------------------------
+
+
+def test_bad_lanes_leave_the_others_alone():
+    """Lanes share nothing but the number of Newton iterations, which goes on until the last one is
+    done: 5e-7 of the forces at most. A lane that is not a number asks for none."""
+    @jax.jit
+    @jax.vmap
+    def run(x):
+        def peak(h):
+            scene = impact(x | {"thickness": h}, 0.06)
+            result = fj.simulate(scene, fidelity=fj.Fidelity.fast(), only=("peak_force",))
+            return result.peak_force, result.status
+
+        slope, (value, status) = jax.jacfwd(lambda h: (peak(h)[0], peak(h)), has_aux=True)(
+            x["thickness"]
+        )
+        return value, slope, status
+
+    names = ["ordinary", "mass-1kg", "thickness-nan", "mass-1e300", "modulus-inf", "no-gravity"]
+    bad = np.array([name in REFUSED for name in names])
+    mixed = stack([ORDINARY | ROWS[name] for name in names])
+    sound = stack([ORDINARY | ({} if name in REFUSED else ROWS[name]) for name in names])
+    for a, b in zip(run(mixed)[:2], run(sound)[:2], strict=True):
+        np.testing.assert_allclose(a[~bad], b[~bad], rtol=2e-6)
+    value, slope, status = run(mixed)
+    assert np.all(status[bad] >= fj.Status.INCONSISTENT)
+    # Nothing of a lane that is not a number is left in a gradient.
+    lost = status == fj.Status.NON_FINITE
+    assert lost.sum() >= 2
+    assert np.all(slope[lost] == 0)
+
+
+@pytest.mark.parametrize("mode", ["forward", "reverse"])
+def test_sums_over_lanes_are_not_spoiled(mode):
+    rows = [ORDINARY, ORDINARY | {"modulus": np.inf}, ORDINARY | {"mass": 1.0}]
+    x = {k: jnp.asarray(v) for k, v in stack(rows).items()}
+
+    @jax.jit
+    def total(scale):
+        def one(lane):
+            scene = impact(lane | {"thickness": lane["thickness"] * scale}, 0.06)
+            result = fj.simulate(scene, fidelity=PLAIN, only=("peak_force",))
+            return fj.good(result, result.peak_force), fj.holds(result)
+
+        forces, held = jax.vmap(one)(x)
+        return jnp.sum(forces), held
+
+    differentiate = jax.jacfwd if mode == "forward" else jax.grad
+    slope, held = differentiate(total, has_aux=True)(1.0)
+    assert held.tolist() == [True, False, True]
+    above, below = total(1 + 1e-4)[0], total(1 - 1e-4)[0]
+    assert float(slope) == pytest.approx(float(above - below) / 2e-4, rel=5e-3)
+    assert np.isfinite(slope)
+
+
+# --- Other programs: what is static, and scenes of their own -------------------------------------
+
+PLAIN = fj.Fidelity.fast(modes=1, static_correction=False, geometry="small")
+
+
+def struck(fidelity, scene=None, **fields):
+    scene = fj.scenes.normal_impact(duration=0.05) if scene is None else scene
+    return fj.simulate(scene, fidelity=fidelity, history=False, **fields)
+
+
+@functools.cache
+def all_modes():
+    return float(struck(fj.Fidelity(modes=None, step=1e-4)).peak_force)
+
+
+@pytest.mark.parametrize(
+    ("elements", "modes"), [(1, 1), (1, None), (2, 4), (20, 12), (100, 4)]
+)
+def test_elements_and_modes(elements, modes):
+    # A single mode, and one element, with the static correction: within 5 % of all 40.
+    result = struck(fj.Fidelity(elements=elements, modes=modes))
+    assert int(result.status) <= fj.Status.LEFT_OVER_TIP
+    coarse = elements < 10 or modes == 1
+    assert float(result.peak_force) == pytest.approx(all_modes(), rel=0.1 if coarse else 0.01)
+
+
+@pytest.mark.parametrize(
+    ("duration", "step"),
+    [
+        (1e-7, 1e-7), (1e-6, 1.0), (0.02, 1e-6), (0.05, 5e-3), (0.05, 2e-2), (0.05, 1.0),
+        (136.0, 5e-3),
+    ],
+)
+def test_horizons_and_steps(duration, step):
+    truth = 3293.85
+    result = fj.simulate(
+        fj.scenes.rigid_wall(duration=duration), fidelity=fj.Fidelity(step=step), history=False
+    )
+    if result.status > fj.Status.LEFT_OVER_TIP:
+        # The contact lasts 8 ms; a single step has no second difference.
+        assert step > 5e-4 or duration <= step
+        return
+    assert step < 1e-3
+    assert float(result.peak_force) == pytest.approx(truth, rel=1e-3) or duration < 1e-3
+
+
+@pytest.mark.parametrize("name", ["fast", "standard"])
+def test_single_precision(name):
+    scene = fj.scenes.oblique_impact(duration=0.08)
+    result = fj.simulate(
+        scene, fidelity=getattr(fj.Fidelity, name)(precision="float32"), only=("peak_force",)
+    )
+    double = fj.simulate(scene, fidelity=getattr(fj.Fidelity, name)(), only=("peak_force",))
+    assert int(result.status) == int(double.status)
+    # A step's forces are balanced to 2e-3.
+    assert float(result.peak_force) == pytest.approx(float(double.peak_force), rel=2e-3)
+
+
+def test_single_precision_that_cannot_is_refused():
+    scene = fj.scenes.oblique_impact()
+    with pytest.raises(ValueError, match=r"`fidelity.step` must be at least 0.0001 in single"):
+        fj.simulate(scene, fidelity=fj.Fidelity.reference(precision="float32"))
