@@ -9,11 +9,17 @@ the Lagrangian by a BFGS matrix B; what that leaves is a small quadratic program
 whose multipliers are those of the problem. e keeps it solvable where the limits contradict each
 other. The step is judged by the worst case and nu times the largest violation, and repeated once
 with the limits' curvature taken in where it is too long. One evaluation is one step.
+
+Peak forces have kinks, where another blow becomes the largest. There the linear part holds on one
+side alone, and steps would shorten to nothing at what is no optimum. As bundle methods do (Kiwiel
+1985), the program also takes in what points nearby said, where they lie on another branch; a
+rejected step is then not lost.
 """
 
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import quadratic
 from .descent import Evaluate
@@ -22,6 +28,12 @@ from .lagrangian import Evaluation, Multipliers, Residual, Vector, residual
 _EDGE = 1e-6
 _SMALLEST = 1e-9
 _PATIENCE = 12
+_BARREN = 30
+# Slopes that differ by more than this of their lengths are of two branches; how near another point
+# must be, in steps of the chart, and how many points are remembered.
+_UNLIKE = 0.1
+_NEAR = 0.05
+_MANY = 12
 
 
 @dataclasses.dataclass
@@ -54,13 +66,18 @@ class _Chart:
 
 @dataclasses.dataclass
 class _Model:
-    """The problem as seen from a point: values and slopes of F and g in the chart's unknowns."""
+    """The problem as seen from a point: values and slopes of F and g in the chart's unknowns.
+
+    `lanes` and `places` say which objective and which margin a row is of; one may have several.
+    """
 
     at: Vector
     objectives: Vector
     margins: Vector
     objective_rows: np.ndarray
     margin_rows: np.ndarray
+    lanes: NDArray[np.intp]
+    places: NDArray[np.intp]
 
     @classmethod
     def of(cls, evaluation: Evaluation, chart: _Chart) -> "_Model":
@@ -71,11 +88,59 @@ class _Model:
             evaluation.margins,
             chart.rows(at, evaluation.objective_rows),
             chart.rows(at, evaluation.margin_rows),
+            np.arange(evaluation.objectives.size),
+            np.arange(evaluation.margins.size),
         )
 
     def slope(self, held: Multipliers) -> Vector:
         """The gradient of the Lagrangian."""
         return self.objective_rows.T @ held.weights - self.margin_rows.T @ held.margins
+
+    def with_branches(self, others: "list[_Model]", reach: float) -> "_Model":
+        """The same with the rows of other branches.
+
+        A peak force is the largest of several blows, and which of them it is changes at a kink.
+        What a point within `reach` said of an objective or margin is a further row of it where
+        the slope is another one, F' + J' (x - x'), cut off at what F is here.
+        """
+        objectives, rows, lanes = [self.objectives], [self.objective_rows], [self.lanes]
+        margins, limits, places = [self.margins], [self.margin_rows], [self.places]
+        for other in others:
+            away = self.at - other.at
+            if other is self or np.max(np.abs(away)) > reach:
+                continue
+            there = other.objectives + other.objective_rows @ away
+            new = _unlike(self.objective_rows, other.objective_rows)
+            objectives.append(np.minimum(there, self.objectives)[new])
+            rows.append(other.objective_rows[new])
+            lanes.append(np.flatnonzero(new))
+            there = other.margins + other.margin_rows @ away
+            new = _unlike(self.margin_rows, other.margin_rows)
+            margins.append(np.maximum(there, self.margins)[new])
+            limits.append(other.margin_rows[new])
+            places.append(np.flatnonzero(new))
+        return _Model(
+            self.at, np.concatenate(objectives), np.concatenate(margins), np.concatenate(rows),
+            np.concatenate(limits), np.concatenate(lanes), np.concatenate(places),
+        )  # fmt: skip
+
+    def gathered(self, held: Multipliers) -> Multipliers:
+        """The multipliers of rows as those of objectives and margins."""
+        return Multipliers(
+            np.bincount(self.lanes, held.weights).astype(float),
+            np.bincount(self.places, held.margins).astype(float),
+        )
+
+    @property
+    def count(self) -> int:
+        """The number of rows."""
+        return self.lanes.size + self.places.size
+
+    def bent_from(self, other: "_Model", held: Multipliers) -> bool:
+        """Whether an objective that counts has another slope here than nearby."""
+        unlike = _unlike(other.objective_rows, self.objective_rows)
+        near = float(np.max(np.abs(self.at - other.at))) < _NEAR
+        return near and bool(np.any(unlike[held.weights > 0.01]))
 
     def step(self, curvature, penalty: float, span) -> tuple[Vector, Multipliers, float] | None:
         """The step, the multipliers of F and g, and the model's merit after it."""
@@ -124,6 +189,12 @@ class _Model:
         missing = float(np.max(-(self.margins + self.margin_rows @ step), initial=0.0))
         merit = after + 0.5 * step @ curvature @ step + penalty * missing
         return step, Multipliers(weights, np.maximum(margins, 0.0)), merit
+
+
+def _unlike(rows, others):
+    """Which rows have another slope there."""
+    norm = np.linalg.norm
+    return norm(rows - others, axis=1) > _UNLIKE * (norm(rows, axis=1) + norm(others, axis=1))
 
 
 def _bfgs(curvature, step: Vector, change: Vector):
@@ -182,14 +253,17 @@ class Sequence:
         curvature, fresh = np.eye(at.point.size), True
         model = _Model.of(at, chart)
         small, barren, trail = 0, 0, _Trail(self.tolerance)
+        seen = [model]
         while True:
-            solved = model.step(curvature, self.penalty, chart.span(model.at, self.radius))
+            whole = model.with_branches(seen, min(2 * self.radius, _NEAR))
+            solved = whole.step(curvature, self.penalty, chart.span(model.at, self.radius))
             if solved is None:
                 if fresh:
                     return at, held, "stalled"
                 curvature, fresh = np.eye(at.point.size), True
                 continue
             step, new, _ = solved
+            new = whole.gathered(new)
             if self._too_weak(model, step, new):
                 continue
             held = latest[0] = new
@@ -198,6 +272,10 @@ class Sequence:
             merit = self._merit(at)
             gain = merit - solved[2]
             if gain <= 1e-14 * max(1.0, abs(merit)) or np.max(np.abs(step)) < _SMALLEST:
+                if whole.count > model.count and self.radius > _SMALLEST:
+                    # Branches remembered from afar forbid what those nearby may allow.
+                    self.radius *= 0.3
+                    continue
                 stuck = at.violation > self.feasibility and self.penalty >= 1e5
                 return at, held, "infeasible" if stuck else "stalled"
             trial = evaluate(chart.point(model.at + step))
@@ -207,10 +285,14 @@ class Sequence:
                 self.radius = 0.3 * float(np.max(np.abs(step)))
                 continue
             if merit - self._merit(trial) < 0.1 * gain:
-                better = self._corrected(evaluate, chart, model, trial, step, curvature)
+                better = None
+                if whole.count == model.count:
+                    better = self._corrected(evaluate, chart, model, trial, step, curvature)
                 if better is not None and self._merit(better) < self._merit(trial):
                     trial = better
             after = _Model.of(trial, chart)
+            seen = [*seen[1 - _MANY :], after]
+            kink = after.bent_from(model, held)
             step = after.at - model.at
             change = after.slope(held) - model.slope(held)
             if fresh and float(step @ change) > 0:
@@ -221,7 +303,8 @@ class Sequence:
             if reached > 0.75 * gain and length > 0.8 * self.radius:
                 self.radius = min(2.0 * self.radius, limit)
             elif reached < 0.1 * gain:
-                self.radius = 0.4 * min(length, self.radius)
+                # A step over a kink taught the other branch: the next one knows it.
+                self.radius = (0.8 if kink else 0.4) * min(length, self.radius)
             if reached > 1e-4 * gain:
                 at, model = trial, after
                 small = small + 1 if reached < 1e-2 * self.tolerance * max(1.0, merit) else 0
@@ -229,7 +312,7 @@ class Sequence:
             else:
                 barren += 1
             idle = trail.add(at, self.penalty)
-            if self.radius < _SMALLEST or small >= 4 or barren >= 12 or idle:
+            if self.radius < _SMALLEST or small >= 4 or barren >= _BARREN or idle:
                 return at, held, "stalled"
 
     def _merit(self, at: Evaluation) -> float:

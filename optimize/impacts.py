@@ -48,17 +48,19 @@ Measurement = dict[str, Array]
 
 
 def measure(
-    space: DesignSpace,
+    fence: fj.Fence,
+    drive: fj.AbstractDrive,
     impacts: Impacts,
     limits: tuple[Limit, ...],
     fidelity: fj.Fidelity,
-    values: Array,
     *,
     signals: bool = True,
 ) -> tuple[Measurement, Trace | None]:
-    """What the impacts do to a design [SI], and their signals if asked for. Differentiable."""
+    """What the impacts do to a fence, and their signals and the fence's mass if asked for.
+    Differentiable."""
     quantities = (objectives.PEAK_FORCE, *(limit.quantity for limit in limits))
-    fence, drive = space.apply(values)
+    if signals:
+        quantities = (*quantities, objectives.FENCE_MASS)
 
     def one(distance, mass):
         scene = impacts.scene(fence, drive, distance, mass)
@@ -90,8 +92,8 @@ def problem(
     """z -> peak forces [N], margins less `reserve` [1], statuses: for `fencejax.minimize`."""
 
     def evaluate(z):
-        values = space.from_unconstrained(z)
-        measured, _ = measure(space, impacts, limits, fidelity, values, signals=False)
+        fence, drive = space.apply(space.from_unconstrained(z))
+        measured, _ = measure(fence, drive, impacts, limits, fidelity, signals=False)
         rows = list(margins(limits, measured).values())
         left = jnp.concatenate(rows) - reserve if rows else jnp.zeros(0)
         return measured["peak_force"], left, measured["status"]
@@ -100,11 +102,14 @@ def problem(
 
 
 def whole_sorts(
-    space: DesignSpace, front: float, masses: tuple[float, ...], duration: float, values: Array
+    fence: fj.Fence,
+    drive: fj.AbstractDrive,
+    front: float,
+    masses: tuple[float, ...],
+    duration: float,
 ) -> Measurement:
     """How far beyond the belt's edge whole sorts carry parcels [m], their peak forces [N] and
     statuses, one a mass; a check without derivatives."""
-    fence, drive = space.apply(values)
 
     def one(mass):
         scene = fj.scenes.whole_sort(
@@ -120,10 +125,15 @@ def whole_sorts(
     return jax.vmap(one)(jnp.asarray(masses))
 
 
-def stiff_force(impacts: Impacts, drive: fj.AbstractDrive, belt_speed: float, lane: int) -> float:
-    """N_stiff [N]: the same parcel at the same normal approach speed against a rigid obstacle."""
-    distance, mass = impacts.lanes[lane]
-    rate = drive.motion(drive.time_at(impacts.drive_angle)).speed
-    speed = belt_speed * np.sin(impacts.drive_angle) + distance * float(rate)
-    scene = fj.scenes.rigid_wall(speed=speed, parcel=fj.Parcel(mass=mass))
-    return float(fj.simulate(scene, history=False).peak_force)
+def stiff_forces(impacts: Impacts, drive: fj.AbstractDrive, belt_speed: float) -> np.ndarray:
+    """N_stiff [N] of every lane: the same parcel at the same normal approach speed against a rigid
+    obstacle."""
+    rate = float(drive.motion(drive.time_at(impacts.drive_angle)).speed)
+    distances, masses = (jnp.asarray(column) for column in zip(*impacts.lanes, strict=True))
+    speeds = belt_speed * np.sin(impacts.drive_angle) + distances * rate
+
+    def one(speed, mass):
+        scene = fj.scenes.rigid_wall(speed=speed, parcel=fj.Parcel(mass=mass))
+        return fj.simulate(scene, history=False, only=("peak_force",)).peak_force
+
+    return np.asarray(jax.vmap(one)(speeds, masses))

@@ -11,7 +11,9 @@ and Young's modulus, the choice of the material. The damping ratio and the densi
 but 1 % of theirs moves the worst peak force of the paper's fence by less than 0.1 %.
 
 Whether the parcel is diverted is asked of the impacts themselves: within `duration` its centre of
-gravity must pass the belt's far edge. Whole sorts of the optimum are then run as a check.
+gravity must pass the belt's far edge. The optimum is then put beside the paper's two-link and
+one-link fences at the reference fidelity, in the same impacts and in whole sorts.
+`--worst-case` does all this for the paper's worst case alone.
 """
 
 import concurrent.futures
@@ -27,24 +29,36 @@ import numpy as np
 import fencejax as fj
 from fencejax.design import VARIABLES, DesignSpace, DesignVariable
 from fencejax.lagrangian import Evaluation
+from fencejax.objectives import Limit
 from fencejax.optimizer import Optimum, minimize
 from fencejax.plot import Trace
 
 from . import impacts as batch, report
 from .configuration import PeakForceConfig, configure
 
+_TITLES = {"before": "two-link", "after": "optimum", "one_link": "one-link"}
+_THREE = tuple(_TITLES)
+
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found: the optimum, the designs [SI], measurements, and whether it stands."""
+    """What the job found: the optimum, the designs [SI], measurements, and whether it stands.
+
+    `measured` holds, one number an impact, what the optimiser found (`found`) and what the finer
+    fidelity says of the paper's two-link fence (`before`), the optimum (`after`) and the paper's
+    one-link fence (`one_link`); `sorts` the whole sorts of these three.
+    """
 
     optimum: Optimum
     space: DesignSpace
     before: np.ndarray
     after: np.ndarray
     measured: dict[str, dict[str, Any]]
+    sorts: dict[str, dict[str, Any]]
+    stiff: np.ndarray
     confirmed: bool | None
     sorted_out: bool | None
+    limits: tuple[Limit, ...]
     elapsed: float
 
     @property
@@ -84,41 +98,49 @@ def _measured(config: PeakForceConfig, optimum: Optimum, at: Evaluation) -> dict
 
 
 class _Checks:
-    """The programs run once the optimum is known, compiled beside the optimisation."""
+    """The programs run once the optimum is known, compiled beside the optimisation: the two-link
+    fence, the optimum and the one-link fence in one batch."""
 
     def __init__(self, config: PeakForceConfig, space: DesignSpace, impacts: batch.Impacts):
         name = "reference" if config.reference else config.fidelity
         fidelity = getattr(fj.Fidelity, name)()
         cycle = float(space.drive.cycle)
 
-        def impact(values):
-            return batch.measure(space, impacts, config.limits, fidelity, values)
+        def impact(fence, drive):
+            return batch.measure(fence, drive, impacts, config.limits, fidelity)
 
-        def sort(values):
+        def sort(fence, drive):
             return batch.whole_sorts(
-                space, config.sort_front, config.sort_masses, cycle, values
+                fence, drive, config.sort_front, config.sort_masses, cycle
             )
 
-        size = len(space.variables)
+        self._space = space
+        shapes = self._stacked(space.values_of(space.fence, space.drive))
         pool = concurrent.futures.ThreadPoolExecutor(max_workers=1)
 
-        def compiled(function, *shape):
-            values = jax.ShapeDtypeStruct(shape, jnp.zeros(()).dtype)
-            return pool.submit(lambda: jax.jit(function).lower(values).compile())
+        def compiled(function):
+            return pool.submit(lambda: jax.jit(jax.vmap(function)).lower(*shapes).compile())
 
-        self._impacts = compiled(jax.vmap(impact), 2, size)
-        self._sorts = compiled(sort, size) if config.sort_masses else None
+        self._impacts = compiled(impact)
+        self._sorts = compiled(sort) if config.sort_masses else None
         pool.shutdown(wait=False)
 
-    def impacts(self, before, after):
-        """Measurements and signals of both designs, stacked."""
-        return jax.device_get(self._impacts.result()(jnp.stack([before, after])))
+    def _stacked(self, after):
+        """Fences and drives of all three, each leaf with the fence as its first axis."""
+        space = self._space
+        paper = (space.fence, space.drive), (fj.Fence.one_link(), space.drive)
+        three = (paper[0], space.apply(after), paper[1])
+        return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *three)
+
+    def impacts(self, after):
+        """Measurements and signals of all three, stacked."""
+        return jax.device_get(self._impacts.result()(*self._stacked(after)))
 
     def sorts(self, after):
         """Measurements of the whole sorts; `None` where none are asked for."""
         if self._sorts is None:
             return None
-        return jax.device_get(self._sorts.result()(jnp.asarray(after)))
+        return jax.device_get(self._sorts.result()(*self._stacked(after)))
 
 
 def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outcome:
@@ -155,13 +177,19 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
 def _confirm(config, optimum, space, impacts, checks, before, after, say, begin) -> Outcome:
     """Re-run the two designs, say and write what came out."""
     limits = config.limits
-    measured, signals = checks.impacts(before, after)
-    old, new = ({k: v[i] for k, v in measured.items()} for i in (0, 1))
+    stacked, signals = checks.impacts(after)
+    old, new, other = ({k: v[i] for k, v in stacked.items()} for i in range(3))
     found = _measured(config, optimum, optimum.last)
+    stiff = batch.stiff_forces(impacts, space.drive, float(fj.Belt().speed))
     label = "reference" if config.reference else config.fidelity
-    rows = {f"before, {label}": old, f"after, {config.fidelity}": found, f"after, {label}": new}
+    rows = {
+        f"two-link, {label}": old,
+        f"one-link, {label}": other,
+        f"optimum, {config.fidelity}": found,
+        f"optimum, {label}": new,
+    }
     say("\n" + report.design_table(space, before, after))
-    say("\n" + report.table(rows, limits, impacts.lanes))
+    say("\n" + report.table(rows, limits, impacts.lanes, stiff))
     confirmed = None
     if config.reference:
         difference = float(np.max(new["peak_force"]) / np.max(found["peak_force"]) - 1)
@@ -174,13 +202,17 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
             f"{least:+.4f}, status {fj.Status(int(np.max(new['status']))).name}: "
             f"{'confirmed' if confirmed else 'NOT confirmed'}"
         )
-    sorted_out = _sorted_out(config, checks.sorts(after), say)
-    drop = 1 - np.max(new["peak_force"]) / np.max(old["peak_force"])
+    stacked = checks.sorts(after)
+    sorts = {} if stacked is None else {
+        name: {k: v[i] for k, v in stacked.items()} for i, name in enumerate(_THREE)
+    }  # fmt: skip
+    sorted_out = _sorted_out(config, sorts, say)
     outcome = Outcome(
-        optimum, space, before, after, {"before": old, "found": found, "after": new},
-        confirmed, sorted_out, time.perf_counter() - begin,
+        optimum, space, before, after,
+        {"before": old, "found": found, "after": new, "one_link": other}, sorts, stiff,
+        confirmed, sorted_out, limits, time.perf_counter() - begin,
     )  # fmt: skip
-    say("\n" + _verdict(outcome, drop))
+    say("\n" + _verdict(outcome))
     _write(config, outcome, impacts, signals)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
@@ -188,20 +220,29 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
 
 def _sorted_out(config, sorts, say) -> bool | None:
     """Whether whole sorts of the optimum divert the parcel; `None` where none were run."""
-    if sorts is None:
+    if not sorts:
         return None
-    least = float(np.min(sorts["crossing"]))
-    worst = fj.Status(int(np.max(sorts["status"])))
+    least = float(np.min(sorts["after"]["crossing"]))
+    worst = fj.Status(int(np.max(sorts["after"]["status"])))
     fine = least >= config.crossing and worst <= fj.Status.LEFT_OVER_TIP
     say(
         f"whole sorts (front at {config.sort_front:g} m, {len(config.sort_masses)} masses): C_s "
         f"at least {1e3 * least:.0f} mm past the belt's edge, status {worst.name}: "
         f"{'diverted' if fine else 'NOT diverted'}"
     )
+    peaks = (float(np.max(sorts[name]["peak_force"])) for name in ("before", "one_link", "after"))
+    say("in them, two-link, one-link, optimum: {:.1f}, {:.1f}, {:.1f} N at most".format(*peaks))
     return fine
 
 
-def _verdict(outcome: Outcome, drop: float) -> str:
+def _drop(outcome: Outcome, paper: str) -> str:
+    """How the optimum's worst peak force compares with that of one of the paper's fences."""
+    ratio = np.max(outcome.measured["after"]["peak_force"])
+    change = 1 - float(ratio / np.max(outcome.measured[paper]["peak_force"]))
+    return f"{100 * abs(change):.1f} % {'below' if change > 0 else 'above'}"
+
+
+def _verdict(outcome: Outcome) -> str:
     optimum = outcome.optimum
     left = optimum.residual
     text = (
@@ -214,13 +255,52 @@ def _verdict(outcome: Outcome, drop: float) -> str:
             f"were tried: it breaks a limit by {100 * left.violation:.3g} % (reserve included). "
             "Relax that limit, widen the bounds, or add variables."
         )
-    word = "falls" if drop > 0 else "rises, to hold the limits,"
-    text += f"the worst peak force {word} by {100 * abs(drop):.1f} %"
+    text += (
+        f"the worst peak force is {_drop(outcome, 'before')} the two-link fence's and "
+        f"{_drop(outcome, 'one_link')} the one-link fence's"
+    )
+    for name, title in (("before", "two-link"), ("one_link", "one-link")):
+        rows = batch.margins(outcome.limits, outcome.measured[name])
+        broken = [key.replace("_", " ") for key, row in rows.items() if np.min(row) < 0]
+        if broken:
+            text += f"; the {title} fence breaks the limits of {', '.join(broken)}"
     if not optimum.converged:
         return text + ", but the design is not shown to be optimal: " + optimum.stop.value
     if not outcome.succeeded:
         return text + ", but a check above contradicts the design"
     return text
+
+
+def _side_by_side(outcome: Outcome) -> dict[str, dict[str, float | None]]:
+    """The three fences [SI] and the worst of each number over the impacts."""
+    space = outcome.space
+    fences = {
+        "before": space.fence,
+        "one_link": fj.Fence.one_link(),
+        "after": space.apply(outcome.after)[0],
+    }
+    rows = {}
+    for name, fence in fences.items():
+        found = outcome.measured[name]
+        worst = {
+            limit.name: float(np.asarray(found[limit.name])[np.argmin(margin)])
+            for limit, margin in (
+                (x, np.asarray(x.margin_of(found[x.name]))) for x in outcome.limits
+            )
+        }
+        rows[_TITLES[name]] = {
+            "thickness": float(fence.thickness),
+            "rigid_length": float(fence.rigid_length),
+            "flexible_length": float(fence.flexible_length),
+            "youngs_modulus": float(fence.material.youngs_modulus),
+            "fence_mass": float(found["fence_mass"][0]),
+            "peak_force": float(np.max(found["peak_force"])),
+            "smallest_drop": float(np.min(outcome.stiff / found["peak_force"])),
+            **worst,
+            "peak_force_in_sorts":
+                float(np.max(outcome.sorts[name]["peak_force"])) if outcome.sorts else None,
+        }  # fmt: skip
+    return rows
 
 
 def _write(config, outcome, impacts, signals) -> None:
@@ -259,7 +339,10 @@ def _write(config, outcome, impacts, signals) -> None:
             )
         },
         "measured": outcome.measured,
+        "rigid_obstacle": outcome.stiff,
+        "whole_sorts": outcome.sorts,
         "margins": batch.margins(config.limits, outcome.measured["after"]),
+        "side_by_side": _side_by_side(outcome),
         "elasticities": bars,
     }
     report.write_json(config.out / "result.json", content)
@@ -276,16 +359,15 @@ def _draw(config, outcome, impacts, signals, bars) -> None:
             f"{name}, R = {distance:g} m, {mass:g} kg": Trace(
                 *(part[index, lane] for part in signals)
             )
-            for index, name in enumerate(("before", "after"))
+            for index, name in enumerate(_TITLES.values())
         }
 
     worst = int(np.argmax(found["peak_force"]))
-    drive, speed = outcome.space.apply(outcome.after)[1], float(fj.Belt().speed)
     report.draw(
         config.out,
         shown(worst),
         shown(int(np.argmax(found["tip_deflection"]))),
-        batch.stiff_force(impacts, drive, speed, worst),
+        float(outcome.stiff[worst]),
         config.tip_limit,
         outcome.optimum,
         config.tolerance,

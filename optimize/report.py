@@ -35,14 +35,14 @@ def _worst(limit: Limit, values) -> tuple[float, float, int]:
     return float(np.asarray(values)[lane]), float(margin[lane]), lane
 
 
-def table(rows: dict, limits: tuple[Limit, ...], lanes) -> str:
-    """Before, after and confirmed: the worst impact of the objective and of every limit.
+def table(rows: dict, limits: tuple[Limit, ...], lanes, stiff=None) -> str:
+    """Designs side by side: the worst impact of the objective and of every limit.
 
     `rows` holds measurements by column title; each column shows the value and, for a limit, its
-    margin.
+    margin. `stiff`: the forces [N] of a rigid obstacle, one an impact, to compare with.
     """
     titles = list(rows)
-    wide = 22
+    wide = 23
     lines = ["".join([f"{'worst of the impacts':<34}", *(f"{t:>{wide}}" for t in titles)])]
     cells = []
     for measured in rows.values():
@@ -50,6 +50,10 @@ def table(rows: dict, limits: tuple[Limit, ...], lanes) -> str:
         distance, mass = lanes[int(np.argmax(forces))]
         cells.append(f"{forces.max():.1f} ({distance:g} m, {mass:g} kg)")
     lines.append("".join([f"{'peak force [N]':<34}", *(f"{c:>{wide}}" for c in cells)]))
+    if stiff is not None:
+        drops = [float(np.min(stiff / np.asarray(m["peak_force"]))) for m in rows.values()]
+        title = "rigid obstacle's force over it [1]"
+        lines.append("".join([f"{title:<34}", *(f"{d:>{wide}.2f}" for d in drops)]))
     for limit in limits:
         factor, unit = _SHOWN[limit.quantity.unit]
         sign = "<=" if limit.sense == "at most" else ">="

@@ -92,8 +92,8 @@ def sort() -> Family:
 
 
 def sorts(count: int, seed: int) -> Family:
-    """Random whole sorts over the ranges of the random impacts, the parcel's front at -0.2 ... 0.3 m
-    when the drive starts."""
+    """Random whole sorts over the ranges of the random impacts, the parcel's front at -0.2 to
+    0.3 m when the drive starts."""
     rows = impacts(count, seed, 1.36).numbers[1:]
     fronts = np.random.default_rng(seed + 1).uniform(-0.2, 0.3, count)
     rows[:, NUMBERS.index("distance")] = fronts

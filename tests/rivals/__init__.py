@@ -1,0 +1,1 @@
+"""Other methods of optimisation on the package's own problems, counted alike."""
