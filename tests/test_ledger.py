@@ -45,7 +45,9 @@ def smooth(name, step):
     """The ledger where friction is smooth over many steps."""
     fidelity = fj.Fidelity.standard(step=step, slip_speed=0.05, static_speed=0.25)
     result = fj.simulate(SCENES[name](), fidelity=fidelity, history=False)
-    assert int(result.status) <= fj.Status.LEFT_OVER_TIP
+    # Friction is smoothed on purpose here.
+    status = int(result.status)
+    assert status <= fj.Status.LEFT_OVER_TIP or status == fj.Status.FRICTION_SMOOTHED
     return result
 
 

@@ -52,7 +52,9 @@ def test_fewer_steps_and_the_same_sort():
     assert np.diff(history.time)[rises] == pytest.approx(COARSE.step)
     # A stride lets the forces be off their straight continuation by 0.5 % of their size.
     values, alike = measured(None)[0], measured(1)[0]
-    np.testing.assert_allclose(values, alike, rtol=5e-3)
+    np.testing.assert_allclose(values[:, :5], alike[:, :5], rtol=5e-3)
+    # Times of touch and parting lie within two of the shortest steps.
+    np.testing.assert_allclose(values[:, 5], alike[:, 5], rtol=0, atol=2 * COARSE.step)
     assert not np.array_equal(values, alike)
 
 

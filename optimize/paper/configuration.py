@@ -47,8 +47,8 @@ class PaperConfig:
 
     @property
     def knobs(self) -> fj.Fidelity:
-        """The fidelity by its name."""
-        return getattr(fj.Fidelity, self.fidelity)()
+        """The fidelity by its name, with all steps alike."""
+        return getattr(fj.Fidelity, self.fidelity)(longest_stride=1)
 
     def quick(self) -> "PaperConfig":
         """A small version: coarse maps, the fast fidelity."""
