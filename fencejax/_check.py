@@ -171,3 +171,10 @@ def choice(name: str, value: str, options: tuple[str, ...]) -> str:
     if value not in options:
         raise ValueError(f"Argument `{name}` must be one of {options}, but is {value!r}.")
     return value
+
+
+def flag(name: str, value: object) -> bool:
+    """Check that `value` is True or False. Raises `TypeError` otherwise."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"Argument `{name}` must be True or False, but is {value!r}.")
+    return bool(value)

@@ -35,7 +35,8 @@ def ladder() -> tuple[Fidelity, ...]:
 
 
 def expected_cost(fidelity: Fidelity) -> float:
-    """Work a second of simulated time, in steps of one mode; orders what is tried first."""
+    """Work a second of simulated time of a few runs, in steps of one mode; orders what is tried
+    first."""
     work = _GEOMETRY_WORK[fidelity.geometry] * _INTEGRATOR_WORK[fidelity.integrator]
     return work * (1 + 0.05 * fidelity.mode_count) / fidelity.step
 
@@ -75,7 +76,9 @@ def distinct(
 
 def describe(fidelity: Fidelity) -> str:
     """A fidelity's main knobs in one line."""
-    modes = "all modes" if fidelity.modes is None else f"{fidelity.modes} modes"
+    modes = f"{'all' if fidelity.modes is None else fidelity.modes} modes"
+    if fidelity.modes == 1:
+        modes = "1 mode"
     step = f"{1e3 * fidelity.step:g} ms"
     if fidelity.integrator != "modal":
         step = f"{fidelity.integrator} {fidelity.tolerance:g}"

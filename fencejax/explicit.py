@@ -49,10 +49,21 @@ def at_state(
     assert drive is not None
     corners = [arms[number] for number in mechanics.fence_corners]
     places = tuple(foot(link, body.x + x, body.y + y, vibration, drive) for x, y in corners)
-    shapes = tuple(link.shape(place) for place in places)
-    points = tuple(link.point(shape, vibration) for shape in shapes)
-    forces = mechanics.forces(body, arms, mechanics.frame(drive, places), points)
-    normals = tuple(c.normal for c in forces.fence)
-    load = link.loaded(link.inertia_force(drive), shapes, normals)
-    still = tuple(jnp.zeros_like(n) for n in normals)
-    return forces, FenceState(drive, vibration, load, shapes, normals, still)
+
+    def forces_at(loaded):
+        shapes = tuple(link.shape(place) for place in loaded)
+        points = tuple(link.point(shape, vibration) for shape in shapes)
+        frame = mechanics.frame(drive, places, loaded)
+        return mechanics.forces(body, arms, frame, points), shapes
+
+    forces, shapes = forces_at(places)
+    shares = ()
+    if mechanics.sides:
+        leans = tuple(touch.lean for touch in forces.touches[: len(places)])
+        forces, shapes = forces_at(tuple(map(mechanics.loaded, places, leans)))
+        shares = tuple(touch.lean.share for touch in forces.touches[: len(places)])
+    still = tuple(jnp.zeros_like(place) for place in places)
+    fence = FenceState(drive, vibration, (), shapes, (), still, shares)
+    loads = fence.loads(forces)
+    load = link.loaded(link.inertia_force(drive), shapes, loads)
+    return forces, fence._replace(modal_force=load, lagged=loads)

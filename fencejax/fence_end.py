@@ -22,6 +22,7 @@ class FenceEnd(eqx.Module):
     drive: DriveMotion
     normals_before: tuple[Array, ...]
     lagged_before: tuple[Array, ...]
+    shares: tuple[Array, ...]
     shapes: tuple[Shape, ...]
     inertia: Blocks
     free: Vibration
@@ -35,12 +36,14 @@ class FenceEnd(eqx.Module):
         before: FenceState,
         normals: tuple[Array, ...],
         shapes: tuple[Shape, ...],
+        shares: tuple[Array, ...] = (),
     ):
-        """`before` is the fence at the start of the step, under the contact forces `normals` [N];
-        `shapes` are those under the corners at its end."""
+        """`before` is the fence at the start of the step, loaded by `normals` [N]; `shapes` are
+        those where it is loaded at its end; `shares` [1], if given, those of the contact forces
+        there that bend it."""
         self.link, self.stride, self.drive = link, stride, drive
         self.normals_before, self.lagged_before = normals, before.lagged_rate
-        self.shapes = shapes
+        self.shapes, self.shares = shapes, shares
         self.inertia = link.inertia_force(drive)
         self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
         self.affine = tuple(self._affine(k) for k in range(len(shapes)))
@@ -72,22 +75,32 @@ class FenceEnd(eqx.Module):
             )
         return free, tuple(gains)
 
+    def loads(self, normals: tuple[Array, ...]) -> tuple[Array, ...]:
+        """What of the contact forces [N] bends the fence [N]."""
+        if not self.shares:
+            return normals
+        return tuple(share * n for share, n in zip(self.shares, normals, strict=True))
+
     def compliance(self, k: int, other: int):
-        """How far [m/N] and how fast [m/s/N] place k gives way at the step's end for a force at
-        another place there."""
+        """How far [m/N] and how fast [m/s/N] the gap at place k gives way at the step's end for a
+        force at another place there."""
         give, give_rate, _ = self.affine[k][1][other]
         own = self.shapes[k].residual
         if own is not None and k == other:
             by_rate = self.stride.lag_gain
             give = give + own * (1 - self.link.lag * by_rate)
             give_rate = give_rate + own * by_rate
+        if self.shares:
+            both = self.shares[k] * self.shares[other]
+            give, give_rate = both * give, both * give_rate
         return give, give_rate
 
     def points(self, normals) -> tuple[FencePoint, ...]:
-        """The point of the fence under each corner."""
+        """The point of the fence under each corner, or where else it is loaded."""
         if not self.flexible:
             zero = jnp.zeros_like(self.drive.angle)
             return tuple(FencePoint(s.place, zero, zero, zero, zero) for s in self.shapes)
+        normals = self.loads(normals)
         return tuple(self._point(k, normals) for k in range(len(self.shapes)))
 
     def deflection(self, k: int, normals) -> tuple[Array, Array, Array]:
@@ -134,10 +147,11 @@ class FenceEnd(eqx.Module):
 
     def state(self, normals) -> FenceState:
         """The fence under the solved forces."""
+        normals = self.loads(normals)
         load = self.link.loaded(self.inertia, self.shapes, normals)
         lagged, rates = normals, tuple(jnp.zeros_like(n) for n in normals)
         if self.link.table.corrected:
             rates = tuple(self._lagged_rate(k, n) for k, n in enumerate(normals))
             lagged = tuple(n - self.link.lag * r for n, r in zip(normals, rates, strict=True))
         vibration = self._vibration(normals)
-        return FenceState(self.drive, vibration, load, self.shapes, lagged, rates)
+        return FenceState(self.drive, vibration, load, self.shapes, lagged, rates, self.shares)

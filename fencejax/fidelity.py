@@ -35,7 +35,8 @@ class Fidelity:
     - `iterations`: the most Newton iterations a step on contact force and parcel's velocity; one
       or two are the rule, more where friction turns round.
     - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s.
-    - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends.
+    - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends or, with
+      `tip_contact` in the scene, on either side of where it passes from the corner to the tip.
     - `integrator`: `"modal"`, this package's own (exact in the beam, implicit in contact and
       friction), or a general one of diffrax, `"kvaerno5"` or `"tsit5"`, as an independent check.
     - `tolerance`: relative tolerance of a general integrator.

@@ -77,7 +77,8 @@ def run(
 
     def take(tallied, numbered):
         instant, length = numbered
-        return tally.add(tallied, instant, length, reach, jnp.zeros_like(length)), None
+        zero, tips = jnp.zeros_like(length), bool(mechanics.sides)
+        return tally.add(tallied, instant, length, reach, zero, tips), None
 
     lengths = jnp.full_like(times, clock.step).at[0].set(0.0)
     tallied, _ = jax.lax.scan(take, tally.empty(one, body, alike=True), (samples, lengths))

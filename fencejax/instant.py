@@ -44,8 +44,9 @@ class Power(NamedTuple):
 
 class FenceState(NamedTuple):
     """The fence at an instant: the drive's motion (`None` where it is not kept), the vibration with
-    its modal forces, the contact loads as the modes left out carry them (lagged force r [N] and
-    its rate [N/s])."""
+    its modal forces, the shapes where it is loaded, the contact loads as the modes left out carry
+    them (lagged force r [N] and its rate [N/s]), and the `shares` [1] of the contact forces that
+    bend it (empty where they do so whole)."""
 
     drive: DriveMotion | None
     vibration: Vibration
@@ -53,12 +54,20 @@ class FenceState(NamedTuple):
     shapes: tuple[Shape, ...]
     lagged: tuple[Array, ...]
     lagged_rate: tuple[Array, ...]
+    shares: tuple[Array, ...] = ()
+
+    def loads(self, forces: Forces) -> tuple[Array, ...]:
+        """What of the contact forces bends the fence [N]."""
+        normals = tuple(c.normal for c in forces.fence)
+        if not self.shares:
+            return normals
+        return tuple(share * n for share, n in zip(self.shares, normals, strict=True))
 
     def kept(self) -> "FenceState":
         """What the next step needs to know."""
         corrected = any(shape.residual is not None for shape in self.shapes)
         rates = self.lagged_rate if corrected else ()
-        return self._replace(drive=None, shapes=(), lagged=(), lagged_rate=rates)
+        return self._replace(drive=None, shapes=(), lagged=(), lagged_rate=rates, shares=())
 
 
 class Instant(NamedTuple):
@@ -73,6 +82,7 @@ class Instant(NamedTuple):
     border: tuple[Contact, ...]
     belt: BeltForce | None
     fence_force: Array
+    over_tip: Array
     tip_deflection: Array
     stress: Array
     stress_place: Array
@@ -80,7 +90,7 @@ class Instant(NamedTuple):
     energy: Energy
     power: Power
     carried: tuple[tuple[Array, Array], ...]
-    """For each corner at the fence: the compliance [m/N] of the modes left out, and the load [N]
+    """For each load of the fence: the compliance [m/N] of the modes left out, and the load [N]
     that they carry; empty without them."""
 
 
@@ -94,9 +104,13 @@ def describe(
     kinetic = kinetic + 0.5 * mechanics.inertia * body.spin**2
     contacts = [*forces.fence, *forces.border]
     stored = sum((contact.stored_energy(mechanics.stiffness, c.gap) for c in forces.border), zero)
-    for c in forces.fence:
-        share = mechanics.fade(c.place)
+    over_tip = zero
+    for k, c in enumerate(forces.fence):
+        share, touch = mechanics.fade(c.place), forces.touches[k]
+        if touch.lasting is not None:
+            share = share * touch.lasting[0] * touch.lasting[1]
         stored = stored + share * contact.stored_energy(mechanics.stiffness, c.gap)
+        over_tip = jnp.where(mechanics.ends(k, c, touch), 1.0, over_tip)
     tip, stress, place, torque = zero, zero, zero, zero
     energy = Energy(kinetic, zero, zero, stored)
     power = Power(
@@ -117,7 +131,7 @@ def describe(
     if fence is not None:
         link = mechanics.link
         assert link is not None
-        tip, stress, place = bent(link, fence, tuple(c.place for c in forces.fence))
+        tip, stress, place = bent(link, fence)
         torque = _torque(link, fence, forces)
         energy = _fence_energy(link, fence, energy)
         power = _fence_power(link, fence, forces, torque, power)
@@ -131,6 +145,7 @@ def describe(
         border=forces.border,
         belt=forces.belt,
         fence_force=fence_force,
+        over_tip=over_tip,
         tip_deflection=tip,
         stress=stress,
         stress_place=place,
@@ -150,13 +165,11 @@ def carried(fence: FenceState) -> tuple[tuple[Array, Array], ...]:
     )
 
 
-def bent(
-    link: FlexibleLink, fence: FenceState, places: tuple[Array, ...]
-) -> tuple[Array, Array, Array]:
+def bent(link: FlexibleLink, fence: FenceState) -> tuple[Array, Array, Array]:
     """Deflection of the tip [m], the largest bending stress [Pa] and its arc coordinate [m]."""
     amplitude = fence.vibration.amplitude
     tip = link.tip_deflection(amplitude, fence.lagged, fence.shapes)
-    stresses = link.bending_stress(amplitude, fence.lagged, places, fence.shapes)
+    stresses = link.bending_stress(amplitude, fence.lagged, fence.shapes)
     worst = jnp.argmax(stresses)
     return tip, stresses[worst], link.rigid_length + link.stations[worst]
 
@@ -184,13 +197,13 @@ def damping_power(link: FlexibleLink, fence: FenceState) -> Array:
 
 def _torque(link: FlexibleLink, fence: FenceState, forces: Forces) -> Array:
     """Moment of the drive [N m]: the generalised force on alpha_w,
-    (I_root + Phi^T M Phi) alpha'' + Phi^T M u'' + sum N sigma."""
+    (I_root + Phi^T M Phi) alpha'' + Phi^T M u'' + sum N sigma over the loads of the fence."""
     assert fence.drive is not None
     accelerations = link.acceleration(fence.vibration, fence.modal_force)
     torque = (link.root_inertia + link.swing_inertia) * fence.drive.acceleration
     torque = torque + link.mass_scale * dot(link.swing, accelerations)
-    for c in forces.fence:
-        torque = torque + c.normal * c.place
+    for load, shape in zip(fence.loads(forces), fence.shapes, strict=True):
+        torque = torque + load * shape.place
     return torque
 
 
@@ -210,14 +223,15 @@ def _fence_power(
     assert fence.drive is not None
     geometry = jnp.zeros_like(torque)
     touches = forces.touches[: len(forces.fence)]
-    for c, parts, shape, rate in zip(
-        forces.fence, touches, fence.shapes, fence.lagged_rate, strict=True
+    loads = fence.loads(forces)
+    for c, load, parts, shape, rate in zip(
+        forces.fence, loads, touches, fence.shapes, fence.lagged_rate, strict=True
     ):
-        transverse = c.place * fence.drive.speed + dot(shape.load, fence.vibration.rate)
+        transverse = shape.place * fence.drive.speed + dot(shape.load, fence.vibration.rate)
         if shape.residual is not None:
             transverse = transverse - shape.residual * rate
         across, along = parts.rates
-        geometry = geometry + c.normal * (across - transverse) + c.friction * along
+        geometry = geometry + c.normal * across - load * transverse + c.friction * along
     return power._replace(
         drive=torque * fence.drive.speed,
         geometry=geometry,

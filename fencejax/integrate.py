@@ -150,6 +150,7 @@ def modal(
     """Integrate a scene by the package's own solver."""
     fidelity = mechanics.fidelity
     reach = None if mechanics.link is None else mechanics.link.reach
+    tips = bool(mechanics.sides)
     longest = clock.counts[-1]
     # Traced once, however often the loop and the transformations around it look at the step.
     step = jax.jit(modal_step.step)
@@ -158,7 +159,13 @@ def modal(
         mechanics, clock = args
         memory, tallied = y
         memory, instant, stride, defect = step(mechanics, clock, memory, begins, ends)
-        return memory, tally.add(tallied, instant, stride.length, reach, defect)
+        return memory, tally.add(tallied, instant, stride.length, reach, defect, tips)
+
+    # A corner further beyond the tip than its side is long cannot have the tip on that side.
+    ends, off = (), fidelity.tip_fade
+    if reach is not None:
+        beyond = [mechanics.sides.get(number, 0.0) for number in mechanics.fence_corners]
+        ends = tuple((-off, reach + off + length) for length in beyond)
 
     def ahead(y, now):
         memory, tallied = y
@@ -169,7 +176,7 @@ def modal(
             clock.counts[2:],
             clock.step,
             fidelity.stride_tolerance,
-            None if reach is None else (-fidelity.tip_fade, reach + fidelity.tip_fade),
+            ends,
         )
         return jnp.where((now >= 0) & (now + count <= steps), count, 1.0)
 

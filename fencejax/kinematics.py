@@ -38,12 +38,30 @@ class Corner(NamedTuple):
     y_rate: Array
 
 
+class Lean(NamedTuple):
+    """How a contact near the tip loads the fence: the `share` [1] of its force that bends it, and
+    by how much [m] the line of that force meets the fence nearer to the tip than the corner's
+    foot."""
+
+    share: Array
+    shift: Array
+
+    def ahead(self, before: "Lean", ratio) -> "Lean":
+        """Continued in a straight line over the next step, `ratio` times as long as the last."""
+        share = self.share + ratio * (self.share - before.share)
+        shift = self.shift + ratio * (self.shift - before.shift)
+        return Lean(jnp.clip(share, 0.0, 1.0), shift)
+
+
 class Touch(NamedTuple):
     """Kinematics of a corner at a surface, with the surface's axes there in fixed axes.
 
     `foot_offset` [m] is how far along the surface the foot of the corner lies from the point U;
     `normal` and `tangent` are the directions (x, y, moment) in which a unit force acts on the
-    parcel; `rates` is the velocity of U along the normal and the tangent [m/s].
+    parcel; `rates` is the velocity of U along the normal and the tangent [m/s]. Where the tip may
+    carry the contact, `lean` says how it loads the fence, and `lasting` [1] are the shares of the
+    contact law that have not ended at the far end of the parcel's side, and under a side that
+    stands upright.
     """
 
     gap: Array
@@ -53,6 +71,8 @@ class Touch(NamedTuple):
     normal: tuple[Array, Array, Array]
     tangent: tuple[Array, Array, Array]
     rates: tuple[Array, Array]
+    lean: Lean | None = None
+    lasting: tuple[Array, Array] | None = None
 
 
 def corner_from_arm(body: Body, arm_x: Array, arm_y: Array) -> Corner:

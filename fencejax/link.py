@@ -339,7 +339,7 @@ class FlexibleLink(eqx.Module):
             y + s * size * jnp.sin(angle) + beyond * jnp.sin(end_slope),
         )
 
-    def bending_stress(self, amplitude: Blocks, loads, places, shapes) -> Array:
+    def bending_stress(self, amplitude: Blocks, loads, shapes) -> Array:
         """|sigma_b| [Pa] at the nodes 0 ... n - 1 of the link.
 
         Moment of the modes kept plus that of the contact loads carried statically by the modes
@@ -350,8 +350,8 @@ class FlexibleLink(eqx.Module):
         if not self.bending:
             return jnp.zeros_like(self.stations)
         moment = _combined(self.bending, amplitude)
-        for load, place, shape in zip(loads, places, shapes, strict=True):
-            reached = jnp.minimum(place, self.reach)
+        for load, shape in zip(loads, shapes, strict=True):
+            reached = jnp.minimum(shape.place, self.reach)
             moment = moment - load * jnp.maximum(reached - self.rigid_length - self.stations, 0.0)
             moment = moment + load * _combined(self.bending_flexibility, shape.load)
         return jnp.abs(moment) * self.stress_scale

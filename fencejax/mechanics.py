@@ -17,12 +17,15 @@ from .friction import Friction, Smoothing, belt_grip, corner_share
 from .kinematics import (
     Acceleration,
     Body,
+    Lean,
     Touch,
     border_touch,
     corner_from_arm,
     fence_touch,
 )
 from .link import FencePoint, FlexibleLink
+from .parcel import SIDES
+from .tip import Side, around
 
 if TYPE_CHECKING:
     from .scenes import Scene
@@ -115,13 +118,15 @@ class BeltContact(eqx.Module):
 
 class FenceFrame(NamedTuple):
     """What the contacts need of the fence at an instant: (cos, sin) of alpha_w, its rate [rad/s],
-    and for each of `fence_corners` the arc coordinate under it [m] and the share of the contact
-    law that acts there [1]."""
+    and for each of `fence_corners` the arc coordinate under it [m], the share of the contact law
+    that acts there [1] and, where the tip may carry the contact, the arc [m] from the point where
+    the fence is loaded to the tip."""
 
     turn: tuple[Array, Array]
     speed: Array
     places: tuple[Array, ...]
     shares: tuple[Array, ...]
+    edges: tuple[Array, ...]
 
 
 class Mechanics(eqx.Module):
@@ -130,6 +135,7 @@ class Mechanics(eqx.Module):
     mass: Array
     inertia: Array
     corners: dict[int, tuple[Array, Array]]
+    sides: dict[int, Array]
     stiffness: Array
     viscosity: Array
     belt: BeltContact | None
@@ -146,7 +152,11 @@ class Mechanics(eqx.Module):
         parcel, belt = scene.parcel, scene.belt
         self.mass, self.inertia = parcel.mass, parcel.inertia
         self.fence_corners, self.border_corners = scene.fence_corners, scene.border_corners
-        touching = sorted({*self.fence_corners, *self.border_corners})
+        self.sides = {}
+        if scene.tip_contact:
+            self.sides = {number: parcel.side(number) for number in self.fence_corners}
+        behind = {SIDES[number] for number in self.sides}
+        touching = sorted({*self.fence_corners, *self.border_corners, *behind})
         self.corners = {number: parcel.corner(number) for number in touching}
         self.stiffness, self.viscosity = parcel.stiffness, contact.viscosity(parcel)
         self.belt = None
@@ -171,19 +181,25 @@ class Mechanics(eqx.Module):
         }
 
     def fade(self, place: Array) -> Array:
-        """Share of the contact law [1] that acts at an arc coordinate: 1 on the fence, 0 off it."""
+        """Share of the contact law [1] that acts at an arc coordinate: 1 on the fence, 0 off it.
+        Where the tip may carry the contact, it does not end there."""
         assert self.link is not None
         length = self.fidelity.tip_fade
-        return contact.fade(place - self.link.reach, length) * contact.fade(-place, length)
+        on_link = contact.fade(-place, length)
+        if self.sides:
+            return on_link
+        return contact.fade(place - self.link.reach, length) * on_link
 
     def frame(
         self,
         drive: DriveMotion | None,
         places: tuple[Array, ...],
+        loaded: tuple[Array, ...] | None = None,
         gone: tuple[Array, ...] = (),
     ) -> FenceFrame | None:
         """The fence's frame at the drive's motion, with the corners' feet at `places`.
 
+        The fence is loaded there or, where the tip may carry a contact, at the places `loaded`.
         `gone`, if given, is 1 for a corner that has left over the tip and does not meet the fence
         from behind, else 0.
         """
@@ -193,14 +209,42 @@ class Mechanics(eqx.Module):
         shares = tuple(self.fade(p) for p in places)
         if gone:
             shares = tuple(share * (1 - g) for share, g in zip(shares, gone, strict=True))
-        return FenceFrame(turn, drive.speed, places, shares)
+        edges = ()
+        if self.sides:
+            assert self.link is not None
+            edges = tuple(self.link.reach - p for p in (places if loaded is None else loaded))
+        return FenceFrame(turn, drive.speed, places, shares, edges)
 
-    def gone(self, before: Array, place: Array, gap: Array) -> Array:
+    def loaded(self, place: Array, lean: Lean) -> Array:
+        """Arc coordinate [m] at which a contact loads the fence, of a corner's foot at `place`."""
+        assert self.link is not None
+        return jnp.minimum(place + lean.shift, self.link.reach)
+
+    def gone(self, before: Array, place: Array, touch: Touch) -> Array:
         """Whether a corner has left over the tip: from where its force has faded, until it is clear
         of the fence's line again."""
         assert self.link is not None
         over = place > self.link.reach + self.fidelity.tip_fade
-        return jnp.where(gap <= 0, 0.0, jnp.where(over, 1.0, before))
+        if touch.lasting is not None:
+            over = touch.lasting[0] * touch.lasting[1] <= 0
+        return jnp.where(touch.gap <= 0, 0.0, jnp.where(over, 1.0, before))
+
+    def ends(self, k: int, what: Contact, touch: Touch) -> Array:
+        """Whether the force of the k-th corner at the fence is being ended beyond the tip, with
+        nothing in the scene to take over from it."""
+        assert self.link is not None
+        if touch.lasting is None:
+            return (what.place > self.link.reach) & (what.gap > 0) & (what.normal > 0)
+        number, pressed = self.fence_corners[k], what.normal > 0
+        on_side, facing = touch.lasting
+        follows = SIDES[number] in self.fence_corners
+        leads = number in {SIDES[other] for other in self.fence_corners}
+        return pressed & ((on_side < 1) & (not follows) | (facing < 1) & (not leads))
+
+    def _side(self, number: int, arms: dict[int, tuple[Array, Array]]) -> Side:
+        (x, y), (far_x, far_y) = arms[number], arms[SIDES[number]]
+        length = self.sides[number]
+        return Side((far_x - x) / length, (far_y - y) / length, length)
 
     def _contact(self, touch: Touch, friction: Friction | None, place, normal, share):
         """One contact: what it does, the law's normal force and its response.
@@ -237,9 +281,14 @@ class Mechanics(eqx.Module):
             assert frame is not None
             corner = corner_from_arm(body, *arms[number])
             parts = fence_touch(corner, points[k], frame.turn, frame.speed)
+            share = frame.shares[k]
+            if self.sides:
+                side, fade = self._side(number, arms), self.fidelity.tip_fade
+                parts = around(parts, body.spin, side, frame.edges[k], fade)
+                share = share * parts.lasting[0] * parts.lasting[1]
             given = None if normals is None else normals[k]
             what, law, response = self._contact(
-                parts, self.fence_friction, frame.places[k], given, frame.shares[k]
+                parts, self.fence_friction, frame.places[k], given, share
             )
             touches.append(parts)
             fence.append(what)

@@ -22,10 +22,18 @@ from .clock import Clock, Stride
 from .drive import DriveMotion
 from .fence_end import FenceEnd
 from .instant import FenceState, describe
-from .kinematics import Acceleration, Body
+from .kinematics import Acceleration, Body, Lean
 from .link import Vibration
 from .mechanics import FenceFrame, Forces, Mechanics
 from .pace import Pace
+
+
+class Leans(NamedTuple):
+    """How a corner loads the fence: now, one step back, and as it was foreseen for now."""
+
+    now: Lean
+    before: Lean
+    foreseen: Lean
 
 
 class Memory(NamedTuple):
@@ -33,7 +41,8 @@ class Memory(NamedTuple):
 
     `fence` holds the vibration, its modal forces and the rates of the loads that the modes left
     out carry, and nothing else; `before` is the acceleration and `normals_before` the forces one
-    step back, for the first guess alone; `gone` is 1 for a corner that has left over the tip.
+    step back, for the first guess alone; `gone` is 1 for a corner that has left over the tip. Where
+    the tip may carry a contact, `leans` say how each corner loads the fence.
     """
 
     body: Body
@@ -45,6 +54,7 @@ class Memory(NamedTuple):
     normals: tuple[Array, ...]
     normals_before: tuple[Array, ...]
     gone: tuple[Array, ...]
+    leans: tuple[Leans, ...]
     pace: Pace | None
 
 
@@ -160,16 +170,23 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     time = clock.time(end)
     drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
     places = tuple(p + h * w for p, w in zip(memory.places, memory.sliding, strict=True))
-    fence = None
-    if mechanics.link is not None:
-        assert drive is not None
-        assert memory.fence is not None
-        shapes = tuple(mechanics.link.shape(place) for place in places)
-        before = memory.fence
-        fence = FenceEnd(mechanics.link, stride, drive, before, memory.normals, shapes)
     ratio = 1.0
     if memory.pace is not None:
         ratio = (end - begin) / jnp.maximum(memory.pace.count, 1.0)
+    leans = tuple(lean.now.ahead(lean.before, ratio) for lean in memory.leans)
+    fence, loaded = None, places
+    if mechanics.link is not None:
+        assert drive is not None
+        assert memory.fence is not None
+        loads = memory.normals
+        if leans:
+            loaded = tuple(map(mechanics.loaded, places, leans))
+            loads = tuple(
+                lean.foreseen.share * n for lean, n in zip(memory.leans, loads, strict=True)
+            )
+        shapes = tuple(map(mechanics.link.shape, loaded))
+        shares = tuple(lean.share for lean in leans)
+        fence = FenceEnd(mechanics.link, stride, drive, memory.fence, loads, shapes, shares)
     guess = tuple(
         rate + h * (now + 0.5 * ratio * (now - before))
         for rate, now, before in zip(body[3:], was, memory.before, strict=True)
@@ -179,7 +196,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             jnp.maximum(now + ratio * (now - before), 0.0)
             for now, before in zip(memory.normals, memory.normals_before, strict=True)
         )
-    frame = mechanics.frame(drive, places, memory.gone)
+    frame = mechanics.frame(drive, places, loaded, memory.gone)
     predicted = body.angle + h * (body.spin + 0.5 * h * was.angle)
     arms = mechanics.arms(predicted)
     equations = _End(mechanics, body, was, predicted, arms, frame, fence, stride)
@@ -199,7 +216,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         pace = Pace(end - begin, equations.surprise(guess, root, forces))
     state = None if fence is None else fence.state(normals)
     touches = forces.touches[: len(places)]
-    feet = tuple(p + t.foot_offset for p, t in zip(places, touches, strict=True))
+    feet = tuple(p + t.foot_offset for p, t in zip(loaded, touches, strict=True))
     memory = Memory(
         body=after,
         acceleration=forces.acceleration,
@@ -210,7 +227,11 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         normals=normals,
         normals_before=memory.normals,
         gone=tuple(
-            mechanics.gone(g, p, t.gap) for g, p, t in zip(memory.gone, feet, touches, strict=True)
+            mechanics.gone(g, p, t) for g, p, t in zip(memory.gone, feet, touches, strict=True)
+        ),
+        leans=tuple(
+            Leans(touch.lean, lean.now, foreseen)
+            for touch, lean, foreseen in zip(touches, memory.leans, leans, strict=False)
         ),
         pace=pace,
     )
@@ -242,5 +263,7 @@ def at_rest(
         fence = FenceState(None, vibration, load, (), (), rates)
     none = tuple(zero for _ in places)
     still = Acceleration(zero, zero, zero)
+    upright = Lean(zero + 1, zero)
+    leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
     pace = Pace(zero, zero) if mechanics.fidelity.longest_stride > 1 else None
-    return Memory(body, still, still, fence, places, none, none, none, none, pace)
+    return Memory(body, still, still, fence, places, none, none, none, none, leans, pace)

@@ -167,7 +167,7 @@ def _instant(
     place, tip, stress, stress_place = zero, zero, zero, zero
     if link is not None and fence is not None:
         place = fence.shapes[0].place + zero
-        tip, stress, stress_place = bent(link, fence, (place,))
+        tip, stress, stress_place = bent(link, fence)
         kinetic = 0.5 * link.mass_scale * total(v * v for v in fence.vibration.rate)
         energy = energy._replace(fence=kinetic, strain=strain_energy(link, fence))
         power = power._replace(beam_damping=damping_power(link, fence))
@@ -181,6 +181,7 @@ def _instant(
         border=(),
         belt=None,
         fence_force=state.force,
+        over_tip=zero,
         tip_deflection=tip,
         stress=stress,
         stress_place=stress_place,

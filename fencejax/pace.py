@@ -32,14 +32,14 @@ def next_count(
     counts: tuple[int, ...],
     step: float,
     tolerance: float,
-    ends: tuple[Array, Array] | None,
+    ends: tuple[tuple[float, Array], ...],
 ) -> Array:
     """The largest of `counts` steps [1] that may be taken in one, each of `step` [s].
 
     - The forces are expected to leave their straight continuation by no more than `tolerance`, and
       the step is at most twice the last one.
     - A corner that is free stays free: D + 3 |Ddot| h + a h^2 / 2 < 0, or it stays off the fence,
-      whose `ends` are arc coordinates [m].
+      between whose `ends`, arc coordinates [m] for each corner, it can be met.
     - A corner at the fence that is being let go is not gone by the end of the step.
     """
     best = jnp.ones_like(pace.count)
@@ -56,9 +56,10 @@ def next_count(
             corner = corners[k]
             reach = corner.gap + 3 * jnp.abs(corner.gap_rate) * length + 0.5 * _CHANGE * length**2
             free = reach < 0
-            if k < len(instant.fence) and ends is not None:
+            if k < len(instant.fence):
                 slide = 3 * jnp.abs(corner.sliding) * length
-                free = free | (corner.place - slide > ends[1]) | (corner.place + slide < ends[0])
+                near, far = ends[k]
+                free = free | (corner.place - slide > far) | (corner.place + slide < near)
             stays = corner.normal + 2 * count * change > 0
             fine = fine & jnp.where(corner.normal > 0, stays, free)
         best = jnp.where(fine, float(count), best)

@@ -10,6 +10,10 @@ from . import _check
 from ._check import Bounds
 
 
+SIDES = {1: 2, 2: 3, 3: 4, 4: 1}
+"""The other corner of the side behind each corner, clockwise."""
+
+
 class Parcel(eqx.Module):
     """A rigid rectangle A x B, with A along x at phi = 0, that touches with its corners.
 
@@ -87,6 +91,10 @@ class Parcel(eqx.Module):
         side = 0.5 if number in (1, 4) else -0.5
         height = 0.5 if number in (3, 4) else -0.5
         return side * self.length - self.center_x, height * self.breadth - self.center_y
+
+    def side(self, number: int) -> Array:
+        """Length [m] of the side from corner 1 ... 4 to the next one clockwise."""
+        return self.length if number in (1, 3) else self.breadth
 
     @property
     def mean_distance(self) -> Array:

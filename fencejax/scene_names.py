@@ -1,12 +1,28 @@
 """The table of a scene's numbers: path, name, unit, default bounds of each.
 
 Everything that speaks of a number by name reads this table: design variables, sweeps,
-sensitivities, identification and the choice of a fidelity.
+sensitivities, identification and the choice of a fidelity. Units and signs are those of the parts'
+own `bounds`.
 """
 
 import re
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+from ._check import Bounds
+from .belt import Belt
+from .drive import (
+    ConstantSpeedDrive,
+    HarmonicDrive,
+    HeldDrive,
+    SCurveDrive,
+    SplineDrive,
+    TrapezoidDrive,
+)
+from .fence import Fence
+from .friction import Friction
+from .material import Material
+from .parcel import Parcel
 
 
 class Number(NamedTuple):
@@ -39,55 +55,77 @@ DERIVED = ("reach", "length_ratio")
 """Names of what is not a number of the scene itself, but of both lengths of the fence: l_s + l_p at
 a constant l_s / l_p, and l_s / l_p at a constant l_s + l_p."""
 
+
+class _Part(Protocol):
+    bounds: ClassVar[dict[str, Bounds]]
+
+
+def _of(
+    part: type[_Part],
+    path: str,
+    name: str | None = None,
+    lower: float | None = None,
+    upper: float | None = None,
+    scaling: str = "logarithmic",
+    *,
+    field: str | None = None,
+) -> Number:
+    """A number with the unit and the sign of a part's `field`, by default the end of the path."""
+    bounds = part.bounds[field or path.rpartition(".")[2]]
+    sign = ABOVE if bounds.above == 0 else LEAST if bounds.least == 0 else ""
+    return Number(path, bounds.unit, name, lower, upper, scaling, sign)
+
+
 # The flexible link is at least half of the reach; the moduli run from polyethylene to glass-filled
 # polyamide.
 FENCE = (
-    Number("fence.thickness", "m", "thickness", 0.01, 0.09, sign=ABOVE),
+    _of(Fence, "fence.thickness", "thickness", 0.01, 0.09),
     Number("length_ratio", "1", "length_ratio", 0.0, 1.0, _LINE, LEAST),
     Number("reach", "m", "reach", 0.9, 1.8, sign=ABOVE),
-    Number("fence.width", "m", "width", 0.03, 0.40, sign=ABOVE),
-    Number("fence.material.youngs_modulus", "Pa", "youngs_modulus", 0.5e9, 10e9, sign=ABOVE),
-    Number("fence.material.density", "kg/m^3", "density", 900.0, 2000.0, sign=ABOVE),
-    Number("fence.material.damping_ratio", "1", "damping_ratio", 0.005, 0.20, sign=LEAST),
-    Number("fence.rigid_length", "m", "rigid_length", sign=LEAST),
-    Number("fence.flexible_length", "m", "flexible_length", sign=ABOVE),
+    _of(Fence, "fence.width", "width", 0.03, 0.40),
+    _of(Material, "fence.material.youngs_modulus", "youngs_modulus", 0.5e9, 10e9),
+    _of(Material, "fence.material.density", "density", 900.0, 2000.0),
+    _of(Material, "fence.material.damping_ratio", "damping_ratio", 0.005, 0.20),
+    _of(Fence, "fence.rigid_length", "rigid_length"),
+    _of(Fence, "fence.flexible_length", "flexible_length"),
 )
+# Of several drives with such a number, the one that asks for least.
 DRIVE = (
-    Number("drive.top_speed", "rad/s", "top_speed", 0.5, 4.0, sign=LEAST),
-    Number("drive.cycle_time", "s", "cycle_time", 0.5, 4.0, sign=ABOVE),
-    Number("drive.speed", "rad/s", "speed", 0.5, 4.0, sign=ABOVE),
-    Number("drive.held_angle", "rad", "held_angle", -1.0, 1.0, _LINE),
-    Number("drive.end_angle", "rad", "end_angle", 0.3, 1.2, sign=ABOVE),
-    Number("drive.acceleration", "rad/s^2", "acceleration", 2.0, 60.0, sign=ABOVE),
-    Number("drive.jerk", "rad/s^3", "jerk", 20.0, 2000.0, sign=ABOVE),
-    Number("drive.dwell", "s", "dwell", 0.0, 1.0, _LINE, LEAST),
-    Number("drive.control_angles", "rad", "control_angles", -0.2, 1.2, _LINE),
-    Number("drive.hold_time", "s", "hold_time", sign=ABOVE),
-    Number("drive.turn", "1", "turn", sign=ABOVE),
+    _of(HarmonicDrive, "drive.top_speed", "top_speed", 0.5, 4.0),
+    _of(HarmonicDrive, "drive.cycle_time", "cycle_time", 0.5, 4.0),
+    _of(ConstantSpeedDrive, "drive.speed", "speed", 0.5, 4.0),
+    _of(HeldDrive, "drive.held_angle", "held_angle", -1.0, 1.0, _LINE),
+    _of(ConstantSpeedDrive, "drive.end_angle", "end_angle", 0.3, 1.2),
+    _of(TrapezoidDrive, "drive.acceleration", "acceleration", 2.0, 60.0),
+    _of(SCurveDrive, "drive.jerk", "jerk", 20.0, 2000.0),
+    _of(TrapezoidDrive, "drive.dwell", "dwell", 0.0, 1.0, _LINE),
+    _of(SplineDrive, "drive.control_angles", "control_angles", -0.2, 1.2, _LINE),
+    _of(HeldDrive, "drive.hold_time", "hold_time"),
+    _of(SplineDrive, "drive.turn", "turn"),
 )
 # Parcels as a sorter meets them.
 PARCEL = (
-    Number("parcel.mass", "kg", "mass", 0.2, 30.0, sign=ABOVE),
-    Number("parcel.length", "m", "length", 0.1, 0.8, sign=ABOVE),
-    Number("parcel.breadth", "m", "breadth", 0.1, 0.6, sign=ABOVE),
-    Number("parcel.center_x", "m", "center_x", -0.05, 0.05, _LINE),
-    Number("parcel.center_y", "m", "center_y", -0.05, 0.05, _LINE),
-    Number("parcel.given_inertia", "kg m^2", "inertia", 0.01, 2.0, sign=ABOVE),
-    Number("parcel.stiffness", "N/m^4", "stiffness", 1e8, 1e10, sign=LEAST),
-    Number("parcel.damping", "N s kg^-0.4 m^-3", "damping", 1e5, 1e6, sign=LEAST),
+    _of(Parcel, "parcel.mass", "mass", 0.2, 30.0),
+    _of(Parcel, "parcel.length", "length", 0.1, 0.8),
+    _of(Parcel, "parcel.breadth", "breadth", 0.1, 0.6),
+    _of(Parcel, "parcel.center_x", "center_x", -0.05, 0.05, _LINE),
+    _of(Parcel, "parcel.center_y", "center_y", -0.05, 0.05, _LINE),
+    _of(Parcel, "parcel.given_inertia", "inertia", 0.01, 2.0, field="inertia"),
+    _of(Parcel, "parcel.stiffness", "stiffness", 1e8, 1e10),
+    _of(Parcel, "parcel.damping", "damping", 1e5, 1e6),
 )
 BELT = (
-    Number("belt.speed", "m/s", "belt_speed", 0.5, 3.0, sign=LEAST),
-    Number("belt.width", "m", "belt_width", 0.5, 1.0, sign=ABOVE),
-    Number("belt.gravity", "m/s^2", "gravity", 1.0, 10.0, sign=LEAST),
+    _of(Belt, "belt.speed", "belt_speed", 0.5, 3.0),
+    _of(Belt, "belt.width", "belt_width", 0.5, 1.0),
+    _of(Belt, "belt.gravity", "gravity", 1.0, 10.0),
 )
 FRICTION = (
-    Number("belt.friction.kinetic", "1", "belt_kinetic_friction", 0.2, 0.9, _LINE, LEAST),
-    Number("belt.friction.static", "1", "belt_static_friction", 0.3, 1.0, _LINE, LEAST),
-    Number("fence_friction.kinetic", "1", "fence_kinetic_friction", 0.1, 0.6, _LINE, LEAST),
-    Number("fence_friction.static", "1", "fence_static_friction", 0.2, 0.8, _LINE, LEAST),
-    Number("border.friction.kinetic", "1", "border_kinetic_friction", 0.1, 0.6, _LINE, LEAST),
-    Number("border.friction.static", "1", "border_static_friction", 0.2, 0.8, _LINE, LEAST),
+    _of(Friction, "belt.friction.kinetic", "belt_kinetic_friction", 0.2, 0.9, _LINE),
+    _of(Friction, "belt.friction.static", "belt_static_friction", 0.3, 1.0, _LINE),
+    _of(Friction, "fence_friction.kinetic", "fence_kinetic_friction", 0.1, 0.6, _LINE),
+    _of(Friction, "fence_friction.static", "fence_static_friction", 0.2, 0.8, _LINE),
+    _of(Friction, "border.friction.kinetic", "border_kinetic_friction", 0.1, 0.6, _LINE),
+    _of(Friction, "border.friction.static", "border_static_friction", 0.2, 0.8, _LINE),
 )
 # How the scene begins; `distance` is where the parcel touches.
 START = (

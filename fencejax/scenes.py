@@ -45,6 +45,7 @@ class Scene(eqx.Module):
     fence_corners: tuple[int, ...] = eqx.field(static=True)
     border_corners: tuple[int, ...] = eqx.field(static=True)
     duration: float = eqx.field(static=True)
+    tip_contact: bool = eqx.field(static=True, default=False)
 
 
 class NormalScene(eqx.Module):
@@ -181,6 +182,7 @@ def oblique_impact(
     belt: Belt | None | Default = "default",
     drive: AbstractDrive | None = None,
     fence_friction: Friction | None | Default = "default",
+    tip_contact: bool = False,
     duration: float | None = None,
 ) -> Scene:
     """A corner strikes the fence: stage (2.3)-(2.26), fence, one corner and belt.
@@ -195,6 +197,9 @@ def oblique_impact(
     - `velocity`: (xdot, ydot, phidot) at that moment [m/s, m/s, rad/s]; by default the belt's.
     - `fence`, `parcel`, `belt`, `drive`, `fence_friction`: the parts, by default the paper's;
       `None` for `belt` or `fence_friction` leaves the part out.
+    - `tip_contact`: whether the fence's tip carries the contact on, against the parcel's side, where
+      the corner runs over it (`fencejax.tip`); static. By default it does not: the paper's contact
+      ends there, over `Fidelity.tip_fade`, and `Status.LEFT_OVER_TIP` says so.
     - `duration` [s], static, default 0.25.
 
     Raises `ValueError` where the distance or the angle is out of the fence's or drive's reach, or
@@ -225,6 +230,7 @@ def oblique_impact(
         (number,),
         (),
         _duration(duration, 0.25),
+        _check.flag("tip_contact", tip_contact),
     )
 
 
@@ -261,6 +267,7 @@ def along_fence(
     belt: Belt | None | Default = "default",
     drive: AbstractDrive | None = None,
     fence_friction: Friction | None | Default = "default",
+    tip_contact: bool = False,
     duration: float | None = None,
 ) -> Scene:
     """The parcel's lower wall lies on the fence and slides along it: stage (2.27)-(2.30).
@@ -283,6 +290,7 @@ def along_fence(
         (1, 2),
         (),
         _duration(duration, 0.25),
+        _check.flag("tip_contact", tip_contact),
     )
 
 
@@ -298,6 +306,7 @@ def border_and_fence(
     drive: AbstractDrive | None = None,
     fence_friction: Friction | None | Default = "default",
     border: Border | None = None,
+    tip_contact: bool = False,
     duration: float | None = None,
 ) -> Scene:
     """One corner on the fence and another on the border: stage (2.31)-(2.34).
@@ -337,6 +346,7 @@ def border_and_fence(
         (first,),
         (second,),
         _duration(duration, 0.25),
+        _check.flag("tip_contact", tip_contact),
     )
 
 
@@ -400,6 +410,7 @@ def whole_sort(
     border: Border | None | Default = "default",
     fence_corners: tuple[int, ...] = (1, 2),
     border_corners: tuple[int, ...] = (1, 2),
+    tip_contact: bool = True,
     duration: float | None = None,
 ) -> Scene:
     """A whole sort: the drive starts at rest, the parcel rides in, and contacts come and go.
@@ -411,6 +422,7 @@ def whole_sort(
     - `angle`: phi [rad].
     - `fence_corners`, `border_corners`: the corners that can touch, static; each one costs. By
       default the two of the lower wall.
+    - `tip_contact`: as in `oblique_impact`, but by default the tip carries on.
     - `duration` [s], static, by default the drive's cycle.
     """
     fence = Fence() if fence is None else fence
@@ -440,6 +452,7 @@ def whole_sort(
         _corners("fence_corners", fence_corners),
         () if border is None else _corners("border_corners", border_corners),
         _duration(duration, _cycle(drive) if duration is None else duration),
+        _check.flag("tip_contact", tip_contact),
     )
 
 

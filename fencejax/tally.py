@@ -111,12 +111,15 @@ def _border_force(instant: Instant) -> Array:
     return sum((c.normal for c in instant.border), jnp.zeros_like(instant.time))
 
 
-def _gap(instant: Instant, reach: Array | None) -> Array:
+def _gap(instant: Instant, reach: Array | None, tip_contact: bool) -> Array:
     """The deepest gap of the corners that are over the fence; -1 m where there is none."""
     gap = jnp.full_like(instant.time, -1.0)
     for c in instant.fence:
         assert reach is not None
-        over = (c.place >= 0) & (c.place <= reach)
+        before_tip = c.place <= reach
+        if tip_contact:
+            before_tip = before_tip | (c.normal > 0)
+        over = (c.place >= 0) & before_tip
         gap = jnp.maximum(gap, jnp.where(over, c.gap, -1.0))
     return gap
 
@@ -232,9 +235,17 @@ def _stayed(stay: Stay, instant: Instant, before: Instant, gap: Array, span: Spa
 
 
 def add(
-    tally: Tally, instant: Instant, length: Array, reach: Array | None, defect: Array
+    tally: Tally,
+    instant: Instant,
+    length: Array,
+    reach: Array | None,
+    defect: Array,
+    tip_contact: bool = False,
 ) -> Tally:
     """Take in the next sample, one step of `length` [s] after the last; 0 for the first sample.
+
+    `reach` R_z [m] is where the fence ends; with `tip_contact` a corner beyond it is in contact as
+    long as it presses.
 
     Integrals are by the trapezoidal rule, as the motion's are.
     """
@@ -254,11 +265,6 @@ def add(
         work = work._replace(geometry=work.geometry + 0.25 * (load**2 + loaded**2) * moved)
     stress = tally.stress.update(instant.stress, time, span)
     higher = instant.stress >= tally.stress.value
-    over = tally.over_tip
-    for c in instant.fence:
-        assert reach is not None
-        passed = (c.place > reach) & (c.gap > 0) & (c.normal > 0)
-        over = jnp.where(passed, 1.0, over)
     # Times count from the scene's first sample.
     second = ~first & (before.time == 0)
     border = _border_force(instant)
@@ -279,11 +285,11 @@ def add(
         border=wall.update(border, time, span),
         work=work,
         impulse=tally.impulse + mean(before.fence_force, instant.fence_force),
-        stay=_stayed(tally.stay, instant, before, _gap(instant, reach), span),
+        stay=_stayed(tally.stay, instant, before, _gap(instant, reach, tip_contact), span),
         deepest=_deepest(instant, tally.deepest),
         furthest=jnp.maximum(tally.furthest, instant.body.y),
         largest_place=largest_place_so_far(before, instant, tally.largest_place),
-        over_tip=over,
+        over_tip=jnp.maximum(tally.over_tip, instant.over_tip),
         defect=jnp.maximum(tally.defect, defect),
         rough=jnp.maximum(tally.rough, rough),
         rough_border=jnp.maximum(tally.rough_border, rough_border),

@@ -22,7 +22,7 @@ COARSE = fj.Fidelity(modes=2)
 def sort(thickness, offset, fidelity, **options):
     scene = fj.scenes.whole_sort(
         fence=fj.Fence(thickness=thickness), front=0.7, offset=offset, duration=0.7,
-        border=None, fence_corners=(1,), fence_friction=None,
+        border=None, fence_corners=(1,), fence_friction=None, tip_contact=False,
     )
     return fj.simulate(scene, fidelity=fidelity, **options)
 
@@ -88,7 +88,7 @@ def instant(gap, gap_rate, normal, place=0.5, sliding=0.0):
 def chosen(what, *, last=8.0, surprise=0.0, before=0.0):
     count = next_count(
         Pace(jnp.asarray(last), jnp.asarray(surprise)), what, (jnp.asarray(before),),
-        (2, 4, 8), 2.5e-4, 5e-3, (jnp.asarray(-0.01), jnp.asarray(1.2)),
+        (2, 4, 8), 2.5e-4, 5e-3, ((-0.01, jnp.asarray(1.2)),),
     )
     return int(count)
 

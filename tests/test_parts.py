@@ -81,6 +81,7 @@ PARTS = {
     "free motion beside a fence": lambda: (fj.scenes.free_motion(fence=fj.Fence()), STANDARD),
     "border without friction": lambda: (sort(2, border=fj.Border(friction=None)), STANDARD),
     "no border": lambda: (sort(2, border=None), STANDARD),
+    "no contact at the tip": lambda: (sort(2, tip_contact=False), STANDARD),
 }
 ORDER = list(PARTS)[:12]
 
@@ -97,6 +98,7 @@ def test_each_part_left_out_saves_operations(more, less):
         ("sort, 2 + 2 corners", "border without friction"),
         ("border without friction", "no border"),
         ("no border", "oblique impact"),
+        ("sort, 2 + 2 corners", "no contact at the tip"),
         ("free motion beside a fence", "free motion"),
     ],
 )
@@ -107,7 +109,8 @@ def test_other_parts_left_out(more, less):
 def test_size_of_the_state():
     # The parcel: position and velocity 6, acceleration now and before 6. The fence: amplitude,
     # rate and force of each mode. A corner at it: its place, sliding speed, force now and before,
-    # whether it has left over the tip, and the lagged rate of the modes left out.
+    # whether it has left over the tip, and the lagged rate of the modes left out; where the tip may
+    # carry the contact, the share and the place of the fence's load, now, before and foreseen.
     assert cost("free motion")[0] == cost("free motion without belt")[0] == 12
     assert cost("free motion beside a fence")[0] == 12 + 3 * 4
     assert cost("oblique impact")[0] == 12 + 3 * 4 + 6
@@ -115,8 +118,9 @@ def test_size_of_the_state():
     assert cost("one mode")[0] == 12 + 3 + 5
     assert cost("rigid fence")[0] == 12 + 5
     # The border keeps nothing.
-    assert cost("sort, 4 + 4 corners")[0] == 12 + 3 * 4 + 4 * 6
-    assert cost("no border")[0] == cost("sort, 2 + 2 corners")[0] == 12 + 3 * 4 + 2 * 6
+    assert cost("sort, 4 + 4 corners")[0] == 12 + 3 * 4 + 4 * 12
+    assert cost("no border")[0] == cost("sort, 2 + 2 corners")[0] == 12 + 3 * 4 + 2 * 12
+    assert cost("no contact at the tip")[0] == 12 + 3 * 4 + 2 * 6
 
 
 def test_operations_of_absent_parts_are_absent():
