@@ -9,7 +9,6 @@ from jaxtyping import Array, ArrayLike
 from . import _check
 from ._check import Bounds
 
-
 SIDES = {1: 2, 2: 3, 3: 4, 4: 1}
 """The other corner of the side behind each corner, clockwise."""
 

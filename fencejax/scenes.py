@@ -197,9 +197,9 @@ def oblique_impact(
     - `velocity`: (xdot, ydot, phidot) at that moment [m/s, m/s, rad/s]; by default the belt's.
     - `fence`, `parcel`, `belt`, `drive`, `fence_friction`: the parts, by default the paper's;
       `None` for `belt` or `fence_friction` leaves the part out.
-    - `tip_contact`: whether the fence's tip carries the contact on, against the parcel's side, where
-      the corner runs over it (`fencejax.tip`); static. By default it does not: the paper's contact
-      ends there, over `Fidelity.tip_fade`, and `Status.LEFT_OVER_TIP` says so.
+    - `tip_contact`: whether the fence's tip carries the contact on, against the parcel's side,
+      where the corner runs over it (`fencejax.tip`); static. By default it does not: the paper's
+      contact ends there, over `Fidelity.tip_fade`, and `Status.LEFT_OVER_TIP` says so.
     - `duration` [s], static, default 0.25.
 
     Raises `ValueError` where the distance or the angle is out of the fence's or drive's reach, or

@@ -44,8 +44,8 @@ _TEXT = {
     Status.NEVER_TOUCHED: "the parcel never touched the fence; start it nearer or run longer",
     Status.IN_CONTACT_AT_END: "still in contact with the fence at the end; run longer with "
     "`duration=...` if what follows matters",
-    Status.LEFT_OVER_TIP: "a corner ran over the fence's tip while pressed on it, and the force was "
-    "ended there; let the tip carry on against the parcel's side by `tip_contact=True` in the "
+    Status.LEFT_OVER_TIP: "a corner ran over the fence's tip while pressed on it, and the force "
+    "was ended there; let the tip carry on against the parcel's side by `tip_contact=True` in the "
     "scene, and name the corners that follow in `fence_corners`",
     Status.LARGE_DEFLECTION: "the tip deflects by more than a quarter of the flexible link, "
     "beyond the linear beam; stiffen the fence",

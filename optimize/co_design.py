@@ -14,7 +14,6 @@ goes on where it was interrupted.
 """
 
 import dataclasses
-import sys
 import time
 
 import jax
@@ -25,7 +24,7 @@ from fencejax.journal import Journal
 from fencejax.optimizer import Optimum, minimize
 from fencejax.verification import Verification, verify
 
-from . import designs
+from . import command, designs
 from .motion.configuration import CoDesignConfig, configure
 from .motion.problem import Joint
 from .report import progress_line, write_json
@@ -226,9 +225,4 @@ def _write(outcome: Outcome, journal: Journal) -> None:
 
 
 if __name__ == "__main__":
-    fj.tune_compiler()
-    try:
-        finished = main(configure())
-    except (ValueError, TypeError) as error:
-        sys.exit(f"co_design: {error}")
-    sys.exit(0 if finished.succeeded else 1)
+    command.run("co_design", configure, main)

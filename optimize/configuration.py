@@ -8,7 +8,7 @@ from pathlib import Path
 from fencejax import objectives
 from fencejax.design import VARIABLES
 
-from . import flags
+from . import designs, flags
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,15 +82,6 @@ _HELP = {
 }
 
 
-def _bounds(text: str) -> tuple[str, float, float]:
-    name, _, span = text.partition("=")
-    lower, _, upper = span.partition(":")
-    try:
-        return name, float(lower), float(upper)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"must be name=lower:upper, but is {text!r}") from error
-
-
 def parser() -> argparse.ArgumentParser:
     """One flag for each field of the configuration."""
     result = flags.parser(
@@ -100,7 +91,7 @@ def parser() -> argparse.ArgumentParser:
         "from the paper's two-link fence, under limits.",
         explained=_HELP,
         special={
-            "bounds": {"type": _bounds, "nargs": "*", "metavar": "NAME=LOWER:UPPER"},
+            "bounds": designs.BOUNDS_FLAG,
             "method": {"choices": ("sqp", "lbfgs", "adam")},
             "fidelity": {"choices": flags.FIDELITIES},
             "sort_masses": {"nargs": "*"},
@@ -118,7 +109,4 @@ def parser() -> argparse.ArgumentParser:
 
 def configure(arguments: Sequence[str] | None = None) -> PeakForceConfig:
     """The configuration that flags describe."""
-    given = flags.read(parser(), arguments)
-    worst_case = given.pop("worst_case", False)
-    config = PeakForceConfig(**given)
-    return config.worst_case() if worst_case else config
+    return flags.configured(parser(), PeakForceConfig, arguments)

@@ -2,10 +2,12 @@
 
 import argparse
 import dataclasses
-from collections.abc import Mapping
+import inspect
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+_T = TypeVar("_T")
 FIDELITIES = ("coarse", "fast", "standard", "reference")
 
 
@@ -49,10 +51,30 @@ def parser(
     return result
 
 
-def read(flags: argparse.ArgumentParser, arguments) -> dict[str, Any]:
+def read(flags: argparse.ArgumentParser, arguments: Sequence[str] | None) -> dict[str, Any]:
     """What is given, by field; lists as tuples."""
     given = vars(flags.parse_args(arguments))
     return {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
+
+
+def configured(
+    flags: argparse.ArgumentParser, configuration: type[_T], arguments: Sequence[str] | None
+) -> _T:
+    """The configuration that flags describe.
+
+    A switch that is no field of the dataclass, such as `--quick`, has the name of one of its
+    methods, which makes another configuration of this one.
+
+    Raises `ValueError` where a number is out of range.
+    """
+    given = read(flags, arguments)
+    fields = inspect.signature(configuration).parameters
+    switches = [name for name in given if name not in fields]
+    wanted = [name for name in switches if given.pop(name)]
+    result = configuration(**given)
+    for name in wanted:
+        result = getattr(result, name)()
+    return result
 
 
 def at_least(configuration: Any, **bounds: int) -> None:

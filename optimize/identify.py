@@ -15,7 +15,6 @@ demonstration's own numbers lie further from the estimates than noise can explai
 """
 
 import dataclasses
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ from fencejax import identify
 from fencejax.identify import Experiment, Fit
 from fencejax.recording import SIGNALS, read_recording, write_recording
 
+from . import command
 from .identification import demo, figures
 from .identification.configuration import IdentifyConfig, configure
 from .report import write_json
@@ -190,9 +190,4 @@ def _content(config: IdentifyConfig, outcome: Outcome) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    fj.tune_compiler()
-    try:
-        finished = main(configure())
-    except (ValueError, TypeError, OSError) as error:
-        sys.exit(f"identify: {error}")
-    sys.exit(0 if finished.succeeded else 1)
+    command.run("identify", configure, main, refused=(ValueError, TypeError, OSError))

@@ -16,7 +16,6 @@ goes on where it was interrupted.
 """
 
 import dataclasses
-import sys
 import time
 
 import jax
@@ -26,7 +25,7 @@ import fencejax as fj
 from fencejax.charts import non_dominated
 from fencejax.journal import Journal
 
-from . import designs
+from . import command, designs
 from .front import figures
 from .front.configuration import ParetoConfig, configure
 from .front.constant_force import blows
@@ -205,9 +204,4 @@ def _verdict(front: Front, tracer: Tracer) -> str:
 
 
 if __name__ == "__main__":
-    fj.tune_compiler()
-    try:
-        finished = main(configure())
-    except (ValueError, TypeError) as error:
-        sys.exit(f"pareto: {error}")
-    sys.exit(0 if finished.succeeded else 1)
+    command.run("pareto", configure, main)

@@ -18,7 +18,6 @@ one-link fences at the reference fidelity, in the same impacts and in whole sort
 
 import concurrent.futures
 import dataclasses
-import sys
 import time
 from typing import Any
 
@@ -33,7 +32,7 @@ from fencejax.objectives import Limit
 from fencejax.optimizer import Optimum, minimize
 from fencejax.plot import Trace
 
-from . import impacts as batch, report
+from . import command, impacts as batch, report
 from .configuration import PeakForceConfig, configure
 
 _TITLES = {"before": "two-link", "after": "optimum", "one_link": "one-link"}
@@ -380,9 +379,4 @@ def _draw(config, outcome, impacts, signals, bars) -> None:
 
 
 if __name__ == "__main__":
-    fj.tune_compiler()
-    try:
-        finished = main(configure())
-    except (ValueError, TypeError) as error:
-        sys.exit(f"peak_force: {error}")
-    sys.exit(0 if finished.succeeded else 1)
+    command.run("peak_force", configure, main)

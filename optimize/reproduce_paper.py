@@ -14,7 +14,6 @@ T. Piatkowski, "Active fence with flexible link", Journal of Theoretical and App
 
 import concurrent.futures
 import dataclasses
-import sys
 import time
 from typing import Any
 
@@ -23,6 +22,7 @@ import numpy as np
 
 import fencejax as fj
 
+from . import command
 from .paper import cycle as cycles, figures, maps, sensitivity, tables
 from .paper.case import Case, lane, starts, undeformable
 from .paper.configuration import PaperConfig, configure
@@ -262,9 +262,4 @@ def _content(config: PaperConfig, outcome: Outcome, default: Setting) -> dict[st
 
 
 if __name__ == "__main__":
-    fj.tune_compiler()
-    try:
-        finished = main(configure())
-    except (ValueError, TypeError) as error:
-        sys.exit(f"reproduce_paper: {error}")
-    sys.exit(0 if finished.agrees else 1)
+    command.run("reproduce_paper", configure, main, succeeded=lambda outcome: outcome.agrees)

@@ -18,7 +18,6 @@ goes on where it was interrupted.
 """
 
 import dataclasses
-import sys
 import time
 from typing import Any
 
@@ -28,7 +27,7 @@ import numpy as np
 import fencejax as fj
 from fencejax.journal import Journal
 
-from . import designs
+from . import command, designs
 from .report import write_json
 from .robust import confidence
 from .robust.configuration import RobustConfig, configure
@@ -245,9 +244,4 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
 
 
 if __name__ == "__main__":
-    fj.tune_compiler()
-    try:
-        finished = main(configure())
-    except (ValueError, TypeError) as error:
-        sys.exit(f"robust_design: {error}")
-    sys.exit(0 if finished.succeeded else 1)
+    command.run("robust_design", configure, main)

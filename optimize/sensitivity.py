@@ -19,7 +19,6 @@ below its index by more than both intervals allow.
 """
 
 import dataclasses
-import sys
 import time
 from typing import Any
 
@@ -31,6 +30,7 @@ from fencejax import scene_numbers
 from fencejax.response import Response
 from fencejax.sensitivity import UNITS_OF_RULES
 
+from . import command
 from .report import write_json
 from .sensitivities import figures, study, tables
 from .sensitivities.configuration import SensitivityConfig, configure
@@ -265,9 +265,4 @@ def _report(config, outcome: Outcome, response: Response, line, say) -> None:
 
 
 if __name__ == "__main__":
-    fj.tune_compiler()
-    try:
-        finished = main(configure())
-    except (ValueError, TypeError) as error:
-        sys.exit(f"sensitivity: {error}")
-    sys.exit(0 if finished.succeeded else 1)
+    command.run("sensitivity", configure, main)

@@ -16,7 +16,6 @@ where at most a hundredth of the points with a good status are off.
 
 import dataclasses
 import json
-import sys
 import time
 from pathlib import Path
 
@@ -26,7 +25,7 @@ import numpy as np
 
 import fencejax as fj
 
-from . import flags
+from . import command, flags
 from .stability.picture import draw_axes, draw_pairs
 from .stability.scenes import AXES, ORDINARY, impact
 
@@ -184,5 +183,4 @@ def configure(arguments=None) -> StabilityConfig:
 
 
 if __name__ == "__main__":
-    fj.tune_compiler()
-    sys.exit(0 if main(configure()) else 1)
+    command.run("stability_map", configure, main, succeeded=bool)

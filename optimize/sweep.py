@@ -26,7 +26,6 @@ Without Slurm or MPI, start on every machine k = 0 ... 3 (process 0 on HOST):
 """
 
 import dataclasses
-import sys
 import time
 
 import jax
@@ -36,6 +35,7 @@ import fencejax as fj
 from fencejax.sweep_run import Progress, run_sweep
 from fencejax.sweep_table import SweepTable
 
+from . import command
 from .report import write_json
 from .sweeping import figures
 from .sweeping.configuration import SweepConfig, configure
@@ -138,6 +138,11 @@ def _quantiles(table: SweepTable) -> dict[str, dict[str, float]]:
     return found
 
 
+def _joined(config: SweepConfig) -> Outcome:
+    join(config)
+    return main(config)
+
+
 def join(config: SweepConfig) -> None:
     """Set the compiler for this machine and, for several processes, meet the others."""
     devices = config.local_devices
@@ -149,12 +154,11 @@ def join(config: SweepConfig) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        given = configure()
-        join(given)
-        finished = main(given)
-    except (ValueError, TypeError, RuntimeError) as error:
-        sys.exit(f"sweep: {error}")
-    except KeyboardInterrupt:
-        sys.exit("sweep: stopped; the same command goes on from here")
-    sys.exit(0 if finished.succeeded else 1)
+    command.run(
+        "sweep",
+        configure,
+        _joined,
+        refused=(ValueError, TypeError, RuntimeError),
+        stopped="stopped; the same command goes on from here",
+        tune=False,
+    )

@@ -14,18 +14,19 @@ that of the discretisation by a converged run with the same smoothing.
 
 import dataclasses
 import functools
-import sys
 import time
 
 import jax
 import numpy as np
 
 import fencejax as fj
+from fencejax.candidates import describe
 
+from . import command
 from .accuracy import cases, cold, front, ladder as ladders, orders, tables
 from .accuracy.cases import Family
 from .accuracy.configuration import WorkPrecisionConfig, configure
-from .accuracy.errors import Errors, Outcome, compare
+from .accuracy.errors import Errors, Outcome, compare, spread
 from .accuracy.ladder import Ladder, Point
 from .accuracy.measure import Bench, Times
 from .report import write_json
@@ -49,9 +50,7 @@ class Rung:
 
     def error(self, kind: str) -> float:
         """95 % quantile of the peak force's error over the scenes, of `"value"` or `"gradient"`."""
-        found = getattr(self.errors, kind)[:, 0]
-        given = np.where(np.isfinite(found), found, np.inf)
-        return float(np.quantile(given, 0.95, method="higher"))
+        return spread(getattr(self.errors, kind)[:, 0])["95 %"]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -176,8 +175,7 @@ class _Job:
             errors = compare(whole, truth)
             assert errors.gradient is not None
             found[fidelity] = tuple(
-                float(np.quantile(e[:, 0], 0.95, method="higher"))
-                for e in (errors.value, errors.gradient)
+                spread(e[:, 0])["95 %"] for e in (errors.value, errors.gradient)
             )
         return found
 
@@ -187,9 +185,9 @@ class _Job:
         open_ones = {f: e for f, e in predicted.items() if f not in rungs.values()}
         chosen = front.likely(open_ones, self.config.candidates)
         for fidelity in chosen:
-            label = "grid: " + tables.knobs_of(fidelity)
+            label = "grid: " + describe(fidelity)
             self._ask(("grid", fidelity), self.impacts, fidelity, label, keep=True)
-        names = {f: tables.knobs_of(f) for f in chosen} | {f: n for n, f in rungs.items()}
+        names = {f: describe(f) for f in chosen} | {f: n for n, f in rungs.items()}
         for fidelity, name in names.items():
             self._ask(("value", fidelity), self.impacts, fidelity, f"{name}, values alone",
                       gradient=False, keep=True)  # fmt: skip
@@ -325,7 +323,7 @@ def _timed(config, job: _Job, predicted, chosen, say, begin) -> Report:
                 job.bench.failures[f"{name}, own process"] = str(error)
         rungs.append(job.rung(("rung", name), name, True, own))
         say(f"  {time.perf_counter() - begin:6.1f} s  {name}")
-    grid = [job.rung(("grid", f), tables.knobs_of(f), False, None) for f in chosen]
+    grid = [job.rung(("grid", f), describe(f), False, None) for f in chosen]
     say(f"  {time.perf_counter() - begin:6.1f} s  {len(grid)} points of the grid")
     return Report(
         config=config,
@@ -359,9 +357,4 @@ def _write(report: Report, say) -> None:
 
 
 if __name__ == "__main__":
-    fj.tune_compiler()
-    try:
-        finished = main(configure())
-    except (ValueError, TypeError) as error:
-        sys.exit(f"work_precision: {error}")
-    sys.exit(0 if finished.succeeded else 1)
+    command.run("work_precision", configure, main)

@@ -101,8 +101,9 @@ def by_lsoda(distance):
 
 @pytest.mark.parametrize("distance", [0.7, 1.013])
 def test_paper_fence_against_lsoda(distance):
-    # Standard fidelity at 0.25 ms: 3.5e-9 x 250^2 = 2e-4 of the peak, and the sampled maximum of
-    # the other side, (12.5 us / 10 ms)^2 / 8.
+    # Of second order in the step: at the standard fidelity's 0.25 ms up to 2e-5 of the peak and
+    # 8e-5 of the tip, a fourth of both at half the step. The other side's maximum is sampled, which
+    # costs it (12.5 us / 10 ms)^2 / 8 = 2e-7.
     peak, moment, tip = by_lsoda(distance)
     result = fj.simulate(fj.scenes.normal_impact(distance=distance), history=False)
     assert float(result.peak_force) == pytest.approx(peak, rel=1e-3)

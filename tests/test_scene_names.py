@@ -96,6 +96,19 @@ def test_bounds_and_ranges_have_the_tables_units_and_signs():
             assert number.lower > 0 or (number.lower == 0 and number.sign == scene_names.LEAST)
 
 
+def test_the_table_asks_for_no_more_than_any_drive_does():
+    asked = {None: 0, scene_names.LEAST: 1, scene_names.ABOVE: 2}
+    for number in scene_names.DRIVE:
+        name = number.path.removeprefix("drive.")
+        found = [d.bounds[name] for d in map(type, DRIVES.values()) if name in d.bounds]
+        signs = [
+            scene_names.ABOVE if b.above == 0 else scene_names.LEAST if b.least == 0 else None
+            for b in found
+        ]
+        assert {b.unit for b in found} == {number.unit}, name
+        assert asked[number.sign or None] == min(asked[sign] for sign in signs), name
+
+
 @pytest.mark.parametrize(
     ("drive", "name"),
     [

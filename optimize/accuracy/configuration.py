@@ -96,7 +96,4 @@ def configure(arguments: Sequence[str] | None = None) -> WorkPrecisionConfig:
 
     Raises `ValueError` where a number is out of range.
     """
-    given = flags.read(parser(), arguments)
-    quick = given.pop("quick")
-    config = WorkPrecisionConfig(**given)
-    return config.quick() if quick else config
+    return flags.configured(parser(), WorkPrecisionConfig, arguments)

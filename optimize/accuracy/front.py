@@ -47,7 +47,9 @@ def superposed(base: Outcome, effects: Sequence[Outcome]) -> Outcome:
 
 
 def work(fidelity: fj.Fidelity) -> float:
-    """A rough cost for ordering alone: steps a second of motion times operations a step."""
+    """A rough cost of a lane in a large batch, for ordering alone: steps a second of motion times
+    operations a step. A run by itself waits for other things, and chords cost it far less (see
+    `fencejax.candidates.expected_cost`)."""
     turn = {"small": 0.9, "arc": 1.0, "chord": 1.0 + 0.5 * fidelity.mode_count}[fidelity.geometry]
     return (4.0 + fidelity.mode_count) * turn / fidelity.step
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import fencejax as fj
+from fencejax.candidates import describe
 
 from .cases import QUANTITIES, RANGES, TITLES, VARIABLES
 from .errors import Errors, Outcome, spread, summary
@@ -13,16 +13,6 @@ from .orders import observed
 
 if TYPE_CHECKING:
     from ..work_precision import Report, Rung
-
-
-def knobs_of(fidelity: fj.Fidelity) -> str:
-    """The knobs of a point of the grid in short."""
-    modes = "all" if fidelity.modes is None else str(fidelity.modes)
-    modes += " mode" if modes == "1" else " modes"
-    return (
-        f"{modes}, {1e3 * fidelity.step:g} ms, {fidelity.slip_speed:g} m/s, "
-        f"{fidelity.geometry}"
-    )
 
 
 def percent(share: float) -> str:
@@ -60,7 +50,7 @@ def _megabytes(count: float | None) -> str:
 def rung_table(report: "Report") -> str:
     """Errors of the named rungs over all impacts: median / 95 % / worst."""
     heads = ["", *(rung.name for rung in report.rungs)]
-    rows = [["knobs", *(knobs_of(rung.fidelity) for rung in report.rungs)]]
+    rows = [["knobs", *(describe(rung.fidelity) for rung in report.rungs)]]
     for k, title in enumerate(TITLES):
         rows.append([title, *(_three(r.errors.value[:, k]) for r in report.rungs)])
     for k, title in enumerate(TITLES):
@@ -215,7 +205,7 @@ def superposition(report: "Report") -> float | None:
     for rung in report.grid:
         for k, kind in enumerate(("value", "gradient")):
             measured, given = rung.error(kind), report.predicted[rung.fidelity][k]
-            if np.isfinite(measured) and measured > 0 and given > 0:
+            if 0 < measured < np.inf and 0 < given < np.inf:
                 factors.append(max(measured / given, given / measured))
     return max(factors) if factors else None
 
@@ -232,7 +222,7 @@ def document(report: "Report") -> str:
         "out for a deflection beyond the linear beam or another unsound status. Gradients are "
         "elasticities in eight variables, their error relative to the gradient's norm. Errors read "
         "median / 95 % / worst over the impacts, times median (10-90 % of the repeats).",
-        "Reference: " + knobs_of(report.ladder.truth) + ".",
+        "Reference: " + describe(report.ladder.truth) + ".",
     ]
     for name, errors in report.check.items():
         parts.append(
@@ -257,7 +247,7 @@ def document(report: "Report") -> str:
         parts += ["## Slide and whole sorts", stage_table(report)]
     parts += [
         "## Each knob by itself",
-        f"All else held at {knobs_of(report.ladder.base)}; over {config.lanes} impacts, against "
+        f"All else held at {describe(report.ladder.base)}; over {config.lanes} impacts, against "
         "the finest point of the knob; median / 95 %.",
         knob_table(report),
     ]

@@ -180,7 +180,4 @@ def configure(arguments: Sequence[str] | None = None) -> ParetoConfig:
 
     Raises `ValueError` where a number is out of range.
     """
-    given = flags.read(parser(), arguments)
-    quick = given.pop("quick")
-    config = ParetoConfig(**given)
-    return config.quick() if quick else config
+    return flags.configured(parser(), ParetoConfig, arguments)

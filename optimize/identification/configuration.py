@@ -10,11 +10,12 @@ from fencejax.identify import OFFSET, PARAMETERS
 from fencejax.recording import SIGNALS, Recording
 from fencejax.scene_numbers import AnyScene
 
-from .. import flags
+from .. import assignments, flags
 
 SCENES = ("oblique_impact", "normal_impact")
 # The longest impact that a recording in seconds would hold [s].
 _LONGEST = 5.0
+_PAIRS = "hold numbers as name=value[,name=value ...]"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,7 +84,7 @@ class IdentifyConfig:
         found = []
         scene = self.base({}, 0.1)
         for text in self.parameters:
-            name, given, span = text.partition("=")
+            name, given, _ = text.partition("=")
             if not given:
                 if name not in PARAMETERS:
                     raise ValueError(
@@ -92,17 +93,10 @@ class IdentifyConfig:
                     )
                 found.append(name)
                 continue
-            ends = span.split(":")
             unit = "s" if name == OFFSET else scene_numbers.unit(scene_numbers.resolve(scene, name))
-            try:
-                lower, upper = float(ends[0]), float(ends[1])
-                scaling = ends[2] if len(ends) > 2 else "logarithmic"
-            except (ValueError, IndexError) as error:
-                raise ValueError(
-                    "Argument `parameters` must hold name or name=lower:upper[:linear], but holds "
-                    f"{text!r}."
-                ) from error
-            found.append(fj.DesignVariable(name, lower, upper, unit, scaling))
+            form = "hold name or name=lower:upper[:linear]"
+            _, lower, upper, scaling = assignments.span("parameters", text, form)
+            found.append(fj.DesignVariable(name, lower, upper, unit, *scaling[:1]))
         return tuple(found)
 
     def numbers(self, index: int) -> dict[str, float]:
@@ -110,13 +104,14 @@ class IdentifyConfig:
         if not self.known:
             return {}
         text = self.known[index if len(self.known) > 1 else 0]
-        return pairs("known", text)
+        return assignments.values("known", text, _PAIRS)
 
     def scales(self) -> dict[str, float] | None:
         """The noise by signal, if it is given."""
         if not self.noise:
             return None
-        return {k: v for text in self.noise for k, v in pairs("noise", text).items()}
+        found = [assignments.values("noise", text, _PAIRS) for text in self.noise]
+        return {name: value for one in found for name, value in one.items()}
 
     def base(self, numbers: dict[str, float], duration: float) -> AnyScene:
         """A scene with the paper's numbers but for some that are known."""
@@ -151,21 +146,6 @@ class IdentifyConfig:
         return dataclasses.replace(
             self, starts=1, demo_rows=120, fidelity="fast", demo_fidelity="fast"
         )
-
-
-def pairs(field: str, text: str) -> dict[str, float]:
-    """`"distance=0.9,mass=10"` as numbers by name."""
-    found = {}
-    for part in text.split(","):
-        name, _, value = part.partition("=")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError as error:
-            raise ValueError(
-                f"Argument `{field}` must hold numbers as name=value[,name=value ...], but holds "
-                f"{text!r}."
-            ) from error
-    return found
 
 
 _HELP = {
@@ -219,7 +199,4 @@ def configure(arguments: Sequence[str] | None = None) -> IdentifyConfig:
 
     Raises `ValueError` where a number is out of range.
     """
-    given = flags.read(parser(), arguments)
-    quick = given.pop("quick")
-    config = IdentifyConfig(**given)
-    return config.quick() if quick else config
+    return flags.configured(parser(), IdentifyConfig, arguments)

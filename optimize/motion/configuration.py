@@ -145,7 +145,4 @@ def configure(arguments: Sequence[str] | None = None) -> CoDesignConfig:
 
     Raises `ValueError` where a number is out of range.
     """
-    given = flags.read(parser(), arguments)
-    quick = given.pop("quick")
-    config = CoDesignConfig(**given)
-    return config.quick() if quick else config
+    return flags.configured(parser(), CoDesignConfig, arguments)

@@ -95,7 +95,4 @@ def configure(arguments: Sequence[str] | None = None) -> PaperConfig:
 
     Raises `ValueError` where a number is out of range.
     """
-    given = flags.read(parser(), arguments)
-    quick = given.pop("quick")
-    config = PaperConfig(**given)
-    return config.quick() if quick else config
+    return flags.configured(parser(), PaperConfig, arguments)

@@ -207,7 +207,4 @@ def configure(arguments: Sequence[str] | None = None) -> RobustConfig:
 
     Raises `ValueError` where a number is out of range.
     """
-    given = flags.read(parser(), arguments)
-    quick = given.pop("quick")
-    config = RobustConfig(**given)
-    return config.quick() if quick else config
+    return flags.configured(parser(), RobustConfig, arguments)

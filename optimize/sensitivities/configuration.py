@@ -9,7 +9,7 @@ from fencejax import scene_numbers
 from fencejax.response import quantities_of
 from fencejax.scene_numbers import AnyScene
 
-from .. import flags
+from .. import assignments, flags
 
 SCENES = (
     "oblique_impact", "along_fence", "border_and_fence", "whole_sort", "normal_impact",
@@ -138,11 +138,10 @@ class SensitivityConfig:
             texts = DISTANCES if "distance" in _present(scene) else ("",)
         found = {}
         for text in texts:
-            numbers = {}
-            for part in text.split(",") if text else ():
-                name, _, value = part.partition("=")
-                numbers[name.strip()] = _number("points", text, value)
-                scene_numbers.check(scene, name.strip(), numbers[name.strip()])
+            form = "hold numbers as name=value"
+            numbers = assignments.values("points", text, form) if text else {}
+            for name, value in numbers.items():
+                scene_numbers.check(scene, name, value)
             if numbers:
                 scene_numbers.together(scene, tuple(numbers))
             title = ",".join(
@@ -180,24 +179,12 @@ class SensitivityConfig:
         )  # fmt: skip
 
 
-def _number(field: str, text: str, value: str) -> float:
-    try:
-        return float(value)
-    except ValueError as error:
-        raise ValueError(
-            f"Argument `{field}` must hold numbers as name=value, but holds {text!r}."
-        ) from error
-
-
 def _range(text: str) -> tuple[str, tuple[float, float, str]]:
-    name, _, span = text.partition("=")
-    ends = span.split(":")
-    if len(ends) not in (2, 3):
-        raise ValueError(
-            f"Argument `ranges` must hold name=lower:upper[:scaling], but holds {text!r}."
-        )
-    lower, upper = (_number("ranges", text, end) for end in ends[:2])
-    return name, (lower, upper, ends[2] if len(ends) == 3 else "linear")
+    form = "hold name=lower:upper[:scaling]"
+    name, lower, upper, rest = assignments.span("ranges", text, form)
+    if len(rest) > 1:
+        raise assignments.refusal("ranges", text, form)
+    return name, (lower, upper, rest[0] if rest else "linear")
 
 
 def _present(scene: AnyScene) -> list[str]:
@@ -261,7 +248,4 @@ def configure(arguments: Sequence[str] | None = None) -> SensitivityConfig:
 
     Raises `ValueError` where a number is out of range.
     """
-    given = flags.read(parser(), arguments)
-    quick = given.pop("quick")
-    config = SensitivityConfig(**given)
-    return config.quick() if quick else config
+    return flags.configured(parser(), SensitivityConfig, arguments)

@@ -12,7 +12,7 @@ from fencejax.sampling import Samples
 from fencejax.scene_family import KINDS, VARIABLES, SceneFamily
 from fencejax.sweep import OUTPUTS, Sweep
 
-from .. import flags
+from .. import assignments, flags
 
 _SAMPLINGS = ("grid", "latin_hypercube", "sobol")
 _DRIVES = {
@@ -103,7 +103,7 @@ class SweepConfig:
         family = SceneFamily(
             self.scene,
             samples.names,
-            fixed=dict(_fixed(text) for text in self.fixed),
+            fixed=dict(assignments.value("fixed", text, "read name=value") for text in self.fixed),
             fence=_FENCES[self.fence](),
             drive=_DRIVES[self.drive](),
             duration=self.duration or None,
@@ -138,30 +138,17 @@ class SweepConfig:
 def _variable(text: str) -> tuple[DesignVariable, int | None]:
     """A variable, and its number of points on a grid where given, from
     name[=lower:upper[:points][:linear|logarithmic]]."""
-    name, _, rest = text.partition("=")
-    if not rest:
+    name, _, given = text.partition("=")
+    if not given:
         return sampling.variable(name), None
-    parts = rest.split(":")
-    scaling = parts.pop() if parts[-1] in ("linear", "logarithmic") else None
+    form = "read name[=lower:upper[:points][:linear|logarithmic]]"
+    _, lower, upper, rest = assignments.span("vary", text, form)
+    scaling = rest.pop() if rest and rest[-1] in ("linear", "logarithmic") else None
     try:
-        lower, upper = float(parts[0]), float(parts[1])
-        count = int(parts[2]) if len(parts) > 2 else None
-        if len(parts) > 3:
-            raise ValueError
-    except (ValueError, IndexError) as error:
-        raise ValueError(
-            "Argument `vary` must read name[=lower:upper[:points][:linear|logarithmic]], but holds "
-            f"{text!r}."
-        ) from error
-    return sampling.variable(name, lower, upper, scaling=scaling), count
-
-
-def _fixed(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
+        (count,) = [int(word) for word in rest] or [None]
     except ValueError as error:
-        raise ValueError(f"Argument `fixed` must read name=value, but holds {text!r}.") from error
+        raise assignments.refusal("vary", text, form) from error
+    return sampling.variable(name, lower, upper, scaling=scaling), count
 
 
 _HELP = {
@@ -221,7 +208,4 @@ def configure(arguments: Sequence[str] | None = None) -> SweepConfig:
 
     Raises `ValueError` where a number is out of range.
     """
-    given = flags.read(parser(), arguments)
-    quick = given.pop("quick")
-    config = SweepConfig(**given)
-    return config.quick() if quick else config
+    return flags.configured(parser(), SweepConfig, arguments)
