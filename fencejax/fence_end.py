@@ -26,6 +26,7 @@ class FenceEnd(eqx.Module):
     shapes: tuple[Shape, ...]
     inertia: Blocks
     free: Vibration
+    expected: Vibration
     affine: tuple
 
     def __init__(
@@ -37,15 +38,18 @@ class FenceEnd(eqx.Module):
         normals: tuple[Array, ...],
         shapes: tuple[Shape, ...],
         shares: tuple[Array, ...] = (),
+        expected: tuple[Array, ...] = (),
     ):
         """`before` is the fence at the start of the step, loaded by `normals` [N]; `shapes` are
         those where it is loaded at its end; `shares` [1], if given, those of the contact forces
-        there that bend it."""
+        there that bend it; `expected` [N] these forces as foreseen, for the small terms of the
+        geometry."""
         self.link, self.stride, self.drive = link, stride, drive
         self.normals_before, self.lagged_before = normals, before.lagged_rate
         self.shapes, self.shares = shapes, shares
         self.inertia = link.inertia_force(drive)
         self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
+        self.expected = self._vibration(self.loads(expected)) if expected else self.free
         self.affine = tuple(self._affine(k) for k in range(len(shapes)))
 
     @property
@@ -119,7 +123,7 @@ class FenceEnd(eqx.Module):
             extra = self._residual(k, normals[k])
             return link.chord_point(shape, self._vibration(normals), *extra)
         if link.geometry == "arc":
-            return link.arc_point(shape, self.free, *self.deflection(k, normals))
+            return link.arc_point(shape, self.expected, *self.deflection(k, normals))
         return link.small_point(shape, *self.deflection(k, normals))
 
     def _residual(self, k: int, normal):

@@ -282,7 +282,7 @@ class FlexibleLink(eqx.Module):
 
         The first three modes count in the second order and the first one in the third. `y` and
         `y_rate` are the deflection [m] and its rate; the small terms are taken from `state`, which
-        may leave out what the force at the end of the step does within that step.
+        may be a forecast.
         """
         assert shape.arc is not None
         pairs, cube = shape.arc

@@ -174,6 +174,10 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     if memory.pace is not None:
         ratio = (end - begin) / jnp.maximum(memory.pace.count, 1.0)
     leans = tuple(lean.now.ahead(lean.before, ratio) for lean in memory.leans)
+    expected = tuple(
+        jnp.maximum(now + ratio * (now - before), 0.0)
+        for now, before in zip(memory.normals, memory.normals_before, strict=True)
+    )
     fence, loaded = None, places
     if mechanics.link is not None:
         assert drive is not None
@@ -186,16 +190,15 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             )
         shapes = tuple(map(mechanics.link.shape, loaded))
         shares = tuple(lean.share for lean in leans)
-        fence = FenceEnd(mechanics.link, stride, drive, memory.fence, loads, shapes, shares)
+        fence = FenceEnd(
+            mechanics.link, stride, drive, memory.fence, loads, shapes, shares, expected
+        )
     guess = tuple(
         rate + h * (now + 0.5 * ratio * (now - before))
         for rate, now, before in zip(body[3:], was, memory.before, strict=True)
     )
     if fence is not None and fence.flexible:
-        guess = guess + tuple(
-            jnp.maximum(now + ratio * (now - before), 0.0)
-            for now, before in zip(memory.normals, memory.normals_before, strict=True)
-        )
+        guess = guess + expected
     frame = mechanics.frame(drive, places, loaded, memory.gone)
     predicted = body.angle + h * (body.spin + 0.5 * h * was.angle)
     arms = mechanics.arms(predicted)

@@ -85,7 +85,7 @@ def sorting(fence, **changes):
 
 @functools.cache
 def library(fence):
-    result = fj.simulate(fj.scenes.whole_sort(fence=FENCES[fence][1]()))
+    result = fj.simulate(fj.scenes.whole_sort(fence=FENCES[fence][1](), tip_contact=False))
     return jax.tree.map(np.asarray, result)
 
 

@@ -81,6 +81,7 @@ def run(cases: Case, starts: Start, fidelity: fj.Fidelity) -> Cycle:
             parcel=case.parcel,
             drive=case.drive,
             duration=CYCLE_TIME,
+            tip_contact=False,
         )
         result = fj.simulate(scene, fidelity=fidelity)
         history, parcel, belt = result.history, case.parcel, scene.belt
