@@ -37,6 +37,8 @@ def run(
     def drive_at(time):
         return None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
 
+    # Traced once, however often the stages and their Jacobians look at it.
+    @jax.jit
     def field(time, y, args):
         del args
         body, vibration = y

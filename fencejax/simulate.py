@@ -177,7 +177,11 @@ def _program(structure, fidelity: Fidelity, history: bool, only: tuple[str, ...]
         return _sound(scene, result)
 
     run = by_columns(outcome) if fidelity.gradient == "forward" else outcome
-    return run, jax.jit(run)
+    options = None
+    if fidelity.integrator != "modal":
+        # Their programs are ten times as large: as one kernel they take many minutes to optimise.
+        options = {"xla_backend_optimization_level": 0}
+    return run, jax.jit(run, compiler_options=options)
 
 
 # Not a number where there was no contact.
