@@ -92,6 +92,9 @@ class Instant(NamedTuple):
     carried: tuple[tuple[Array, Array], ...]
     """For each load of the fence: the compliance [m/N] of the modes left out, and the load [N]
     that they carry; empty without them."""
+    directions: tuple[tuple[Array, Array, Array], ...] = ()
+    """For each corner at the fence: the direction (x, y) of the normal force and its moment about
+    C_s [m]; empty where the tip carries none, as they follow from the fence's slope then."""
 
 
 def describe(
@@ -153,6 +156,7 @@ def describe(
         energy=energy,
         power=power,
         carried=() if fence is None else carried(fence),
+        directions=tuple(touch.normal for touch in forces.touches if touch.lean is not None),
     )
 
 

@@ -82,9 +82,17 @@ class Forces(NamedTuple):
     slip: tuple[Array, Array, Array] | None
 
     def outcome(self) -> "Forces":
-        """What counts of them once the motion is found: not how they answer to a change."""
-        touches = tuple(touch._replace(normal=(), tangent=()) for touch in self.touches)
+        """What counts of them once the motion is found: not how they answer to a change, and
+        directions where the fence's slope does not tell them."""
+        touches = tuple(
+            touch._replace(normal=() if touch.lean is None else touch.normal, tangent=())
+            for touch in self.touches
+        )
         return self._replace(touches=touches, laws=(), responses=(), belt_slopes=None, slip=None)
+
+
+# Largest slope of friction with the motion, relative to that of the inertia over half a step.
+_MOST_ALONG = 0.7
 
 
 def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
@@ -360,7 +368,10 @@ class Mechanics(eqx.Module):
         """-d(generalised force)/d(velocities) [N s/m], 3 x 3, at frozen directions and arms, where
         positions follow the velocities by `step` / 3.
 
-        With `unknown_normals` the normal forces at the fence are held.
+        With `unknown_normals` the normal forces at the fence are held. Where friction falls so
+        steeply with the sliding speed that the parcel's inertia over half the step does not outweigh
+        it, most of the slope is left out: the equations fold there, and an iteration with their own
+        slope would be turned back at the fold instead of going on to the root beyond it.
         """
         zero = jnp.zeros_like(forces.acceleration.x)
         matrix = [[zero] * 3 for _ in range(3)]
@@ -378,7 +389,10 @@ class Mechanics(eqx.Module):
             zip(contacts, forces.touches, forces.responses, strict=True)
         ):
             held = unknown_normals and k < len(forces.fence)
+            x, y, turning = parts.tangent
+            lightness = (x**2 + y**2) / self.mass + turning**2 / self.inertia
             slide = what.normal * response.sliding
+            slide = jnp.minimum(slide, _MOST_ALONG / jnp.maximum(0.5 * step * lightness, 1e-30))
             press = response.gap * step / 3 + response.gap_rate
             for i in range(3):
                 along = parts.normal[i] + response.share * parts.tangent[i]

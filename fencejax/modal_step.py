@@ -143,13 +143,24 @@ class _End(eqx.Module):
             off = jnp.maximum(off, jnp.abs(a - b) / (jnp.maximum(a, b) + 0.05 * scale))
         return jax.lax.stop_gradient(off)
 
-    def shorten(self, extra, change):
+    def shorten(self, extra, change, last):
         """Share of a Newton step that stops a reversal of sliding, or of slip on the belt, at rest.
 
         The friction force there is a smoothed jump, convex on either side: from rest Newton's
-        method climbs to the root without overshooting, from beyond it would jump to and fro.
+        method climbs to the root without overshooting, from beyond it would jump to and fro. It
+        would so too on the slope between static and kinetic friction, which bends both ways: a step
+        back by more than half the `last` one goes where the secant through the two points has its
+        root.
         """
-        return self.mechanics.reversal(extra[0], change[:3])
+        share = self.mechanics.reversal(extra[0], change[:3])
+        mass, inertia = self.mechanics.mass, self.mechanics.inertia
+        work, square, last_square = (
+            mass * (a[0] * b[0] + a[1] * b[1]) + inertia * a[2] * b[2]
+            for a, b in ((change, last), (change, change), (last, last))
+        )
+        back = (work < 0) & (4 * square > last_square)
+        ratio = jnp.sqrt(square / jnp.where(back, last_square, 1.0))
+        return jnp.where(back, jnp.minimum(share, 1 / (1 + ratio)), share)
 
 
 def tolerance(dtype) -> float:

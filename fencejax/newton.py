@@ -38,7 +38,7 @@ def eliminate(matrix: list[list[Array]], right: Unknowns) -> Unknowns:
 
 def solve(
     evaluate: Callable[[Any, Unknowns], tuple[Unknowns, Matrix, Array, Any]],
-    shorten: Callable[[Any, Any, Unknowns], Array],
+    shorten: Callable[[Any, Any, Unknowns, Unknowns], Array],
     given: Any,
     guess: Unknowns,
     most: Array,
@@ -49,8 +49,8 @@ def solve(
     - `evaluate(given, x)` returns the residual at x, a matrix close to its derivative in x, the
       size of the residual against what is tolerated (at most 1: good enough), and whatever else is
       wanted at the root.
-    - `shorten(given, extra, change)` returns the share of a step x - change that may be taken, so
-      that no friction force is carried across its jump.
+    - `shorten(given, extra, change, last)` returns the share of a step x - change that may be
+      taken after the change `last`, so that no friction force is carried across its jump.
     - `wanted(extra)`: what of it is returned, and differentiated.
     - `most` is a traced number (floating-point). The compiler so keeps the loop: one copy of
       `evaluate` in the program, its results in memory.
@@ -62,10 +62,11 @@ def solve(
     @jax.custom_jvp
     def run(given, guess, most):
         def trip(carry):
-            count, _, x, _, _ = carry
+            count, _, x, before, _ = carry
             residual, matrix, size, extra = evaluate(given, x)
             change = eliminate(matrix, residual)
-            share = shorten(given, extra, change)
+            last = tuple(a - b for a, b in zip(before, x, strict=True))
+            share = shorten(given, extra, change, last)
             after = tuple(a - share * b for a, b in zip(x, change, strict=True))
             return count + 1, size, after, x, wanted(extra)
 
@@ -75,7 +76,7 @@ def solve(
 
         shapes = jax.eval_shape(trip, (most, most, guess, guess, None))
         empty = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-        start = (jnp.zeros((), most.dtype), jnp.full_like(empty[1], jnp.inf), guess, *empty[3:])
+        start = (jnp.zeros((), most.dtype), jnp.full_like(empty[1], jnp.inf), guess, guess, empty[4])
         count, _, _, root, extra = jax.lax.while_loop(go_on, trip, start)
         return (root, extra), count
 

@@ -12,6 +12,7 @@ from .fidelity import Fidelity
 from .histories import single_history
 from .instant import Instant
 from .link import FlexibleLink
+from .parcel import SIDES
 from .result import Result
 from .scenes import Scene
 
@@ -83,12 +84,17 @@ def outline(
         assert history.drive is not None
         bent = _Bent(scene.fence, history, fidelity)
         fence, back = bent.lines(np.asarray(history.drive.angle))
-        directions = [
-            history.drive.angle + bent.slope(np.asarray(c.place)) for c in history.fence
-        ]
-        forces |= _contacts("fence", history.fence, scene.fence_corners, arms, directions)
-    level = [np.zeros_like(history.time) for _ in history.border]
-    forces |= _contacts("border", history.border, scene.border_corners, arms, level)
+        if history.directions:
+            points, normals = _near_tip(scene, history, arms)
+        else:
+            slopes = [bent.slope(np.asarray(c.place)) for c in history.fence]
+            turned = history.drive.angle[:, None] + np.stack(slopes, 1)
+            points, normals = _at(arms, scene.fence_corners), (-np.sin(turned), np.cos(turned))
+        forces |= _contacts("fence", history.fence, points, normals)
+    if history.border:
+        points = _at(arms, scene.border_corners)
+        upright = np.zeros_like(points[0]), np.ones_like(points[1])
+        forces |= _contacts("border", history.border, points, upright)
     if history.belt is not None:
         parts = (body.x, body.y, history.belt.x, history.belt.y)
         forces["belt"] = Vectors(*(np.asarray(part)[:, None] for part in parts))
@@ -131,21 +137,41 @@ def _parcel(scene: Scene, body):
     return np.stack([x[:, around], y[:, around]], 1), (x, y)
 
 
-def _contacts(name, contacts, corners, arms, directions) -> dict[str, Vectors]:
-    """Normal force and friction at the corners of the parcel."""
-    if not contacts:
-        return {}
+def _at(arms, corners):
+    """(x, y) of some corners, (F, k) each."""
     picks = [corner - 1 for corner in corners]
-    x, y = (part[:, picks] for part in arms)
+    return tuple(part[:, picks] for part in arms)
+
+
+def _near_tip(scene: Scene, history: Instant, arms):
+    """(x, y) of where on the parcel's sides the fence presses, and its directions (x, y).
+
+    The line of a force of direction n and moment m about C_s meets the side from a corner r along
+    the unit vector d at r + a d, with a = (m - r x n) / (d x n).
+    """
+    x, y, moment = (np.stack(part, 1) for part in zip(*history.directions, strict=True))
+    here = _at(arms, scene.fence_corners)
+    there = _at(arms, [SIDES[corner] for corner in scene.fence_corners])
+    length = np.hypot(there[0] - here[0], there[1] - here[1])
+    side_x, side_y = (there[0] - here[0]) / length, (there[1] - here[1]) / length
+    arm_x, arm_y = here[0] - history.body.x[:, None], here[1] - history.body.y[:, None]
+    slope = side_x * y - side_y * x
+    away = (moment - (arm_x * y - arm_y * x)) / np.where(slope == 0, 1.0, slope)
+    along = np.where(slope == 0, 0.0, np.clip(away, 0.0, length))
+    return (here[0] + along * side_x, here[1] + along * side_y), (x, y)
+
+
+def _contacts(name, contacts, points, normals) -> dict[str, Vectors]:
+    """Normal force and friction at points of the parcel; the tangent is to the right of the
+    normal."""
     normal, friction = (
         np.stack([np.asarray(getattr(c, part)) for c in contacts], 1)
         for part in ("normal", "friction")
     )
-    angle = np.stack(directions, 1)
-    cosine, sine = np.cos(angle), np.sin(angle)
+    x, y = normals
     return {
-        name: Vectors(x, y, -normal * sine, normal * cosine),
-        f"{name}_friction": Vectors(x, y, friction * cosine, friction * sine),
+        name: Vectors(*points, normal * x, normal * y),
+        f"{name}_friction": Vectors(*points, friction * y, -friction * x),
     }
 
 

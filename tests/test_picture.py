@@ -115,6 +115,19 @@ def test_arrows_add_up_to_mass_times_acceleration(sort):
     np.testing.assert_allclose(total, inertia, atol=1e-9 * float(sort.peak_force))
 
 
+def test_over_the_tip_the_arrow_stands_at_the_tip(sort):
+    # Where corner 1 has run over the tip by more than the smoothing, the line of the force meets
+    # the parcel's side straight above the tip, which is inside by the gap.
+    shape = outline(SORT, sort, sort.history.time)
+    tip, force = shape.fence[:, :, -1], shape.forces["fence"]
+    beyond = np.hypot(*(shape.parcel[:, :, 0] - tip).T) > 0.03
+    beyond &= (sort.history.fence[0].normal > 0.5) & (shape.time > 0.6)
+    assert np.sum(beyond) > 10
+    away = np.hypot(force.x[:, 0] - tip[:, 0], force.y[:, 0] - tip[:, 1])
+    # The fence drawn keeps its length, the simulated one that of the undeflected line: some 10 um.
+    np.testing.assert_allclose(away[beyond], sort.history.fence[0].gap[beyond], atol=1e-4)
+
+
 def test_arrows_are_as_long_as_the_forces(impact):
     scale = 3e-4
     axes = fj.plot.draw_scene(IMPACT, impact, impact.peak_time, force_scale=scale)
