@@ -79,7 +79,8 @@ TIED_AT = 0.19  # [s] both corners press on the fence from 0.15 s on
 
 def sorting(fence, **changes):
     """The whole sort's parameters, friction smoothed as `Fidelity.standard` has it."""
-    numbers = {"drive_angle": 0.0, "epsilon": 2e-3, "stribeck": 1e-2, "modes": 6}
+    slip, static = fj.Fidelity.standard().smoothing
+    numbers = {"drive_angle": 0.0, "epsilon": slip, "stribeck": static, "modes": 6}
     return Impact(**{**numbers, **FENCES[fence][0], **changes})
 
 
