@@ -369,9 +369,9 @@ class Mechanics(eqx.Module):
         positions follow the velocities by `step` / 3.
 
         With `unknown_normals` the normal forces at the fence are held. Where friction falls so
-        steeply with the sliding speed that the parcel's inertia over half the step does not outweigh
-        it, most of the slope is left out: the equations fold there, and an iteration with their own
-        slope would be turned back at the fold instead of going on to the root beyond it.
+        steeply with the sliding speed that the parcel's inertia over half the step does not
+        outweigh it, most of the slope is left out: the equations fold there, and an iteration with
+        their own slope would be turned back at the fold instead of going on to the root beyond it.
         """
         zero = jnp.zeros_like(forces.acceleration.x)
         matrix = [[zero] * 3 for _ in range(3)]

@@ -76,7 +76,8 @@ def solve(
 
         shapes = jax.eval_shape(trip, (most, most, guess, guess, None))
         empty = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-        start = (jnp.zeros((), most.dtype), jnp.full_like(empty[1], jnp.inf), guess, guess, empty[4])
+        unknown = jnp.full_like(empty[1], jnp.inf)
+        start = (jnp.zeros((), most.dtype), unknown, guess, guess, empty[4])
         count, _, _, root, extra = jax.lax.while_loop(go_on, trip, start)
         return (root, extra), count
 

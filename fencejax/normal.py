@@ -68,7 +68,7 @@ class _Blow(NamedTuple):
         size = unbalance / (1e-9 * law.force + 1e-9)
         return (value,), [[slope]], size, (gap, rate, unbalance)
 
-    def shorten(self, extra, change):
+    def shorten(self, extra, change, last):
         """Whole Newton steps: the residual rises all along."""
         return jnp.ones_like(self.gap)
 

@@ -35,8 +35,8 @@ def test_elimination_leaves_its_arguments_alone():
 TOLERATED = 1e-13
 
 
-def full_step(given, extra, change):
-    del given, extra
+def full_step(given, extra, change, last):
+    del given, extra, last
     return jnp.ones_like(change[0])
 
 
@@ -128,8 +128,8 @@ def test_no_more_steps_than_allowed(most):
 
 def test_steps_are_shortened_as_asked():
     # One half step from x = a.
-    def half(given, extra, change):
-        return 0.5 * full_step(given, extra, change)
+    def half(given, extra, change, last):
+        return 0.5 * full_step(given, extra, change, last)
 
     a = 2.7
     ours = solve(square_root, half, jnp.asarray(a), (jnp.asarray(a),), jnp.asarray(1.0))
