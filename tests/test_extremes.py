@@ -16,9 +16,19 @@ from extreme_scenes import ORDINARY, impact, stack
 
 import fencejax as fj
 
-PROMISE = {"fast": 0.02, "standard": 0.015}
-"""What the peak force of the worst of many random impacts is off by, and what the docstrings of the
-fidelities promise: friction's smoothing for the most part."""
+PROMISE = {"coarse": 0.008, "fast": 0.008, "standard": 0.0025}
+"""What the docstrings of the fidelities promise for the peak force in the worst of many impacts:
+friction's smoothing for the most part. It holds for every row with a good status but those of
+`SLOW`."""
+GRADIENT_PROMISE = {"coarse": 0.10, "fast": 0.08, "standard": 0.021}
+"""The same for its gradient, as elasticities and relative to its norm; for the rows of `GIVEN`. In
+the others a contact of ten steps adds 3 % at most."""
+OVER_TIP = {"reach-0.3m", "belt-20", "drive-at-its-start", "over-the-tip"}
+"""The force ends over 5 mm within a few steps, `LEFT_OVER_TIP`: the value is right, its derivative
+is that of the value at this step, and may be off by half."""
+SLOW = {"drive-at-its-start": 0.01}
+"""The fence begins at rest, and until the peak the parcel slips not much faster than friction is
+smoothed over: half of what `FRICTION_SMOOTHED` lets pass."""
 
 # Designs: (changes of the ordinary impact).
 ROWS = {
@@ -119,6 +129,8 @@ GIVEN = {
     "approach-1", "no-friction", "friction-5", "static-is-kinetic", "at-the-joint", "at-a-node",
     "no-gravity", "size-2m", "steel-plate", "receding",
 }
+# It rides along the fence to its tip, where the force ends within a few steps of 1 ms.
+WARNED = {("no-friction", "coarse")}
 VARIED = ("thickness", "modulus", "density", "mass", "stiffness", "belt", "reach", "belt_kinetic")
 FIELDS = ("peak_force", "tip_deflection", "impulse", "peak_stress", "furthest_y")
 
@@ -132,9 +144,9 @@ def chosen(result):
 
 
 @functools.cache
-def outcome(name):
-    """Status (lanes,), values (lanes, fields) and elasticities' numerators x df/dx
-    (lanes, fields, varied)."""
+def program(name):
+    """Numbers -> status (lanes,), values (lanes, fields), elasticities' numerators x df/dx
+    (lanes, fields, varied), and whether all of the result is finite."""
     fidelity = getattr(fj.Fidelity, name)()
 
     @jax.jit
@@ -152,11 +164,16 @@ def outcome(name):
         finite = jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(kept)])
         return status, found, jnp.stack([slopes[k] * x[k] for k in VARIED], axis=-1), finite.all()
 
-    return jax.device_get(run(numbers()))
+    return run
 
 
 @functools.cache
-def truth():
+def outcome(name):
+    return jax.device_get(program(name)(numbers()))
+
+
+@functools.cache
+def truth_program():
     fidelity = fj.Fidelity.reference(step=5e-5, geometry="arc", modes=8)
 
     @jax.jit
@@ -165,7 +182,12 @@ def truth():
         result = fj.simulate(impact(x), fidelity=fidelity, only=FIELDS)
         return result.status, chosen(result)
 
-    return jax.device_get(run(numbers()))
+    return run
+
+
+@functools.cache
+def truth():
+    return jax.device_get(truth_program()(numbers()))
 
 
 @pytest.mark.parametrize("fidelity", PROMISE)
@@ -176,7 +198,7 @@ def test_right_or_said(name, fidelity):
     if name in REFUSED:
         assert status >= fj.Status.INCONSISTENT
         return
-    if name in GIVEN:
+    if name in GIVEN and (name, fidelity) not in WARNED:
         assert status <= fj.Status.LEFT_OVER_TIP
     if status > fj.Status.LEFT_OVER_TIP:
         return
@@ -184,7 +206,8 @@ def test_right_or_said(name, fidelity):
     assert np.all(np.isfinite(slopes))
     other, true = (each[lane] for each in truth())
     if status != fj.Status.NEVER_TOUCHED and other <= fj.Status.LEFT_OVER_TIP:
-        assert abs(values[0] - true[0]) <= PROMISE[fidelity] * true[0]
+        promise = SLOW.get(name, PROMISE[fidelity])
+        assert abs(values[0] - true[0]) <= promise * true[0]
 
 
 STRETCH = 1e-3
@@ -192,27 +215,47 @@ STRETCH = 1e-3
 Newton's method lets be, and by the curvature."""
 
 
-@functools.cache
-def differences():
-    """d f / d log(every varied number) by central differences, (lanes, fields)."""
-    @jax.jit
-    @jax.vmap
-    def run(x):
-        return chosen(fj.simulate(impact(x), fidelity=fj.Fidelity.standard(), only=FIELDS))
-
+def differences(values, names):
+    """d f / d log(numbers of the `names` together) by central differences, (lanes, fields)."""
     def stretched(by):
-        return {k: v * np.exp(by) if k in VARIED else v for k, v in numbers().items()}
+        return {k: v * np.exp(by) if k in names else v for k, v in numbers().items()}
 
-    return (run(stretched(STRETCH)) - run(stretched(-STRETCH))) / (2 * STRETCH)
+    above, below = (jax.device_get(values(stretched(by))) for by in (STRETCH, -STRETCH))
+    return (above - below) / (2 * STRETCH)
+
+
+@functools.cache
+def own_differences():
+    return differences(lambda x: program("standard")(x)[1], VARIED)
 
 
 @pytest.mark.parametrize("name", sorted(GIVEN))
 def test_gradients_are_those_of_the_values(name):
     lane = list(ROWS).index(name)
     _, values, slopes, _ = (each[lane] for each in outcome("standard"))
-    expected, found = differences()[lane][:3], slopes[:3].sum(axis=-1)
+    expected, found = own_differences()[lane][:3], slopes[:3].sum(axis=-1)
     size = np.linalg.norm(slopes[:3], axis=-1) + np.abs(values[:3])
     assert np.all(np.abs(found - expected) <= 5e-3 * size + 1e-9)
+
+
+@functools.cache
+def true_slopes():
+    """Of the peak force, (lanes, varied)."""
+    by_one = [differences(lambda x: truth_program()(x)[1], (k,))[:, 0] for k in VARIED]
+    return np.stack(by_one, axis=-1)
+
+
+@pytest.mark.parametrize("fidelity", GRADIENT_PROMISE)
+@pytest.mark.parametrize("name", sorted(set(ROWS) - REFUSED - OVER_TIP))
+def test_gradients_are_within_the_promise(name, fidelity):
+    lane = list(ROWS).index(name)
+    status, _, slopes, _ = (each[lane] for each in outcome(fidelity))
+    if max(status, truth()[0][lane]) > fj.Status.LEFT_OVER_TIP:
+        assert name not in GIVEN or (name, fidelity) in WARNED
+        return
+    promise = GRADIENT_PROMISE[fidelity] + (0 if name in GIVEN else 0.03)
+    off = np.linalg.norm(slopes[0] - true_slopes()[lane])
+    assert off <= promise * np.linalg.norm(true_slopes()[lane])
 
 
 # --- One bad lane -------------------------------------------------------------------------------
@@ -220,32 +263,27 @@ def test_gradients_are_those_of_the_values(name):
 
 def test_bad_lanes_leave_the_others_alone():
     """Lanes share nothing but the number of Newton iterations, which goes on until the last one is
-    done: 5e-7 of the forces at most. A lane that is not a number asks for none."""
-    @jax.jit
-    @jax.vmap
-    def run(x):
-        def peak(h):
-            scene = impact(x | {"thickness": h}, 0.06)
-            result = fj.simulate(scene, fidelity=fj.Fidelity.fast(), only=("peak_force",))
-            return result.peak_force, result.status
-
-        slope, (value, status) = jax.jacfwd(lambda h: (peak(h)[0], peak(h)), has_aux=True)(
-            x["thickness"]
-        )
-        return value, slope, status
-
-    names = ["ordinary", "mass-1kg", "thickness-nan", "mass-1e300", "modulus-inf", "no-gravity"]
-    bad = np.array([name in REFUSED for name in names])
-    mixed = stack([ORDINARY | ROWS[name] for name in names])
-    sound = stack([ORDINARY | ({} if name in REFUSED else ROWS[name]) for name in names])
-    for a, b in zip(run(mixed)[:2], run(sound)[:2], strict=True):
-        np.testing.assert_allclose(a[~bad], b[~bad], rtol=2e-6)
-    value, slope, status = run(mixed)
+    done: 5e-7 of the forces at most, and more where what follows grows it. The same program, with
+    an ordinary row in the place of each refused one."""
+    sound = stack([ORDINARY | ({} if name in REFUSED else ROWS[name]) for name in ROWS])
+    status, values, slopes, _ = outcome("coarse")
+    other_status, others, other_slopes, _ = jax.device_get(program("coarse")(sound))
+    bad = np.array([name in REFUSED for name in ROWS])
+    given = np.array([name in GIVEN for name in ROWS])
     assert np.all(status[bad] >= fj.Status.INCONSISTENT)
-    # Nothing of a lane that is not a number is left in a gradient.
+    np.testing.assert_array_equal(status[~bad], other_status[~bad])
+    np.testing.assert_allclose(values[given], others[given], rtol=2e-6)
+    size = np.linalg.norm(slopes[given], axis=-1, keepdims=True) + 1e-12
+    assert np.max(np.abs(slopes - other_slopes)[given] / size) <= 1e-5
+    # Nothing of a lane that is not a number is left in a gradient: x 0 is 0, or x is no number.
     lost = status == fj.Status.NON_FINITE
     assert lost.sum() >= 2
-    assert np.all(slope[lost] == 0)
+    varied = np.stack([numbers()[k] for k in VARIED], axis=-1)
+    left = np.where(np.isfinite(varied)[:, None], slopes, 0.0)
+    assert np.all(left[lost] == 0)
+
+
+PLAIN = fj.Fidelity.fast(modes=1, static_correction=False, geometry="small")
 
 
 @pytest.mark.parametrize("mode", ["forward", "reverse"])
@@ -269,67 +307,3 @@ def test_sums_over_lanes_are_not_spoiled(mode):
     above, below = total(1 + 1e-4)[0], total(1 - 1e-4)[0]
     assert float(slope) == pytest.approx(float(above - below) / 2e-4, rel=5e-3)
     assert np.isfinite(slope)
-
-
-# --- Other programs: what is static, and scenes of their own -------------------------------------
-
-PLAIN = fj.Fidelity.fast(modes=1, static_correction=False, geometry="small")
-
-
-def struck(fidelity, scene=None, **fields):
-    scene = fj.scenes.normal_impact(duration=0.05) if scene is None else scene
-    return fj.simulate(scene, fidelity=fidelity, history=False, **fields)
-
-
-@functools.cache
-def all_modes():
-    return float(struck(fj.Fidelity(modes=None, step=1e-4)).peak_force)
-
-
-@pytest.mark.parametrize(
-    ("elements", "modes"), [(1, 1), (1, None), (2, 4), (20, 12), (100, 4)]
-)
-def test_elements_and_modes(elements, modes):
-    # A single mode, and one element, with the static correction: within 5 % of all 40.
-    result = struck(fj.Fidelity(elements=elements, modes=modes))
-    assert int(result.status) <= fj.Status.LEFT_OVER_TIP
-    coarse = elements < 10 or modes == 1
-    assert float(result.peak_force) == pytest.approx(all_modes(), rel=0.1 if coarse else 0.01)
-
-
-@pytest.mark.parametrize(
-    ("duration", "step"),
-    [
-        (1e-7, 1e-7), (1e-6, 1.0), (0.02, 1e-6), (0.05, 5e-3), (0.05, 2e-2), (0.05, 1.0),
-        (136.0, 5e-3),
-    ],
-)
-def test_horizons_and_steps(duration, step):
-    truth = 3293.85
-    result = fj.simulate(
-        fj.scenes.rigid_wall(duration=duration), fidelity=fj.Fidelity(step=step), history=False
-    )
-    if result.status > fj.Status.LEFT_OVER_TIP:
-        # The contact lasts 8 ms; a single step has no second difference.
-        assert step > 5e-4 or duration <= step
-        return
-    assert step < 1e-3
-    assert float(result.peak_force) == pytest.approx(truth, rel=1e-3) or duration < 1e-3
-
-
-@pytest.mark.parametrize("name", ["fast", "standard"])
-def test_single_precision(name):
-    scene = fj.scenes.oblique_impact(duration=0.08)
-    result = fj.simulate(
-        scene, fidelity=getattr(fj.Fidelity, name)(precision="float32"), only=("peak_force",)
-    )
-    double = fj.simulate(scene, fidelity=getattr(fj.Fidelity, name)(), only=("peak_force",))
-    assert int(result.status) == int(double.status)
-    # A step's forces are balanced to 2e-3.
-    assert float(result.peak_force) == pytest.approx(float(double.peak_force), rel=2e-3)
-
-
-def test_single_precision_that_cannot_is_refused():
-    scene = fj.scenes.oblique_impact()
-    with pytest.raises(ValueError, match=r"`fidelity.step` must be at least 0.0001 in single"):
-        fj.simulate(scene, fidelity=fj.Fidelity.reference(precision="float32"))
