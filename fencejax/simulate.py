@@ -310,6 +310,8 @@ def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
     )
 
 
+# Force that is none beside the largest one, as a share of it.
+_UNFELT = 1e-9
 # Share of the peak force that the belt's friction may lose to its smoothing.
 _SMOOTHED = 0.017
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
@@ -318,7 +320,7 @@ _LOST = 40.0
 
 def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> Array:
     """Whether the smoothing of the belt's friction may move the peak force by more than a share:
-    m_p g (mu_k eps + |mu_s - mu_k| w_s) / s of it, with s the largest slip on the belt."""
+    m_p g (mu_k eps + |mu_s - mu_k| w_s) / s of it, with s the slip on the belt at the peak."""
     assert scene.belt is not None
     friction = scene.belt.friction
     lost = friction.kinetic * fidelity.slip_speed
@@ -343,7 +345,9 @@ def _status(
     allowed = share * (forces + jnp.where(tally.stay.touched > 0, 0.0, weight))
     checks.append((Status.STEP_TOO_COARSE, tally.defect > allowed + 1e-9))
     for peak, rough in ((tally.force, tally.rough), (tally.border, tally.rough_border)):
-        checks.append((Status.STEP_TOO_COARSE, rough > ROUGH * peak.value))
+        # Where one of them is but a touch of round-off, it is none beside the other.
+        felt = ROUGH * peak.value + _UNFELT * forces
+        checks.append((Status.STEP_TOO_COARSE, rough > felt))
     checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
     checks.append((Status.INCONSISTENT, ~consistent(scene, start_time)))
     if scene.belt is not None and scene.fence_corners:

@@ -78,10 +78,10 @@ class Tally(NamedTuple):
 
     `origin` are the energies at the start; `length` [s] is that of the last step, `None` where all
     are alike. `rough`, `rough_border` [N] are the largest second differences of the forces of the
-    fence and of the border from step to step; `slip` [m/s] is the largest speed at which C_s slips
-    on the belt; `hurry` [m/s^2] the largest |N''| G under a corner, G [m/N] the compliance of the
-    modes left out. They say whether the step, the smoothing of friction and the modes resolve the
-    motion, and have no derivative.
+    fence and of the border from step to step; `slip` [m/s] is the speed at which C_s slipped on the
+    belt when the fence's force was largest; `hurry` [m/s^2] the largest |N''| G under a corner,
+    G [m/N] the compliance of the modes left out. They say whether the step, the smoothing of
+    friction and the modes resolve the motion, and have no derivative.
     """
 
     last: Instant
@@ -293,6 +293,6 @@ def add(
         defect=jnp.maximum(tally.defect, defect),
         rough=jnp.maximum(tally.rough, rough),
         rough_border=jnp.maximum(tally.rough_border, rough_border),
-        slip=jnp.maximum(tally.slip, _slip(instant)),
+        slip=jnp.where(instant.fence_force > force.value, _slip(instant), tally.slip),
         hurry=jnp.maximum(tally.hurry, _hurry(instant, rough, length)),
     )
