@@ -29,7 +29,7 @@ from . import command, flags
 from .stability.picture import draw_axes, draw_pairs
 from .stability.scenes import AXES, ORDINARY, impact
 
-PROMISE = {"fast": 0.02, "standard": 0.015, "reference": 0.01}
+PROMISE = {"coarse": 0.01, "fast": 0.01, "standard": 0.008, "reference": 0.005}
 _EXPLAINED = {
     "out": "folder to write into",
     "fidelities": "the rungs to map",
@@ -176,10 +176,7 @@ def configure(arguments=None) -> StabilityConfig:
         StabilityConfig, "optimize.stability_map", (__doc__ or "").split("\n")[0], _EXPLAINED, {},
         quick="one rung, few points",
     )
-    given = flags.read(parser, arguments)
-    quick = given.pop("quick")
-    config = StabilityConfig(**given)
-    return config.quick() if quick else config
+    return flags.configured(parser, StabilityConfig, arguments)
 
 
 if __name__ == "__main__":

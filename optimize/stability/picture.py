@@ -1,66 +1,99 @@
 """The stability map's figures."""
 
+import re
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullLocator
 
-from .scenes import AXES
+from fencejax.style import figure as new_figure
+
+from .scenes import AXES, ORDINARY
 
 _NAMES = ("right", "off: good status, beyond the promise", "warned", "refused")
-_COLOURS = ("#4c9f70", "#c1121f", "#f2c14e", "#8d99ae")
+# Told apart by the colour-blind, and in grey.
+_COLOURS = ("#0b5fa5", "#c1121f", "#f7d488", "#8a8a8a")
 _MAP = ListedColormap(_COLOURS)
+_COLUMNS = 2
 
 
 def _legend(figure):
-    handles = [Patch(color=c, label=n) for c, n in zip(_COLOURS, _NAMES, strict=True)]
-    figure.legend(handles=handles, loc="lower center", ncols=4, frameon=False)
+    handles = [
+        Patch(facecolor=c, edgecolor="black", linewidth=0.4, label=n)
+        for c, n in zip(_COLOURS, _NAMES, strict=True)
+    ]
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small"
+    )
+
+
+def _label(name: str) -> str:
+    """An axis' name with its unit, powers raised."""
+    unit = re.sub(r"\^(-?[\d.]+)", r"$^{\1}$", AXES[name][2])
+    return f"{name.replace('_', ' ')} [{unit}]"
+
+
+def _edges(values: np.ndarray) -> np.ndarray:
+    """Borders half-way between neighbours, so that each value is in the middle of its cell."""
+    ratio = np.sqrt(values[1] / values[0])
+    return np.append(values / ratio, values[-1] * ratio)
+
+
+def _scale(axis, name: str) -> None:
+    low, high, _ = AXES[name]
+    axis.set_major_locator(LogLocator(numticks=7 if high / low < 1e8 else 5))
+    axis.set_minor_locator(NullLocator())
 
 
 def draw_axes(path: Path, axes: dict[str, np.ndarray], kinds: dict) -> None:
-    """A strip for every axis, a column for every fidelity."""
-    figure, grid = plt.subplots(
-        len(axes), len(kinds), figsize=(5.2 * len(kinds) + 1.5, 0.62 * len(axes) + 1), squeeze=False
-    )
+    """A panel for every axis, in it a strip for every fidelity; a line at the ordinary value."""
+    rows = -(-len(axes) // _COLUMNS)
+    figure = new_figure((0.34 + 0.13 * len(kinds)) * rows + 0.5, 7.6)
+    panels = figure.subplots(rows, _COLUMNS, squeeze=False).T.ravel()
     at = 0
-    for row, (name, values) in zip(grid, axes.items(), strict=True):
-        unit = AXES[name][2]
-        for place, (title, (kind, _)) in zip(row, kinds.items(), strict=True):
-            edges = np.geomspace(values[0], values[-1], len(values) + 1)
-            strip = kind[at : at + len(values)][None]
-            place.pcolormesh(edges, [0, 1], strip, cmap=_MAP, vmin=-0.5, vmax=3.5)
-            place.set_xscale("log")
-            place.xaxis.set_minor_formatter(NullFormatter())
-            place.set_yticks([])
-            place.tick_params(labelsize=7, pad=1)
-            if at == 0:
-                place.set_title(title)
-        label = f"{name.replace('_', ' ')}\n[{unit}]"
-        row[0].set_ylabel(label, rotation=0, ha="right", va="center", fontsize=7)
+    for panel, (name, values) in zip(panels, axes.items(), strict=False):
+        strips = np.stack([kind[at : at + len(values)] for kind, _ in kinds.values()])
+        rungs = np.arange(len(kinds) + 1)
+        panel.pcolormesh(
+            _edges(values), rungs, strips, cmap=_MAP, vmin=-0.5, vmax=3.5, rasterized=True
+        )
+        panel.hlines(rungs[1:-1], *_edges(values)[[0, -1]], color="white", linewidth=1.0)
+        if ORDINARY[name] > 0:
+            panel.axvline(ORDINARY[name], color="black", linewidth=1.2)
+        panel.set_xscale("log")
+        panel.invert_yaxis()
+        panel.set_yticks(rungs[:-1] + 0.5, list(kinds))
+        panel.tick_params(labelsize="x-small", pad=1.5, length=2)
+        panel.tick_params(axis="y", length=0)
+        panel.set_title(_label(name), loc="left", fontsize="small", pad=2)
+        _scale(panel.xaxis, name)
         at += len(values)
-    figure.tight_layout(rect=(0, 0.03, 1, 1), h_pad=0.1)
+    for panel in panels[len(axes) :]:
+        panel.set_axis_off()
     _legend(figure)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    figure.savefig(path, dpi=110)
 
 
 def draw_pairs(path: Path, pairs, side: int, begin: int, kinds: dict) -> None:
-    """A map for every pair of axes, a row for every fidelity."""
-    figure, grid = plt.subplots(
-        len(kinds), len(pairs), figsize=(3.6 * len(pairs), 3.3 * len(kinds) + 0.5), squeeze=False
-    )
+    """A map for every pair of axes, a row for every fidelity; a cross at the ordinary values."""
+    figure = new_figure(2.3 * len(kinds) + 0.4, 2.5 * len(pairs))
+    grid = figure.subplots(len(kinds), len(pairs), squeeze=False, sharex="col", sharey="col")
     for row, (title, (kind, _)) in zip(grid, kinds.items(), strict=True):
-        for n, (place, (one, other)) in enumerate(zip(row, pairs, strict=True)):
+        row[0].set_title(title, loc="left", fontsize="small", fontweight="bold")
+        for n, (panel, (one, other)) in enumerate(zip(row, pairs, strict=True)):
             part = kind[begin + n * side**2 :][: side**2].reshape(side, side)
-            x, y = (np.geomspace(*AXES[name][:2], side + 1) for name in (one, other))
-            place.pcolormesh(x, y, part.T, cmap=_MAP, vmin=-0.5, vmax=3.5)
-            place.set(xscale="log", yscale="log", title=title)
-            place.set_xlabel(f"{one.replace('_', ' ')} [{AXES[one][2]}]")
-            place.set_ylabel(f"{other.replace('_', ' ')} [{AXES[other][2]}]")
-    figure.tight_layout(rect=(0, 0.06, 1, 1))
+            x, y = (_edges(np.geomspace(*AXES[name][:2], side)) for name in (one, other))
+            panel.pcolormesh(x, y, part.T, cmap=_MAP, vmin=-0.5, vmax=3.5, rasterized=True)
+            if ORDINARY[one] > 0 and ORDINARY[other] > 0:
+                panel.plot(ORDINARY[one], ORDINARY[other], "+", color="black", markersize=9)
+            panel.set(xscale="log", yscale="log")
+            panel.tick_params(labelsize="x-small", length=2)
+            panel.set_ylabel(_label(other), fontsize="small")
+            _scale(panel.xaxis, one)
+            _scale(panel.yaxis, other)
+    for panel, (one, _) in zip(grid[-1], pairs, strict=True):
+        panel.set_xlabel(_label(one), fontsize="small")
     _legend(figure)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    figure.savefig(path, dpi=110)
