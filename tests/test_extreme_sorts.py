@@ -1,0 +1,133 @@
+"""Whole sorts at the ends of what they may be asked for: a result within its fidelity's promise, or
+a status that says what happened, in value and in gradient.
+
+Every row of `extreme_sorts` is a lane of one compiled program a fidelity. The truth is
+`Fidelity.reference` with steps of 50 us and eight modes. `test_extreme_stages` does the same for
+the stages.
+"""
+
+import functools
+
+import jax
+import numpy as np
+import pytest
+from extreme_sorts import (
+    FIELDS,
+    ORDINARY,
+    ROWS,
+    VARIED,
+    differences,
+    lane,
+    outcome,
+    program,
+    scene,
+)
+
+import fencejax as fj
+
+KIND = "sort"
+PROMISE = {"coarse": 0.01, "standard": 0.004}
+"""Of the peak force. `standard`: what the README promises for a hundred random sorts; it promises
+1.9 % for `fast`, which smooths friction as `coarse` does, and half of it is kept."""
+# Rows whose numbers every fidelity must give: a status that warned of all would pass all else.
+GIVEN = {
+    "ordinary", "thickness-0.1m", "thickness-0.3m", "one-link", "tip-2cm", "steel", "foam",
+    "undamped", "overdamped", "mass-1g", "mass-100g", "mass-1kg", "mass-100kg", "size-1m",
+    "centre-at-an-edge", "centre-low", "no-damping", "no-friction", "friction-5",
+    "belt-friction-5", "static-is-kinetic", "drive-fast", "never-touched", "drive-still",
+    "flat-impact", "all-but-flat", "corner-first", "other-corner-first", "far-out", "at-the-tip",
+    "grazing", "re-impact", "chatter", "jam",
+}
+# What the rungs cannot give is said, and by which status.
+SAID = {
+    ("static-far-above", "coarse"): fj.Status.FRICTION_SMOOTHED,
+    ("belt-still", "coarse"): fj.Status.FRICTION_SMOOTHED,
+    ("drive-slow", "coarse"): fj.Status.FRICTION_SMOOTHED,
+    ("rubber", "standard"): fj.Status.NON_FINITE,
+    ("belt-20", "standard"): fj.Status.STEP_TOO_COARSE,
+    ("thickness-5mm", "standard"): fj.Status.STEP_TOO_COARSE,
+    ("size-1cm", "standard"): fj.Status.DEEP_PENETRATION,
+    ("never-touched", "coarse"): fj.Status.NEVER_TOUCHED,
+    ("drive-still", "standard"): fj.Status.NEVER_TOUCHED,
+    ("at-the-tip", "coarse"): fj.Status.NEVER_TOUCHED,
+    ("centre-at-an-edge", "standard"): fj.Status.LEFT_OVER_TIP,
+}
+
+
+def found(fidelity):
+    return outcome(KIND, fidelity, gradient=fidelity == "coarse")
+
+
+@pytest.mark.parametrize("fidelity", PROMISE)
+@pytest.mark.parametrize("name", ROWS[KIND])
+def test_right_or_said(name, fidelity):
+    at = lane(KIND, name)
+    status, values = (each[at] for each in found(fidelity)[:2])
+    if name in GIVEN:
+        assert status <= fj.Status.LEFT_OVER_TIP
+    if (name, fidelity) in SAID:
+        assert status == SAID[name, fidelity]
+    if status > fj.Status.LEFT_OVER_TIP:
+        return
+    assert np.all(np.isfinite(values))
+    true_status, true = (each[at] for each in outcome(KIND, "truth"))
+    assert true_status <= fj.Status.LEFT_OVER_TIP
+    assert (status == fj.Status.NEVER_TOUCHED) == (true_status == fj.Status.NEVER_TOUCHED)
+    assert abs(values[0] - true[0]) <= PROMISE[fidelity] * true[0]
+
+
+# --- Gradients ----------------------------------------------------------------------------------
+
+GRADIENT_PROMISE = 0.10
+"""Of the peak force at `coarse`, as elasticities and relative to their norm: the docstring's, in
+the worst impact."""
+
+
+@functools.cache
+def true_slopes():
+    by_one = [differences(program(KIND, "truth", False), KIND, (k,))[:, 0] for k in VARIED]
+    return np.stack(by_one, axis=-1)
+
+
+@functools.cache
+def own_differences():
+    return differences(program(KIND, "coarse", True), KIND, VARIED)
+
+
+TOUCHED = sorted(GIVEN - {"never-touched", "drive-still", "at-the-tip"})
+HARD = {"friction-5": 0.16, "re-impact": 0.35}
+"""A corner that sticks to the fence and lets go, and one that springs back undamped and strikes
+again: right in the value, and not so in the derivative of what comes later. No status says so."""
+
+
+@pytest.mark.parametrize("name", TOUCHED)
+def test_gradients_are_within_the_promise(name):
+    at = lane(KIND, name)
+    slopes, true = found("coarse")[2][at], true_slopes()[at]
+    assert np.all(np.isfinite(slopes))
+    off = np.linalg.norm(slopes - true)
+    assert off <= HARD.get(name, GRADIENT_PROMISE) * np.linalg.norm(true)
+
+
+# Of 1 g the peak itself jumps by 4e-4 where numbers change by 1e-3.
+@pytest.mark.parametrize("name", [name for name in TOUCHED if name != "mass-1g"])
+def test_gradients_are_those_of_the_values(name):
+    at = lane(KIND, name)
+    slopes, expected = found("coarse")[2][at], own_differences()[at, 0]
+    assert abs(slopes.sum() - expected) <= 0.02 * np.linalg.norm(slopes)
+
+
+# --- Long horizons ------------------------------------------------------------------------------
+
+
+def test_a_hundred_cycles():
+    """The drive rests after its cycle, and the parcel rides on: 135 s more change nothing of the
+    encounter. Steps are of other lengths only behind it."""
+    @jax.jit
+    def run(x):
+        result = fj.simulate(scene(KIND, x, 136.0), fidelity=fj.Fidelity.coarse(), only=FIELDS)
+        return result.status, [getattr(result, field) for field in FIELDS]
+
+    status, values = run({k: float(v) for k, v in ORDINARY.items()})
+    assert int(status) == fj.Status.SUCCESSFUL
+    np.testing.assert_allclose(values, found("coarse")[1][lane(KIND, "ordinary")], rtol=1e-6)
