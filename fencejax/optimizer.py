@@ -59,7 +59,8 @@ class Optimum:
     - `multipliers`: of the margins: the rate at which the worst case (over `scale`) grows with the
       margin that is demanded.
     - `scale`: what the objectives were divided by.
-    - `residual`: stationarity, complementarity and violation at `last`.
+    - `residual`: stationarity, complementarity and violation at `last`; by `"sqp"`, on a kink,
+      with the slopes that points within a hundredth of the ranges found on its sides.
     - `stop`, `feasible`: why it ended; whether all limits hold.
     - `history`: every evaluation.
     """
@@ -202,15 +203,17 @@ class Settings:
         if at.failed:
             return _outcome(run, at, held, Stop.FAILED_START, self.feasibility)
         within = (self.tolerance, self.feasibility)
+        left = None
         if self.method == "sqp":
             inner = Lbfgs()
-            at, held, stop = _stepwise(run, at, held, *within, self.penalty, self.logits)
+            at, held, stop, left = _stepwise(run, at, held, *within, self.penalty, self.logits)
         else:
             inner = _METHODS[self.method]()
             at, held, stop = _outer_loop(run, inner, at, held, *within, self.penalty)
+        end = at
         if stop is not Stop.OPTIMAL:
             at, held, stop = _least_violating(run, inner, at, held, stop, *within)
-        return _outcome(run, at, held, stop, self.feasibility)
+        return _outcome(run, at, held, stop, self.feasibility, left if at is end else None)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -240,13 +243,13 @@ class _Round:
 
 
 def _stepwise(run: Evaluator, at, multipliers, tolerance, feasibility, penalty, logits):
-    """Sequential quadratic programming."""
+    """Sequential quadratic programming; also what is left of the conditions at its end."""
     run.outer = 1
     latest = [multipliers]
     run.estimate = lambda _: latest[0]
     sequence = Sequence(logits, tolerance, feasibility, penalty)
     at, multipliers, end = sequence.run(run, at, multipliers, latest)
-    return at, multipliers, Stop[_ENDS[end]]
+    return at, multipliers, Stop[_ENDS[end]], sequence.left
 
 
 def _outer_loop(
@@ -311,8 +314,10 @@ def _least_violating(run: Evaluator, inner, at, multipliers, stop, tolerance, fe
     best = min(run.evaluations, key=lambda e: (max(e.violation, feasibility), e.worst))
     if best.violation <= feasibility:
         same = best is at
-        return best, multipliers if same else _refit(best, multipliers), (
-            Stop.STAGNATED if stop is Stop.INFEASIBLE else stop
+        return (
+            best,
+            multipliers if same else _refit(best, multipliers),
+            (Stop.STAGNATED if stop is Stop.INFEASIBLE else stop),
         )
 
     def held(at):
@@ -335,13 +340,16 @@ def _least_violating(run: Evaluator, inner, at, multipliers, stop, tolerance, fe
 
 def _refit(at: Evaluation, multipliers: Multipliers) -> Multipliers:
     """The same weights; the multipliers of margins that are open are 0."""
-    return Multipliers(
-        multipliers.weights, np.where(at.margins > 0, 0.0, multipliers.margins)
-    )
+    return Multipliers(multipliers.weights, np.where(at.margins > 0, 0.0, multipliers.margins))
 
 
 def _outcome(
-    run: Evaluator, at: Evaluation, multipliers: Multipliers, stop: Stop, feasibility: float
+    run: Evaluator,
+    at: Evaluation,
+    multipliers: Multipliers,
+    stop: Stop,
+    feasibility: float,
+    left: Residual | None = None,
 ) -> Optimum:
     return Optimum(
         first=run.first,
@@ -349,7 +357,7 @@ def _outcome(
         weights=multipliers.weights,
         multipliers=multipliers.margins,
         scale=run.scale or 1.0,
-        residual=residual(at, multipliers, run.logits),
+        residual=left or residual(at, multipliers, run.logits),
         stop=stop,
         feasible=at.violation <= feasibility,
         history=tuple(run.records),

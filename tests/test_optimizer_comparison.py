@@ -21,12 +21,12 @@ WITH_GRADIENTS, WITHOUT_GRADIENTS = {"fence": 600, "motion": 900}, {"fence": 500
 
 
 class _Quadratic:
-    """A task in closed form: (s - 0.3)^2, s >= 0.5."""
+    """A task in closed form: (s - 0.3)^2, s >= 0.5, which cannot be told above 0.9."""
 
     scale, price = 1.0, 4.0
 
     def numbers(self, share):
-        return float((share[0] - 0.3) ** 2), share - 0.5, False
+        return float((share[0] - 0.3) ** 2), share - 0.5, bool(share[0] > 0.9)
 
 
 def test_ledger_counts_each_point_once():
@@ -41,6 +41,12 @@ def test_ledger_counts_each_point_once():
     assert ledger.reached(0.05) == float("inf")
     with pytest.raises(SpentError):
         ledger.value(np.array([0.7]))
+
+
+def test_numbers_that_are_unreliable_count_for_no_design():
+    ledger = Ledger(_Quadratic(), 3.0)
+    ledger.value(np.array([0.95]))
+    np.testing.assert_array_equal(ledger.best()[1], [np.inf])
 
 
 def _median(costs):
@@ -162,7 +168,8 @@ def test_optimizers_compared(bench_directory):
         "Cost in simulation-equivalents until a feasible design (no limit broken by more than "
         f"{100 * tasks.FEASIBLE:g} %) within so much of the best known is at hand: median "
         f"over {tasks.STARTS} starts, in brackets how many came there, and as a multiple of the "
-        "package's SQP. One value counts 1, one value with its Jacobian what it takes in time. "
+        "package's SQP. A design whose simulation calls its own numbers unreliable counts for "
+        "none. One value counts 1, one value with its Jacobian what it takes in time. "
         "Budgets: "
         + "; ".join(
             f"{t.size} variables {WITH_GRADIENTS[t.name]} with derivatives, "

@@ -47,7 +47,8 @@ class Ledger:
             if failed:
                 worst, margins = 1e3, np.full(margins.size, -1e3)
             self._values[key] = worst, margins
-            self.add(1.0, worst * self.task.scale, float(np.max(-margins, initial=0.0)))
+            missing = np.inf if failed else float(np.max(-margins, initial=0.0))
+            self.add(1.0, worst * self.task.scale, missing)
         return self._values[key]
 
     def rows(self, share: np.ndarray):
@@ -62,6 +63,8 @@ class Ledger:
             self._rows[key] = found
             worst = float(np.max(found.objectives)) * self.task.scale
             missing = float(np.max(-found.margins, initial=0.0))
+            if self.task.failed(found):
+                missing = np.inf
             self.points -= known
             self.add(self.task.price - known, worst, missing)
         return self._rows[key]

@@ -53,6 +53,12 @@ class Task:
         failed = int(np.max(status)) > Status.LEFT_OVER_TIP or not np.all(np.isfinite(objectives))
         return float(np.max(objectives)) / self.scale, np.asarray(margins), failed
 
+    @staticmethod
+    def failed(found: Numbers) -> bool:
+        """Whether the numbers are not to be relied on."""
+        finite = all(np.all(np.isfinite(part)) for part in found)
+        return not finite or found.status > Status.LEFT_OVER_TIP
+
     def rows(self, share: np.ndarray) -> Numbers:
         """Everything over the scale, with the derivatives in the shares."""
         found, inside = self.slopes(logits(share)), np.clip(share, 1e-6, 1 - 1e-6)
@@ -113,9 +119,7 @@ def fence() -> Task:
         masses=(10.0, 20.0),
     )
     space = DesignSpace(config.variables)
-    blows = impacts.Impacts(
-        config.distances, config.masses, config.drive_angle, config.duration
-    )
+    blows = impacts.Impacts(config.distances, config.masses, config.drive_angle, config.duration)
     problem = impacts.problem(space, blows, config.limits, fj.Fidelity.fast(), 0.0)
     start = np.asarray(space.to_unconstrained(space.values_of(space.fence, space.drive)))
     title = "fence, worst of four impacts"
@@ -124,9 +128,7 @@ def fence() -> Task:
 
 def motion() -> Task:
     """Fence and free-form motion: twenty variables, one whole sort, `fast`."""
-    joint = Joint(
-        CoDesignConfig(masses=(15.0,), offsets=(0.05,), controls=16, fidelity="fast")
-    )
+    joint = Joint(CoDesignConfig(masses=(15.0,), offsets=(0.05,), controls=16, fidelity="fast"))
 
     def problem(z):
         return joint.combined(joint.read(z, "fast"), 0.0)
