@@ -25,8 +25,8 @@ _COUNTS = 1e-3
 # change of the value is off their mean's by more than this of the slopes' difference.
 _UNLIKE = 0.1
 _ROUGH = 0.1
-# Of the way to a point that could not be evaluated, what a step may go.
-_HALF = 0.5
+# Of the way to the plane before the points that could not be evaluated, what a step may go.
+_CLOSE = 0.5
 
 
 @dataclasses.dataclass
@@ -213,8 +213,8 @@ class LocalModel:
     ) -> tuple[Vector, Multipliers] | None:
         """The step and the multipliers of the rows; `None` where the program is not solved.
 
-        `walls` are steps to points that could not be evaluated: no more than half the way is gone
-        in their directions.
+        `walls` are steps to points that could not be evaluated: no more than half the way to
+        the plane before them is gone (`before`).
         """
         least, most = span
         size, count = self.at.size, self.objectives.size
@@ -234,18 +234,20 @@ class LocalModel:
             ones = np.ones((len(block), 1))
             return np.hstack([block, by_top * ones, by_slack * ones])
 
-        barred = np.array([-w / np.linalg.norm(w) for w in walls]).reshape(-1, size)
+        plane = before(walls)
+        foot = np.zeros((0, size)) if plane is None else plane[None]
+        away = np.linalg.norm(foot, axis=1)
         matrix = np.vstack([
             widened(-lead, 1.0, 0.0),
             widened(rows, 0.0, 1.0),
             widened(np.zeros((1, size)), 0.0, 1.0),
             widened(unit, 0.0, 0.0),
             widened(-unit, 0.0, 0.0),
-            widened(barred, 0.0, 0.0),
+            widened(-foot / away[:, None], 0.0, 0.0),
         ])  # fmt: skip
         bounds = np.concatenate([
             self.objectives[high] - top, -low, [0.0], least, -most,
-            [-_HALF * np.linalg.norm(w) for w in walls],
+            -_CLOSE * away,
         ]) / region  # fmt: skip
         hessian = np.zeros((size + 2, size + 2))
         hessian[:size, :size] = region * curvature
@@ -260,6 +262,28 @@ class LocalModel:
         margins[near] = found.multipliers[len(lead) : len(lead) + len(rows)]
         weights = np.maximum(weights, 0) / max(float(np.sum(np.maximum(weights, 0))), 1e-300)
         return step, Multipliers(weights, np.maximum(margins, 0.0))
+
+
+def before(walls: list[Vector]) -> Vector | None:
+    """The foot p of the plane p . d = |p|^2 that has all walls w on its far side, as far from 0 as
+    there is one; `None` without walls.
+
+    p = a / |a|^2 with the least |a| for which a . w >= 1: a support vector machine (Boser, Guyon
+    and Vapnik 1992). Where the walls lie all around, the farthest are left out.
+    """
+    if not walls:
+        return None
+    rows = np.array(sorted(walls, key=lambda wall: float(np.linalg.norm(wall))))
+    unit = float(np.linalg.norm(rows[0]))
+    rows = rows / unit
+    while len(rows) > 1:
+        found = quadratic.solve(
+            np.eye(rows.shape[1]), np.zeros(rows.shape[1]), rows, np.ones(len(rows))
+        )
+        if found.solved and np.min(rows @ found.point) > 0.99:
+            return unit * found.point / (found.point @ found.point)
+        rows = rows[:-1]
+    return unit * rows[0]
 
 
 def _unlike(rows, others):

@@ -12,6 +12,9 @@ rejected step is then not lost. B takes a kink for a strong curvature, which is 
 along it (Lewis and Overton 2013). At an optimum on a kink the conditions of Karush, Kuhn and
 Tucker hold for the slopes of points on all its sides.
 
+A point that cannot be evaluated tells no slopes. Steps keep off the plane that separates the point
+from all such points nearby, which turns into the wall's own as more of them are known.
+
 Where no step is lower, the run starts again from there, with all it knew forgotten, as long as that
 lowers the worst case.
 """
@@ -38,7 +41,7 @@ _BROAD = 0.3
 _BESIDE = 1e-2
 _STALE = 30.0
 # Of the length of a step to a point that could not be evaluated, the next radius.
-_SHRINK = 0.7
+_SHRINK = 0.35
 
 
 def _bfgs(curvature, step: Vector, change: Vector):
@@ -85,6 +88,7 @@ class _Region:
     fresh: bool = True
     small: int = 0
     barren: int = 0
+    before_walls: float = 0.0
 
     def walls_from(self, at: Vector) -> list[Vector]:
         """The steps to points nearby that could not be evaluated."""
@@ -94,8 +98,16 @@ class _Region:
     def blocked(self, wall: Vector, length: float) -> None:
         """A step of some length went to a point that could not be evaluated."""
         self.walls.append(wall)
+        self.before_walls = max(self.before_walls, self.radius)
         self.radius = _SHRINK * length
         self.barren += 1
+
+    def moved(self, little: bool) -> None:
+        """A step was taken. What walls elsewhere took from the radius is given back: the steps
+        themselves keep off the walls that are known."""
+        self.radius, self.before_walls = max(self.radius, self.before_walls), 0.0
+        self.reach, self.barren = np.inf, 0
+        self.small = self.small + 1 if little else 0
 
     def learn(self, after: LocalModel, before: LocalModel, held: Multipliers) -> None:
         """Take an evaluation into B and the branches."""
@@ -203,9 +215,7 @@ class Sequence:
             region.barren += 1
             if reached > 1e-4 * gain:
                 at, model = trial, after
-                region.reach, region.barren = np.inf, 0
-                little = reached < 1e-2 * self.tolerance * max(1.0, merit)
-                region.small = region.small + 1 if little else 0
+                region.moved(reached < 1e-2 * self.tolerance * max(1.0, merit))
             if region.trail.add(at, self.nu):
                 break
         return at, held, "stalled"

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from fencejax.local_model import before
 from fencejax.optimizer import minimize
 
 
@@ -53,13 +54,38 @@ def test_largest_of_three_as_one_number(start):
     np.testing.assert_allclose(found.weights, [1.0])
 
 
-def test_wall_does_not_end_the_run_at_once():
+def test_plane_before_walls_in_closed_form():
+    # The nearest point of the segment from (1, 1) to (1, -2), and of what they and (3, 0) span, is
+    # (1, 0); with a wall on the other side, only the nearest ones count.
+    walls = [np.array([1.0, 1.0]), np.array([1.0, -2.0]), np.array([3.0, 0.0])]
+    assert before([]) is None
+    for scale in (1.0, 1e-5):
+        np.testing.assert_allclose(
+            before([scale * w for w in walls]), [scale, 0], atol=1e-5 * scale
+        )
+    np.testing.assert_allclose(before([*walls, np.array([-9.0, 0.0])]), [1, 0], atol=1e-5)
+
+
+@pytest.mark.parametrize("start", [[2.0, 1.0], [1.0, 4.0], [0.2, 3.0]])
+def test_straight_wall_is_followed(start):
     # x^2 + y^2 where x + y < 1 cannot be evaluated: 1/2 at (1/2, 1/2), on the wall. Steps that are
-    # only shortened end where they first meet the wall, at 1.
+    # only shortened end where they first meet the wall, at 1; with a cut at each point beyond it
+    # and none at the wall itself, at 0.53 to 0.61.
     def walled(z):
         return z @ z, jnp.ones(1), jnp.where(z[0] + z[1] < 1, 6, 0)
 
-    for start in ([2.0, 1.0], [1.0, 4.0]):
-        found = minimize(walled, start, method="sqp", scale=1.0)
-        assert not found.converged
-        assert found.objective < 0.7
+    found = minimize(walled, start, method="sqp", scale=1.0)
+    assert not found.converged
+    assert found.objective == pytest.approx(0.5, abs=5e-3)
+
+
+@pytest.mark.parametrize("start", [[-2.0, 1.0], [-1.0, 0.3]])
+def test_bent_wall_is_followed(start):
+    # 20 y^2 + (x - 3)^2 where y < sin(3 x) / 20 cannot be evaluated; the smallest is 0.0061. Steps
+    # that keep small once a wall was near end at 0.4 to 0.8.
+    def bent(z):
+        worst = 20 * z[1] ** 2 + (z[0] - 3) ** 2
+        return worst, jnp.ones(1), jnp.where(z[1] < 0.05 * jnp.sin(3 * z[0]), 6, 0)
+
+    found = minimize(bent, start, method="sqp", scale=1.0)
+    assert found.objective < 0.02
