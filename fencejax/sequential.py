@@ -16,7 +16,7 @@ A point that cannot be evaluated tells no slopes. Steps keep off the plane that 
 from all such points nearby, which turns into the wall's own as more of them are known.
 
 Where no step is lower, the run starts again from there, with all it knew forgotten, as long as that
-lowers the worst case.
+lowers the worst case; only where a kink is judged do all its points count.
 """
 
 import dataclasses
@@ -131,7 +131,8 @@ class _Region:
 
 @dataclasses.dataclass
 class Sequence:
-    """A run: what it is asked for, the penalty of the program, nu, the conditions as last seen."""
+    """A run: what it is asked for, the penalty of the program, nu, the conditions as last seen, and
+    what the points of all its descents told, by which kinks are judged."""
 
     logits: bool
     tolerance: float
@@ -139,6 +140,7 @@ class Sequence:
     penalty: float
     nu: float = 0.0
     left: Residual | None = None
+    told: list[LocalModel] = dataclasses.field(default_factory=list)
 
     def run(
         self, evaluate: Evaluate, at: Evaluation, held: Multipliers, latest: list[Multipliers]
@@ -187,7 +189,7 @@ class Sequence:
             # Multipliers that fall let steps along curved limits be longer.
             needed = 2 * float(np.sum(new.margins)) + 0.1
             self.nu = min(max(needed, 0.5 * (self.nu + needed)), self.penalty)
-            balanced = self._optimal(at, held, model, region.seen)
+            balanced = self._optimal(at, held, model)
             if balanced is not None:
                 return at, balanced, "optimal"
             length, far = float(np.max(np.abs(step))), whole.farthest(rows)
@@ -209,6 +211,7 @@ class Sequence:
                 continue
             after = LocalModel.of(trial, chart)
             region.learn(after, model, held)
+            self.told = [*self.told[1 - _MANY :], after]
             reached = merit - self._merit(trial)
             length = float(np.max(np.abs(after.at - model.at)))
             region.resize(reached / gain, length, not after.smooth_to(model, held), largest)
@@ -238,13 +241,11 @@ class Sequence:
         self.penalty = min(max(self.penalty, needed), 1e6)
         return False
 
-    def _optimal(
-        self, at: Evaluation, held: Multipliers, model: LocalModel, seen: list[LocalModel]
-    ) -> Multipliers | None:
+    def _optimal(self, at: Evaluation, held: Multipliers, model: LocalModel) -> Multipliers | None:
         """The multipliers with which the conditions hold, at the point or on the sides of its
         kink; `None` where they do not."""
         self.left = residual(at, held, self.logits)
-        beside = model.with_branches(seen, _BESIDE)
+        beside = model.with_branches(self.told, _BESIDE)
         if max(self.left[:2]) > self.tolerance and beside.widest > 0:
             rows = beside.balanced(self.logits, self.tolerance)
             left = beside.residual(rows, at.violation, self.logits)

@@ -1,11 +1,15 @@
 """Steps over kinks: one number that is the largest of several, which it does not tell apart."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from fencejax.lagrangian import Evaluation, Multipliers
 from fencejax.local_model import before
 from fencejax.optimizer import minimize
+from fencejax.sequential import Sequence
 
 
 def _valley(z):
@@ -27,6 +31,27 @@ def test_kinked_valley_is_followed_to_its_end(start):
     # gain falls below the tolerance where |1 - x| is some hundredths.
     assert found.objective < 0.03**2
     np.testing.assert_allclose(found.point, [1, 1], atol=0.1)
+    # With the slope of one side alone 20 are left.
+    assert max(found.residual[:2]) < 0.05
+
+
+def test_run_starts_again_while_that_lowers_the_worst_case(monkeypatch):
+    # Descents that end at 4, 3, 2.9999 and 1: the third lowers it by less than the tolerance.
+    ends, radii = iter([4.0, 3.0, 2.9999, 1.0]), []
+
+    def descend(self, evaluate, at, held, latest, radius):
+        radii.append(radius)
+        value = np.array([next(ends)])
+        return dataclasses.replace(at, objectives=value), held, "stalled"
+
+    monkeypatch.setattr(Sequence, "_descend", descend)
+    none, one = np.zeros(0), np.ones(1)
+    at = Evaluation(one, 5 * one, none, np.ones((1, 1)), np.zeros((0, 1)), 0, False)
+    held = Multipliers(one, none)
+    found, _, end = Sequence(True, 1e-3, 1e-4, 10.0).run(lambda point: None, at, held, [held])
+    assert (found.worst, end) == (2.9999, "stalled")
+    assert len(radii) == 3
+    assert radii[1] == radii[2] < radii[0]
 
 
 def test_limit_with_a_kink():
