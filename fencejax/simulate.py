@@ -98,7 +98,7 @@ def simulate(
 # More steps than these are no longer counted exactly in single and in double precision [1].
 _STEPS = {"float32": 2**24, "float64": 2**31 - 2}
 # What single precision still resolves: a step's change of the motion [s], a smoothing [m/s].
-_SINGLE = {"step": 1e-4, "slip_speed": 2e-3}
+_SINGLE = {"step": 1e-4, "slip_speed": 1e-3}
 
 
 def _refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:

@@ -21,7 +21,7 @@ STUCK = {
     ("flush", "friction-5", "standard"): 0.012,
     ("flush", "belt-friction-5", "standard"): 0.012,
     ("border", "belt-friction-5", "standard"): 0.004,
-    ("border", "static-far-above", "standard"): 0.012,
+    ("border", "static-far-above", "standard"): 0.014,
 }
 """A corner that sticks to the fence, or a parcel that sticks to the belt, creeps as fast as
 friction is smoothed over. No status says so."""

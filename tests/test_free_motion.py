@@ -178,15 +178,19 @@ def test_symmetries():
 
 
 def test_stays_at_rest_once_there():
-    # The smoothing lets it creep exponentially with tau = eps / (mu g) = 1 ms, long over at 0.35 s.
+    # The smoothing lets it creep exponentially with tau = eps / (mu g) = 0.2 ms, long over at
+    # 0.35 s; the acceleration that Newton's method leaves keeps tau times as much of a speed, for
+    # 0.05 s.
+    creep = LEFT * EPS / (MU * GRAVITY)
     for result in lanes().values():
         body, time = result.history.body, result.history.time
         late = time > 0.35
         drift = result.final.x_rate * time
-        assert result.final.x_rate in (pytest.approx(0, abs=1e-12), pytest.approx(2, abs=1e-12))
-        assert np.ptp((body.x - drift)[late]) < 1e-12
-        assert np.ptp(body.y[late]) < 1e-12
-        assert np.ptp(body.angle[late]) < 1e-12
+        end = float(result.final.x_rate)
+        assert min(abs(end), abs(end - 2)) < creep
+        for part in (body.x - drift, body.y):
+            assert np.ptp(part[late]) < 0.05 * creep + 1e-12
+        assert np.ptp(body.angle[late]) < 0.05 * creep / ARM + 1e-12
 
 
 def test_rides_with_the_belt_exactly_and_differentiably():
