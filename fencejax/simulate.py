@@ -310,8 +310,8 @@ def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
     )
 
 
-# Force that is none beside the largest one, as a share of it.
-_UNFELT = 1e-9
+# A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
+_UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing.
 _SMOOTHED = 0.017
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
@@ -345,7 +345,6 @@ def _status(
     allowed = share * (forces + jnp.where(tally.stay.touched > 0, 0.0, weight))
     checks.append((Status.STEP_TOO_COARSE, tally.defect > allowed + 1e-9))
     for peak, rough in ((tally.force, tally.rough), (tally.border, tally.rough_border)):
-        # Where one of them is but a touch of round-off, it is none beside the other.
         felt = ROUGH * peak.value + _UNFELT * forces
         checks.append((Status.STEP_TOO_COARSE, rough > felt))
     checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
