@@ -6,7 +6,7 @@ from jaxtyping import Array
 
 from .clock import Stride
 from .drive import DriveMotion
-from .instant import FenceState
+from .instant import FenceState, bending_loads
 from .link import Blocks, FencePoint, FlexibleLink, Shape, Vibration, dot, propagate
 
 
@@ -81,9 +81,7 @@ class FenceEnd(eqx.Module):
 
     def loads(self, normals: tuple[Array, ...]) -> tuple[Array, ...]:
         """What of the contact forces [N] bends the fence [N]."""
-        if not self.shares:
-            return normals
-        return tuple(share * n for share, n in zip(self.shares, normals, strict=True))
+        return bending_loads(self.shares, normals)
 
     def compliance(self, k: int, other: int):
         """How far [m/N] and how fast [m/s/N] the gap at place k gives way at the step's end for a

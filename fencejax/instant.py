@@ -42,6 +42,13 @@ class Power(NamedTuple):
     beam_damping: Array
 
 
+def bending_loads(shares: tuple[Array, ...], normals: tuple[Array, ...]) -> tuple[Array, ...]:
+    """What of the contact forces [N] bends the fence [N]: their `shares` [1]; without any, all."""
+    if not shares:
+        return normals
+    return tuple(share * n for share, n in zip(shares, normals, strict=True))
+
+
 class FenceState(NamedTuple):
     """The fence at an instant: the drive's motion (`None` where it is not kept), the vibration with
     its modal forces, the shapes where it is loaded, the contact loads as the modes left out carry
@@ -58,10 +65,7 @@ class FenceState(NamedTuple):
 
     def loads(self, forces: Forces) -> tuple[Array, ...]:
         """What of the contact forces bends the fence [N]."""
-        normals = tuple(c.normal for c in forces.fence)
-        if not self.shares:
-            return normals
-        return tuple(share * n for share, n in zip(self.shares, normals, strict=True))
+        return bending_loads(self.shares, tuple(c.normal for c in forces.fence))
 
     def kept(self) -> "FenceState":
         """What the next step needs to know."""
@@ -110,9 +114,7 @@ def describe(
     over_tip = zero
     for k, c in enumerate(forces.fence):
         share, touch = mechanics.fade(c.place), forces.touches[k]
-        if touch.lasting is not None:
-            share = share * touch.lasting[0] * touch.lasting[1]
-        stored = stored + share * contact.stored_energy(mechanics.stiffness, c.gap)
+        stored = stored + touch.remaining(share) * contact.stored_energy(mechanics.stiffness, c.gap)
         over_tip = jnp.where(mechanics.ends(k, c, touch), 1.0, over_tip)
     tip, stress, place, torque = zero, zero, zero, zero
     energy = Energy(kinetic, zero, zero, stored)

@@ -74,6 +74,12 @@ class Touch(NamedTuple):
     lean: Lean | None = None
     lasting: tuple[Array, Array] | None = None
 
+    def remaining(self, share):
+        """What has not ended near the tip of a `share` [1] of the contact law."""
+        if self.lasting is None:
+            return share
+        return share * self.lasting[0] * self.lasting[1]
+
 
 def corner_from_arm(body: Body, arm_x: Array, arm_y: Array) -> Corner:
     """Position and velocity of the point of the parcel at `arm` from C_s, in fixed axes."""

@@ -113,10 +113,14 @@ def projected(point: Vector, gradient: Vector, logits: bool) -> float:
 
 def residual(at: Evaluation, multipliers: Multipliers, logits: bool) -> Residual:
     """How far the point and the multipliers are from the conditions of Karush, Kuhn and Tucker."""
-    behind = multipliers.weights @ (at.worst - at.objectives)
-    slack = np.abs(multipliers.margins * at.margins)
+    stationarity = projected(at.point, slope(at, multipliers), logits)
     return Residual(
-        projected(at.point, slope(at, multipliers), logits),
-        float(max(behind, np.max(slack, initial=0.0))),
-        at.violation,
+        stationarity, complementarity(at.objectives, at.margins, multipliers), at.violation
     )
+
+
+def complementarity(objectives: Vector, margins: Vector, multipliers: Multipliers) -> float:
+    """How far what counts is behind the worst case, or from its bound."""
+    behind = multipliers.weights @ (np.max(objectives) - objectives)
+    slack = np.abs(multipliers.margins * margins)
+    return float(max(behind, np.max(slack, initial=0.0)))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from . import quadratic
-from .lagrangian import Evaluation, Multipliers, Residual, Vector
+from .lagrangian import Evaluation, Multipliers, Residual, Vector, complementarity
 
 _EDGE = 1e-6
 # Multipliers below it do not count.
@@ -184,11 +184,8 @@ class LocalModel:
         """What is left of the conditions of Karush, Kuhn and Tucker with the rows' slopes."""
         slope = self.slope(rows)
         step = np.clip(self.at - slope, 0, 1) - self.at if logits else slope
-        behind = rows.weights @ (np.max(self.objectives) - self.objectives)
-        slack = np.abs(rows.margins * self.margins)
-        return Residual(
-            float(np.max(np.abs(step))), float(max(behind, np.max(slack, initial=0.0))), violation
-        )
+        left = complementarity(self.objectives, self.margins, rows)
+        return Residual(float(np.max(np.abs(step))), left, violation)
 
     @property
     def widest(self) -> float:

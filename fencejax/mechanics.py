@@ -234,7 +234,7 @@ class Mechanics(eqx.Module):
         assert self.link is not None
         over = place > self.link.reach + self.fidelity.tip_fade
         if touch.lasting is not None:
-            over = touch.lasting[0] * touch.lasting[1] <= 0
+            over = touch.remaining(1.0) <= 0
         return jnp.where(touch.gap <= 0, 0.0, jnp.where(over, 1.0, before))
 
     def ends(self, k: int, what: Contact, touch: Touch) -> Array:
@@ -293,7 +293,7 @@ class Mechanics(eqx.Module):
             if self.sides:
                 side, fade = self._side(number, arms), self.fidelity.tip_fade
                 parts = around(parts, body.spin, side, frame.edges[k], fade)
-                share = share * parts.lasting[0] * parts.lasting[1]
+                share = parts.remaining(share)
             given = None if normals is None else normals[k]
             what, law, response = self._contact(
                 parts, self.fence_friction, frame.places[k], given, share

@@ -21,7 +21,7 @@ from . import newton
 from .clock import Clock, Stride
 from .drive import DriveMotion
 from .fence_end import FenceEnd
-from .instant import FenceState, describe
+from .instant import FenceState, bending_loads, describe
 from .kinematics import Acceleration, Body, Lean
 from .link import Vibration
 from .mechanics import FenceFrame, Forces, Mechanics
@@ -193,12 +193,9 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     if mechanics.link is not None:
         assert drive is not None
         assert memory.fence is not None
-        loads = memory.normals
+        loads = bending_loads(tuple(q.foreseen.share for q in memory.leans), memory.normals)
         if leans:
             loaded = tuple(map(mechanics.loaded, places, leans))
-            loads = tuple(
-                lean.foreseen.share * n for lean, n in zip(memory.leans, loads, strict=True)
-            )
         shapes = tuple(map(mechanics.link.shape, loaded))
         shares = tuple(lean.share for lean in leans)
         fence = FenceEnd(

@@ -317,7 +317,7 @@ def _least_violating(run: Evaluator, inner, at, multipliers, stop, tolerance, fe
         return (
             best,
             multipliers if same else _refit(best, multipliers),
-            (Stop.STAGNATED if stop is Stop.INFEASIBLE else stop),
+            Stop.STAGNATED if stop is Stop.INFEASIBLE else stop,
         )
 
     def held(at):

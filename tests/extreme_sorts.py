@@ -168,6 +168,18 @@ def outcome(kind, name, gradient=False):
     return jax.device_get(program(kind, name, gradient)(numbers(kind)))
 
 
+def rung(kind, fidelity):
+    """What a rung finds for the rows, `coarse` with its gradient: the cheapest to compile."""
+    return outcome(kind, fidelity, gradient=fidelity == "coarse")
+
+
+@functools.cache
+def true_slopes(kind):
+    """x dN/dx of the peak force, of the truth, (lanes, varied)."""
+    by_one = [differences(program(kind, "truth", False), kind, (k,))[:, 0] for k in VARIED]
+    return np.stack(by_one, axis=-1)
+
+
 def differences(run, kind, names, stretch=1e-3):
     """d f / d log(the numbers `names` together) by central differences, (lanes, fields)."""
     x = numbers(kind)

@@ -20,7 +20,9 @@ from extreme_sorts import (
     lane,
     outcome,
     program,
+    rung,
     scene,
+    true_slopes,
 )
 
 import fencejax as fj
@@ -53,15 +55,11 @@ SAID = {
 }
 
 
-def found(fidelity):
-    return outcome(KIND, fidelity, gradient=fidelity == "coarse")
-
-
 @pytest.mark.parametrize("fidelity", PROMISE)
 @pytest.mark.parametrize("name", ROWS[KIND])
 def test_right_or_said(name, fidelity):
     at = lane(KIND, name)
-    status, values = (each[at] for each in found(fidelity)[:2])
+    status, values = (each[at] for each in rung(KIND, fidelity)[:2])
     if name in GIVEN:
         assert status <= fj.Status.LEFT_OVER_TIP
     if (name, fidelity) in SAID:
@@ -78,14 +76,8 @@ def test_right_or_said(name, fidelity):
 # --- Gradients ----------------------------------------------------------------------------------
 
 GRADIENT_PROMISE = 0.10
-"""Of the peak force at `coarse`, as elasticities and relative to their norm: the docstring's, in
-the worst impact."""
-
-
-@functools.cache
-def true_slopes():
-    by_one = [differences(program(KIND, "truth", False), KIND, (k,))[:, 0] for k in VARIED]
-    return np.stack(by_one, axis=-1)
+"""Of the peak force at `coarse`, as elasticities and relative to their norm: half of what the
+docstring says of the worst impact."""
 
 
 @functools.cache
@@ -102,7 +94,7 @@ again: right in the value, and not so in the derivative of what comes later. No 
 @pytest.mark.parametrize("name", TOUCHED)
 def test_gradients_are_within_the_promise(name):
     at = lane(KIND, name)
-    slopes, true = found("coarse")[2][at], true_slopes()[at]
+    slopes, true = rung(KIND, "coarse")[2][at], true_slopes(KIND)[at]
     assert np.all(np.isfinite(slopes))
     off = np.linalg.norm(slopes - true)
     assert off <= HARD.get(name, GRADIENT_PROMISE) * np.linalg.norm(true)
@@ -113,7 +105,7 @@ def test_gradients_are_within_the_promise(name):
 @pytest.mark.parametrize("name", [n for n in TOUCHED if n not in ("mass-1g", "re-impact")])
 def test_gradients_are_those_of_the_values(name):
     at = lane(KIND, name)
-    slopes, expected = found("coarse")[2][at], own_differences()[at, 0]
+    slopes, expected = rung(KIND, "coarse")[2][at], own_differences()[at, 0]
     assert abs(slopes.sum() - expected) <= 0.02 * np.linalg.norm(slopes)
 
 
@@ -130,4 +122,4 @@ def test_a_hundred_cycles():
 
     status, values = run({k: float(v) for k, v in ORDINARY.items()})
     assert int(status) == fj.Status.SUCCESSFUL
-    np.testing.assert_allclose(values, found("coarse")[1][lane(KIND, "ordinary")], rtol=1e-6)
+    np.testing.assert_allclose(values, rung(KIND, "coarse")[1][lane(KIND, "ordinary")], rtol=1e-6)
