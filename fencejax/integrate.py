@@ -6,7 +6,9 @@ plain scan runs them; where free flight is taken in longer ones, a loop that end
 sample is reached. The private types that diffrax asks of a solver are met here and nowhere else.
 """
 
+import itertools
 from collections.abc import Callable
+from functools import partial
 from typing import Any, ClassVar
 
 import diffrax
@@ -93,26 +95,40 @@ def run_steps(solver: Stepper, begin, args, sample, steps: int, fidelity: Fideli
     def step(y, begins, ends):
         return strict(solver.step(Scene(), begins, ends, y, args, None, False)[0])
 
+    # One row of numbers a step: XLA fuses several buffers into one kernel, which then writes all of
+    # them out anew at every step.
+    def row(y):
+        leaves = [] if sample is None else jax.tree.leaves(sample(y))
+        return jnp.concatenate([jnp.ravel(leaf) for leaf in leaves]) if leaves else None
+
     reverse = fidelity.gradient == "reverse"
     if ahead is None:
         ends = jnp.arange(steps + 1, dtype=precision)
 
         def advance(y, end):
             y = step(y, jnp.maximum(end - 1, 0.0), end)
-            return y, None if sample is None else sample(y)
+            return y, row(y)
 
-        if reverse:
-            return eqxi.scan(advance, strict(begin), ends, kind="checkpointed")
-        return jax.lax.scan(advance, strict(begin), ends)
-    return _run_adaptively(step, strict(begin), ahead, sample, steps, reverse)
+        scan = partial(eqxi.scan, kind="checkpointed") if reverse else jax.lax.scan
+        y, rows = scan(advance, strict(begin), ends)
+    else:
+        y, rows = _run_adaptively(step, strict(begin), ahead, row, steps, reverse)
+    return y, None if sample is None else _unpacked(rows, sample(strict(begin)))
 
 
-def _run_adaptively(step, begin, ahead, sample, steps: int, reverse: bool):
+def _unpacked(rows: Array, like):
+    """Columns of `rows`, of the structure and shapes of `like` at every row."""
+    leaves, structure = jax.tree.flatten(like)
+    ends = itertools.accumulate(leaf.size for leaf in leaves)
+    parts = [
+        rows[:, end - leaf.size : end].reshape(-1, *leaf.shape)
+        for leaf, end in zip(leaves, ends, strict=True)
+    ]
+    return jax.tree.unflatten(structure, parts)
+
+
+def _run_adaptively(step, begin, ahead, row, steps: int, reverse: bool):
     zero = jnp.zeros_like(jax.tree.leaves(begin)[0])
-
-    # Buffers hold arrays alone: the parts that a scene does not hold are put back at the end.
-    def kept(y):
-        return [] if sample is None else jax.tree.leaves(sample(y))
 
     def go_on(carry):
         return carry[1] < steps
@@ -121,13 +137,14 @@ def _run_adaptively(step, begin, ahead, sample, steps: int, reverse: bool):
         y, now, taken, saved = carry
         end = jnp.minimum(now + ahead(y, now), steps)
         y = step(y, jnp.maximum(now, 0.0), end)
-        index = taken.astype(jnp.int32)
-        saved = [into.at[index].set(new) for new, into in zip(kept(y), saved, strict=True)]
+        if saved is not None:
+            saved = saved.at[taken.astype(jnp.int32)].set(row(y))
         return y, end, taken + 1, saved
 
-    saved = [jnp.zeros((steps + 1, *leaf.shape), leaf.dtype) for leaf in kept(begin)]
+    like = row(begin)
+    saved = None if like is None else jnp.zeros((steps + 1, like.size), like.dtype)
     carry = (begin, zero - 1, zero, saved)
-    if not saved and not reverse:
+    if saved is None and not reverse:
         return jax.lax.while_loop(go_on, trip, carry)[0], None
     y, _, taken, saved = eqxi.while_loop(
         go_on,
@@ -137,11 +154,10 @@ def _run_adaptively(step, begin, ahead, sample, steps: int, reverse: bool):
         buffers=lambda carry: carry[3],
         kind="checkpointed" if reverse else "lax",
     )
-    if sample is None:
+    if saved is None:
         return y, None
     places = jnp.minimum(jnp.arange(steps + 1, dtype=jnp.int32), taken.astype(jnp.int32) - 1)
-    saved = [values[places] for values in saved]
-    return y, jax.tree.unflatten(jax.tree.structure(sample(begin)), saved)
+    return y, saved[places]
 
 
 def modal(
