@@ -98,7 +98,7 @@ def simulate(
 # More steps than these are no longer counted exactly in single and in double precision [1].
 _STEPS = {"float32": 2**24, "float64": 2**31 - 2}
 # What single precision still resolves: a step's change of the motion [s], a smoothing [m/s].
-_SINGLE = {"step": 1e-4, "slip_speed": 1e-3}
+_SINGLE = {"step": 1e-4, "slip_speed": 2e-4}
 
 
 def _refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
@@ -313,7 +313,7 @@ def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
 # A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
 _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing.
-_SMOOTHED = 0.017
+_SMOOTHED = 0.003
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
 _LOST = 40.0
 
