@@ -313,7 +313,7 @@ def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
 # A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
 _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing.
-_SMOOTHED = 0.003
+_SMOOTHED = 0.004
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
 _LOST = 40.0
 

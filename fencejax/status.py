@@ -74,7 +74,7 @@ ROUGH = 0.25
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
 # contact, a quarter of its share in the force: |N''| G / w^2 with their compliance G and the square
 # of the highest frequency kept.
-LAGGING = 0.03
+LAGGING = 0.04
 
 
 def worst(checks, like: Array) -> Array:

@@ -2,7 +2,13 @@
 
 import numpy as np
 
+import fencejax as fj
 from optimize.stability.scenes import ORDINARY, impact as impact
+
+# As smooth in friction as differences of 2e-4 between two values can see.
+TRUTH = fj.Fidelity.reference(
+    step=5e-5, geometry="arc", modes=8, slip_speed=2e-4, static_speed=1e-3
+)
 
 # Log-uniform, from end to end of what a sweep may ask for.
 WIDE = dict(

@@ -6,7 +6,7 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
-from extreme_scenes import stack
+from extreme_scenes import TRUTH, stack
 
 import fencejax as fj
 
@@ -94,7 +94,6 @@ ROWS = {
 }
 VARIED = ("thickness", "mass", "stiffness", "belt", "kinetic")
 FIELDS = ("peak_force", "tip_deflection", "impulse", "furthest_y", "peak_border_force")
-TRUTH = fj.Fidelity.reference(step=5e-5, geometry="arc", modes=8)
 
 
 def scene(kind, x, duration=None):

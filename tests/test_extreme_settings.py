@@ -128,16 +128,16 @@ def smoothed(slip_speed):
     return jax.device_get(run({k: np.array([float(row[k]) for row in rows]) for k in ORDINARY}))
 
 
-@pytest.mark.parametrize("slip_speed", [1e-6, 1e-4, 1e-2, 0.1, 1.0])
+@pytest.mark.parametrize("slip_speed", [1e-6, 1e-4, 1e-3, 1e-2, 0.1, 1.0])
 def test_smoothing(slip_speed):
-    """Within what `FRICTION_SMOOTHED` lets pass, 1.7 %, or said. Friction so sharp that Newton's
-    method does not settle at this step is said as well."""
+    """Within 0.6 %, half as much again as what `FRICTION_SMOOTHED` lets pass at the peak, or said.
+    Friction so sharp that Newton's method does not settle at this step is said as well."""
     true, true_status = smoothed(1e-3)
     assert np.all(true_status <= fj.Status.LEFT_OVER_TIP)
     peak, status = smoothed(slip_speed)
     said = status > fj.Status.LEFT_OVER_TIP
-    np.testing.assert_allclose(peak[~said], true[~said], rtol=0.017)
-    assert not np.any(said) or slip_speed in (1e-6, 1e-4, 1.0)
+    np.testing.assert_allclose(peak[~said], true[~said], rtol=0.006)
+    assert not np.any(said) or slip_speed not in (1e-3, 1e-2)
     if slip_speed == 1.0:
         assert np.all(status == fj.Status.FRICTION_SMOOTHED)
 

@@ -82,7 +82,7 @@ docstring says of the worst impact."""
 
 @functools.cache
 def own_differences():
-    return differences(program(KIND, "coarse", True), KIND, VARIED)
+    return differences(program(KIND, "coarse", True), KIND, VARIED, 2e-5)
 
 
 TOUCHED = sorted(GIVEN - {"never-touched", "drive-still", "at-the-tip"})
@@ -100,13 +100,13 @@ def test_gradients_are_within_the_promise(name):
     assert off <= HARD.get(name, GRADIENT_PROMISE) * np.linalg.norm(true)
 
 
-# Where the strides change with the numbers the value jumps: of 1 g by 4e-4, and that of the second
-# blow of an undamped parcel.
-@pytest.mark.parametrize("name", [n for n in TOUCHED if n not in ("mass-1g", "re-impact")])
+# Where the strides change with the numbers the value jumps, of 1 g by 4e-4: differences over 2e-5
+# of the numbers seldom cross such a place. What Newton's method lets be is far less here than 5e-7.
+@pytest.mark.parametrize("name", TOUCHED)
 def test_gradients_are_those_of_the_values(name):
     at = lane(KIND, name)
     slopes, expected = rung(KIND, "coarse")[2][at], own_differences()[at, 0]
-    assert abs(slopes.sum() - expected) <= 0.02 * np.linalg.norm(slopes)
+    assert abs(slopes.sum() - expected) <= 1e-4 * np.linalg.norm(slopes)
 
 
 # --- Long horizons ------------------------------------------------------------------------------
