@@ -199,6 +199,7 @@ class Sequence:
             if far > _STALE * length or (none and whole.widest > 0):
                 # What was said far away forbids what is allowed here.
                 region.reach = 0.3 * (far or whole.widest)
+                region.radius = min(region.radius, region.reach)
                 continue
             if none:
                 stuck = at.violation > self.feasibility and self.penalty >= 1e5
