@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from .journal import Journal
 from .lagrangian import Evaluation, Multipliers, Residual, Vector, residual
-from .status import Status
+from .status import DOUBTFUL, Status
 
 Problem = Callable[..., tuple[Array, Array, Array]]
 """z (n,), and data where there are any -> objectives (k,), margins (m,), statuses of any shape."""
@@ -155,6 +155,7 @@ class Evaluator:
             numbers.margin_rows,
             numbers.status,
             failed,
+            failed and finite and numbers.status <= DOUBTFUL,
         )
         known = self.estimate is not None and not failed
         left = residual(at, self.estimate(at), self.logits) if known and self.estimate else None

@@ -14,7 +14,8 @@ class Evaluation:
     """Objectives F (k,) and margins g (m,) at a point z (n,), with their Jacobians.
 
     `objectives` and their Jacobian are already divided by the objective's scale. `status` is the
-    largest one of the lanes; `failed` says that the numbers must not be used.
+    largest one of the lanes; `failed` says that the numbers must not be used. Where they are
+    `doubtful` besides, they still tell how values and slopes change towards the point.
     """
 
     point: Vector
@@ -24,6 +25,7 @@ class Evaluation:
     margin_rows: NDArray[np.float64]
     status: int
     failed: bool
+    doubtful: bool = False
 
     @property
     def worst(self) -> float:

@@ -13,7 +13,8 @@ along it (Lewis and Overton 2013). At an optimum on a kink the conditions of Kar
 Tucker hold for the slopes of points on all its sides.
 
 A point that cannot be evaluated tells no slopes. Steps keep off the plane that separates the point
-from all such points nearby, which turns into the wall's own as more of them are known.
+from all such points nearby, which turns into the wall's own as more of them are known. So they do
+where numbers are doubtful; but those tell slopes, from which B and the branches of kinks learn.
 
 Where no step is lower, the run starts again from there, with all it knew forgotten, as long as that
 lowers the worst case; only where a kink is judged do all its points count.
@@ -208,6 +209,8 @@ class Sequence:
             if trial is None:
                 return at, held, "spent"
             if trial.failed:
+                if trial.doubtful:
+                    region.learn(LocalModel.of(trial, chart), model, held)
                 region.blocked(model.at + step, length)
                 continue
             after = LocalModel.of(trial, chart)
