@@ -266,21 +266,27 @@ def before(walls: list[Vector]) -> Vector | None:
     there is one; `None` without walls.
 
     p = a / |a|^2 with the least |a| for which a . w >= 1: a support vector machine (Boser, Guyon
-    and Vapnik 1992). Where the walls lie all around, the farthest are left out.
+    and Vapnik 1992). Where the walls lie all around, the farthest are left out, and no more of them
+    than need be.
     """
     if not walls:
         return None
     rows = np.array(sorted(walls, key=lambda wall: float(np.linalg.norm(wall))))
     unit = float(np.linalg.norm(rows[0]))
     rows = rows / unit
-    while len(rows) > 1:
+    foot, fewest, most = rows[0], 1, len(rows)
+    count = most
+    while fewest < most:
+        nearest = rows[:count]
         found = quadratic.solve(
-            np.eye(rows.shape[1]), np.zeros(rows.shape[1]), rows, np.ones(len(rows))
+            np.eye(rows.shape[1]), np.zeros(rows.shape[1]), nearest, np.ones(count)
         )
-        if found.solved and np.min(rows @ found.point) > 0.99:
-            return unit * found.point / (found.point @ found.point)
-        rows = rows[:-1]
-    return unit * rows[0]
+        if found.solved and np.min(nearest @ found.point) > 0.99:
+            foot, fewest = found.point / (found.point @ found.point), count
+        else:
+            most = count - 1
+        count = (fewest + most + 1) // 2
+    return unit * foot
 
 
 def _unlike(rows, others):

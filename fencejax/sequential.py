@@ -41,8 +41,11 @@ _BROAD = 0.3
 # many steps are left out.
 _BESIDE = 1e-2
 _STALE = 30.0
-# Of the length of a step to a point that could not be evaluated, the next radius.
-_SHRINK = 0.35
+# Of the length of a step to a point that could not be evaluated, the next radius: the plane before
+# such points already bounds the next step, and points at one distance tell a wall's direction best.
+# Those within so many radii are minded.
+_SHRINK = 0.85
+_MINDED = 8.0
 
 
 def _bfgs(curvature, step: Vector, change: Vector):
@@ -94,7 +97,7 @@ class _Region:
     def walls_from(self, at: Vector) -> list[Vector]:
         """The steps to points nearby that could not be evaluated."""
         steps = [wall - at for wall in self.walls]
-        return [step for step in steps if 0 < np.max(np.abs(step)) < 2 * self.radius]
+        return [step for step in steps if 0 < np.max(np.abs(step)) < _MINDED * self.radius]
 
     def blocked(self, wall: Vector, length: float) -> None:
         """A step of some length went to a point that could not be evaluated."""
