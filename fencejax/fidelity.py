@@ -48,7 +48,7 @@ class Fidelity:
       `jax.grad` in very many variables.
     """
 
-    modes: int | None = 5
+    modes: int | None = 4
     static_correction: bool = True
     elements: int = 20
     geometry: str = "arc"
@@ -122,13 +122,13 @@ class Fidelity:
 
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":
-        """Three modes, steps of 1 ms, friction smoothed over 1 mm/s: for sweeps.
+        """Two modes, steps of 1 ms, friction smoothed over 1 mm/s: for sweeps.
 
         Of 256 random impacts (`optimize.work_precision`) the peak force is off by 0.14 % and its
         gradient, as elasticities and relative to its norm, by 2.5 % in 95 % of them; in the worst
         by 1.7 % and 22 %. A third of the cost of `standard`, and a quarter of it in a batch.
         """
-        return cls(**{**dict(modes=3, step=1e-3, slip_speed=1e-3, static_speed=5e-3), **changes})
+        return cls(**{**dict(modes=2, step=1e-3, slip_speed=1e-3, static_speed=5e-3), **changes})
 
     @classmethod
     def fast(cls, **changes) -> "Fidelity":
@@ -138,11 +138,11 @@ class Fidelity:
         the worst by 0.12 % and 8 %, where friction turns round near the peak. Half the cost of
         `standard`.
         """
-        return cls(**{**dict(modes=4, step=5e-4), **changes})
+        return cls(**{**dict(step=5e-4), **changes})
 
     @classmethod
     def standard(cls, **changes) -> "Fidelity":
-        """The default: five modes, steps of 0.25 ms, friction smoothed over 0.5 mm/s.
+        """The default: four modes, steps of 0.25 ms, friction smoothed over 0.5 mm/s.
 
         Of the same impacts the peak force is off by 0.04 % and its gradient by 0.35 % in 95 %, by
         0.08 % and 4 % in the worst. Wider ranges give worse cases: ask `choose_fidelity`.

@@ -12,13 +12,18 @@ from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jax.interpreters.partial_eval import dce_jaxpr
 
 
-def by_columns(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def by_columns(
+    function: Callable[[Any], Any], judge: Callable[[Any, Any], Any] | None = None
+) -> Callable[[Any], Any]:
     """Give `function`, a map of floating-point pytrees, a derivative made column by column.
 
     The Jacobian in the inputs that are really being differentiated is computed in one vectorised
     pass of forward mode, next to the value. It is then a plain matrix: `jax.jvp` multiplies by it
     and `jax.grad` by its transpose, so that forward and reverse mode cost the same and neither
     stores the trajectory. Inputs that are not being differentiated cost nothing.
+
+    `judge(value, columns)` gives both back, changed where one says something about the other; the
+    columns stand in a first axis of each leaf.
 
     First derivatives only: the implicit steps inside are right to that order, so that a second
     one is refused with `NotImplementedError` rather than given wrong.
@@ -53,7 +58,8 @@ def by_columns(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
                 return jax.jvp(restricted, ({i: leaves[i] for i in moved},), (unit,))
 
-            return jax.vmap(along, out_axes=(None, 0))(jnp.eye(sum(sizes), dtype=dtype))
+            found = jax.vmap(along, out_axes=(None, 0))(jnp.eye(sum(sizes), dtype=dtype))
+            return found if judge is None else judge(*found)
 
         return _opaque(jax.jit(value_and_columns))
 

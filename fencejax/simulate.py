@@ -176,7 +176,7 @@ def _program(structure, fidelity: Fidelity, history: bool, only: tuple[str, ...]
             result = dataclasses.replace(result, **dropped)
         return _sound(scene, result)
 
-    run = by_columns(outcome) if fidelity.gradient == "forward" else outcome
+    run = by_columns(outcome, _derived) if fidelity.gradient == "forward" else outcome
     options = None
     if fidelity.integrator != "modal":
         # Their programs are ten times as large: as one kernel they take many minutes to optimise.
@@ -221,6 +221,17 @@ def _sound(scene: NormalScene | Scene, result: Result) -> Result:
         lambda leaf: jnp.where(lost, jax.lax.stop_gradient(leaf), leaf), result
     )
     return eqx.tree_at(lambda r: r.status, result, status)
+
+
+def _derived(result: Result, columns: Result) -> tuple[Result, Result]:
+    """The same with the status `NON_FINITE` and derivatives of 0 where a derivative is not finite,
+    as of a state that runs away and is finite still."""
+    finite = jnp.asarray(True)
+    for leaf in jax.tree.leaves(columns):
+        finite = finite & jnp.all(jnp.isfinite(leaf))
+    status = jnp.where(finite, result.status, float(Status.NON_FINITE))
+    columns = jax.tree.map(lambda leaf: jnp.where(finite, leaf, jnp.zeros_like(leaf)), columns)
+    return eqx.tree_at(lambda r: r.status, result, status), columns
 
 
 def _result(scene, fidelity: Fidelity, history: bool, only) -> Result:

@@ -123,7 +123,7 @@ def test_too_few_modes_are_refused_by_the_gradient_though_the_value_is_right():
 
 def test_best_is_named_where_none_does():
     coarse, finer = (fj.Fidelity(step=h) for h in (2e-3, 1e-3))
-    with pytest.raises(fj.NoFidelityError, match="1 ms, 5 modes, arc") as refused:
+    with pytest.raises(fj.NoFidelityError, match="1 ms, 4 modes, arc") as refused:
         fj.choose_fidelity(
             walls([1.0, 2.0, 3.0]), value_error=1e-4, gradient_error=None,
             candidates=(coarse, finer),

@@ -165,3 +165,23 @@ def test_memory_of_the_reverse_mode_grows_slower_than_the_steps():
     few, many, more = (memory(duration) for duration in (0.02, 0.08, 0.32))
     assert many < 3 * few
     assert more - many < 3 * (many - few)
+
+
+def test_a_judge_sees_value_and_columns():
+    """Here it takes out the derivatives of what has one that is not finite, lane by lane."""
+    def judge(value, columns):
+        fine = jnp.all(jnp.isfinite(columns["root"]))
+        said = value | {"fine": fine.astype(float)}
+        return said, jax.tree.map(lambda c: jnp.where(fine, c, 0.0), columns)
+
+    def roots(x):
+        return {"root": jnp.sqrt(x), "fine": jnp.ones(())}
+
+    judged = by_columns(roots, judge)
+    at = jnp.array([4.0, 0.0])
+    slope = jax.vmap(jax.grad(lambda x: judged(x)["root"]))(at)
+    fine = jax.vmap(lambda x: jax.jvp(judged, (x,), (jnp.ones(()),))[0]["fine"])(at)
+    np.testing.assert_allclose(slope, [0.25, 0.0])
+    np.testing.assert_array_equal(fine, [1.0, 0.0])
+    # Without a derivative it is not asked.
+    np.testing.assert_array_equal(jax.vmap(judged)(at)["fine"], [1.0, 1.0])

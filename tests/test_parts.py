@@ -106,21 +106,24 @@ def test_other_parts_left_out(more, less):
     assert len(cost(less)[1]) < len(cost(more)[1])
 
 
+MODES = fj.Fidelity.standard().modes
+
+
 def test_size_of_the_state():
     # The parcel: position and velocity 6, acceleration now and before 6. The fence: amplitude,
     # rate and force of each mode. A corner at it: its place, sliding speed, force now and before,
     # whether it has left over the tip, and the lagged rate of the modes left out; where the tip may
     # carry the contact, the share and the place of the fence's load, now, before and foreseen.
     assert cost("free motion")[0] == cost("free motion without belt")[0] == 12
-    assert cost("free motion beside a fence")[0] == 12 + 3 * 4
-    assert cost("oblique impact")[0] == 12 + 3 * 4 + 6
-    assert cost("without static correction")[0] == 12 + 3 * 4 + 5
+    assert cost("free motion beside a fence")[0] == 12 + 3 * MODES
+    assert cost("oblique impact")[0] == 12 + 3 * MODES + 6
+    assert cost("without static correction")[0] == 12 + 3 * MODES + 5
     assert cost("one mode")[0] == 12 + 3 + 5
     assert cost("rigid fence")[0] == 12 + 5
     # The border keeps nothing.
-    assert cost("sort, 4 + 4 corners")[0] == 12 + 3 * 4 + 4 * 12
-    assert cost("no border")[0] == cost("sort, 2 + 2 corners")[0] == 12 + 3 * 4 + 2 * 12
-    assert cost("no contact at the tip")[0] == 12 + 3 * 4 + 2 * 6
+    assert cost("sort, 4 + 4 corners")[0] == 12 + 3 * MODES + 4 * 12
+    assert cost("no border")[0] == cost("sort, 2 + 2 corners")[0] == 12 + 3 * MODES + 2 * 12
+    assert cost("no contact at the tip")[0] == 12 + 3 * MODES + 2 * 6
 
 
 def test_operations_of_absent_parts_are_absent():
