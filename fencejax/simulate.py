@@ -225,9 +225,14 @@ def _sound(scene: NormalScene | Scene, result: Result) -> Result:
 
 def _derived(result: Result, columns: Result) -> tuple[Result, Result]:
     """The same with the status `NON_FINITE` and derivatives of 0 where a derivative is not finite,
-    as of a state that runs away and is finite still."""
+    as of a state that runs away and is finite still.
+
+    A motion whose derivative is lost ends without one. So in a whole result the end and the tip
+    tell: looking at all of it would cost the derivatives that nobody reads.
+    """
+    told = columns if columns.final is None else (columns.final, columns.tip_deflection)
     finite = jnp.asarray(True)
-    for leaf in jax.tree.leaves(columns):
+    for leaf in jax.tree.leaves(told):
         finite = finite & jnp.all(jnp.isfinite(leaf))
     status = jnp.where(finite, result.status, float(Status.NON_FINITE))
     columns = jax.tree.map(lambda leaf: jnp.where(finite, leaf, jnp.zeros_like(leaf)), columns)
