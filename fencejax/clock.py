@@ -64,10 +64,9 @@ class Clock(eqx.Module):
         if link is not None:
             assert maps is not None
             decay = [jnp.ones_like(start), *(relaxation(link.lag, h) + zero for h in moving)]
-            still = Propagator(*(0.0, 0.0, 0.0, 0.0) * 2)._replace(qq=1.0, vv=1.0)
             every = [
-                jnp.concatenate([jnp.full_like(values[:1], none), values])
-                for none, values in zip(still, maps, strict=True)
+                jnp.concatenate([jnp.full_like(values[:1], name in ("qq", "vv")), values])
+                for name, values in maps._asdict().items()
             ]
             by_mode = tuple(
                 Propagator(*parts)

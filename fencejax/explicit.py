@@ -6,7 +6,7 @@ from jaxtyping import Array
 
 from .drive import DriveMotion
 from .instant import FenceState
-from .kinematics import Body
+from .kinematics import Body, Lean
 from .link import FlexibleLink, Vibration
 from .mechanics import Forces, Mechanics
 
@@ -59,11 +59,16 @@ def at_state(
     forces, shapes = forces_at(places)
     shares = ()
     if mechanics.sides:
-        leans = tuple(touch.lean for touch in forces.touches[: len(places)])
+        leans = _leans(forces, len(places))
         forces, shapes = forces_at(tuple(map(mechanics.loaded, places, leans)))
-        shares = tuple(touch.lean.share for touch in forces.touches[: len(places)])
+        shares = tuple(lean.share for lean in _leans(forces, len(places)))
     still = tuple(jnp.zeros_like(place) for place in places)
     fence = FenceState(drive, vibration, (), shapes, (), still, shares)
     loads = fence.loads(forces)
     load = link.loaded(link.inertia_force(drive), shapes, loads)
     return forces, fence._replace(modal_force=load, lagged=loads)
+
+
+def _leans(forces: Forces, corners: int) -> tuple[Lean, ...]:
+    """How the first `corners` load the fence, where its tip may carry a contact."""
+    return tuple(touch.lean for touch in forces.touches[:corners] if touch.lean is not None)

@@ -44,7 +44,7 @@ class Stepper(diffrax.AbstractSolver):
     """Wraps a one-step map `advance(args, y, t0, t1) -> y` as a diffrax solver of second order;
     times are counted in steps."""
 
-    advance: Callable[[Any, Any, Array, Array], Any]
+    advance: Callable[[Any, Any, Any, Any], Any]
     term_structure: ClassVar = Scene
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
 
@@ -113,7 +113,9 @@ def run_steps(solver: Stepper, begin, args, sample, steps: int, fidelity: Fideli
         y, rows = scan(advance, strict(begin), ends)
     else:
         y, rows = _run_adaptively(step, strict(begin), ahead, row, steps, reverse)
-    return y, None if sample is None else _unpacked(rows, sample(strict(begin)))
+    if sample is None or rows is None:
+        return y, None
+    return y, _unpacked(rows, sample(strict(begin)))
 
 
 def _unpacked(rows: Array, like):

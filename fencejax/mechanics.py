@@ -364,7 +364,7 @@ class Mechanics(eqx.Module):
             share = jnp.minimum(share, _stop(ahead, square, slipping))
         return share
 
-    def rate_matrix(self, forces: Forces, step: float, unknown_normals: bool):
+    def rate_matrix(self, forces: Forces, step: Array | float, unknown_normals: bool):
         """-d(generalised force)/d(velocities) [N s/m], 3 x 3, at frozen directions and arms, where
         positions follow the velocities by `step` / 3.
 

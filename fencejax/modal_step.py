@@ -183,7 +183,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     places = tuple(p + h * w for p, w in zip(memory.places, memory.sliding, strict=True))
     ratio = 1.0
     if memory.pace is not None:
-        ratio = (end - begin) / jnp.maximum(memory.pace.count, 1.0)
+        ratio = (end - begin) / jnp.maximum(memory.pace.steps, 1.0)
     leans = tuple(lean.now.ahead(lean.before, ratio) for lean in memory.leans)
     expected = tuple(
         jnp.maximum(now + ratio * (now - before), 0.0)
@@ -276,5 +276,5 @@ def at_rest(
     still = Acceleration(zero, zero, zero)
     upright = Lean(zero + 1, zero)
     leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
-    pace = Pace(zero, zero) if mechanics.fidelity.longest_stride > 1 else None
+    pace = Pace(zero, zero) if (mechanics.fidelity.longest_stride or 1) > 1 else None
     return Memory(body, still, still, fence, places, none, none, none, none, leans, pace)

@@ -168,10 +168,10 @@ def _contacts(name, contacts, points, normals) -> dict[str, Vectors]:
         np.stack([np.asarray(getattr(c, part)) for c in contacts], 1)
         for part in ("normal", "friction")
     )
-    x, y = normals
+    (at_x, at_y), (x, y) = points, normals
     return {
-        name: Vectors(*points, normal * x, normal * y),
-        f"{name}_friction": Vectors(*points, friction * y, -friction * x),
+        name: Vectors(at_x, at_y, normal * x, normal * y),
+        f"{name}_friction": Vectors(at_x, at_y, friction * y, -friction * x),
     }
 
 

@@ -16,12 +16,12 @@ _CHANGE = 50.0
 class Pace(NamedTuple):
     """What the length of the next step is chosen by.
 
-    `count` is how many steps [1] the last one stood for; `surprise` [1] how far the forces at its
+    `steps` is how many steps [1] the last one stood for; `surprise` [1] how far the forces at its
     end were from their straight continuation, relative to their size. It grows with the square of
     the length.
     """
 
-    count: Array
+    steps: Array
     surprise: Array
 
 
@@ -42,15 +42,15 @@ def next_count(
       between whose `ends`, arc coordinates [m] for each corner, it can be met.
     - A corner at the fence that is being let go is not gone by the end of the step.
     """
-    best = jnp.ones_like(pace.count)
+    best = jnp.ones_like(pace.steps)
     corners = (*instant.fence, *instant.border)
     changes = [
-        (now.normal - before) / jnp.maximum(pace.count, 1.0)
+        (now.normal - before) / jnp.maximum(pace.steps, 1.0)
         for now, before in zip(instant.fence, normals_before, strict=True)
     ]
     changes += [0.0 * corner.normal for corner in instant.border]
     for count in counts:
-        length, ratio = count * step, count / jnp.maximum(pace.count, 1.0)
+        length, ratio = count * step, count / jnp.maximum(pace.steps, 1.0)
         fine = (pace.surprise * ratio**2 <= tolerance) & (ratio <= 2)
         for k, change in enumerate(changes):
             corner = corners[k]
