@@ -128,7 +128,8 @@ class Fidelity:
         gradient, as elasticities and relative to its norm, by 2.4 % in 95 % of them; in the worst
         by 1.8 % and 22 %. A third of the cost of `standard` in a batch.
         """
-        return cls(**{**dict(modes=2, step=1e-3, slip_speed=1e-3, static_speed=5e-3), **changes})
+        settings = dict(modes=2, step=1e-3, slip_speed=1e-3, static_speed=5e-3)
+        return cls(**{**settings, **changes})
 
     @classmethod
     def fast(cls, **changes) -> "Fidelity":
@@ -138,7 +139,7 @@ class Fidelity:
         the worst by 0.16 % and 11 %, where friction turns round near the peak. Half the cost of
         `standard`.
         """
-        return cls(**{**dict(step=5e-4), **changes})
+        return cls(**{"step": 5e-4, **changes})
 
     @classmethod
     def standard(cls, **changes) -> "Fidelity":

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from . import newton
-from .clock import Clock, Stride
+from .clock import Clock, Stride, stride_counts
 from .drive import DriveMotion
 from .fence_end import FenceEnd
 from .instant import FenceState, bending_loads, describe
@@ -276,5 +276,5 @@ def at_rest(
     still = Acceleration(zero, zero, zero)
     upright = Lean(zero + 1, zero)
     leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
-    pace = Pace(zero, zero) if (mechanics.fidelity.longest_stride or 1) > 1 else None
+    pace = Pace(zero, zero) if stride_counts(mechanics.fidelity)[-1] > 1 else None
     return Memory(body, still, still, fence, places, none, none, none, none, leans, pace)

@@ -2,7 +2,8 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -186,6 +187,16 @@ def _program(structure, fidelity: Fidelity, history: bool, only: tuple[str, ...]
 
 # Not a number where there was no contact.
 _MAY_BE_NAN = ("first_contact", "last_contact", "leave_x", "leave_y", "status")
+# Of a whole result, what shows that derivatives were lost on the way.
+_TELLING = ("final", "tip_deflection")
+
+
+def _finite(fields: Mapping[str, Any]) -> Array:
+    """Whether all numbers of a result's fields are finite that have to be."""
+    finite = jnp.asarray(True)
+    for leaf in jax.tree.leaves({f: v for f, v in fields.items() if f not in _MAY_BE_NAN}):
+        finite = finite & jnp.all(jnp.isfinite(leaf))
+    return finite
 
 
 # Share of the energy turned over that a ledger may gain.
@@ -211,11 +222,8 @@ def _sound(scene: NormalScene | Scene, result: Result) -> Result:
     if result.energy is not None and result.final is not None:
         gain = _gained(*jax.lax.stop_gradient((scene, result)))
         status = jnp.where(gain, jnp.maximum(status, float(Status.ENERGY_GAINED)), status)
-    named = {f: v for f, v in vars(result).items() if f not in _MAY_BE_NAN}
-    finite = jnp.asarray(True)
-    for leaf in jax.tree.leaves(named):
-        finite = finite & jnp.all(jnp.isfinite(leaf))
-    status = jnp.where(jax.lax.stop_gradient(finite), status, float(Status.NON_FINITE))
+    finite = jax.lax.stop_gradient(_finite(vars(result)))
+    status = jnp.where(finite, status, float(Status.NON_FINITE))
     lost = status >= Status.NON_FINITE
     result = jax.tree.map(
         lambda leaf: jnp.where(lost, jax.lax.stop_gradient(leaf), leaf), result
@@ -230,10 +238,8 @@ def _derived(result: Result, columns: Result) -> tuple[Result, Result]:
     A motion whose derivative is lost ends without one. So in a whole result the end and the tip
     tell: looking at all of it would cost the derivatives that nobody reads.
     """
-    told = columns if columns.final is None else (columns.final, columns.tip_deflection)
-    finite = jnp.asarray(True)
-    for leaf in jax.tree.leaves(told):
-        finite = finite & jnp.all(jnp.isfinite(leaf))
+    whole = columns.final is not None
+    finite = _finite({f: c for f, c in vars(columns).items() if not whole or f in _TELLING})
     status = jnp.where(finite, result.status, float(Status.NON_FINITE))
     columns = jax.tree.map(lambda leaf: jnp.where(finite, leaf, jnp.zeros_like(leaf)), columns)
     return eqx.tree_at(lambda r: r.status, result, status), columns
