@@ -75,12 +75,12 @@ def run(
 
     samples = jax.vmap(sample)(times, solution.ys)
     reach = None if link is None else link.reach
+    scope = tally.Scope(reach, bool(mechanics.sides), fidelity.smoothing)
     one = jax.tree.map(lambda x: x[0], samples)
 
     def take(tallied, numbered):
         instant, length = numbered
-        zero, tips = jnp.zeros_like(length), bool(mechanics.sides)
-        return tally.add(tallied, instant, length, reach, zero, tips), None
+        return tally.add(tallied, instant, length, jnp.zeros_like(length), scope), None
 
     lengths = jnp.full_like(times, clock.step).at[0].set(0.0)
     tallied, _ = jax.lax.scan(take, tally.empty(one, body, alike=True), (samples, lengths))

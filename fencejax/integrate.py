@@ -168,7 +168,7 @@ def modal(
     """Integrate a scene by the package's own solver."""
     fidelity = mechanics.fidelity
     reach = None if mechanics.link is None else mechanics.link.reach
-    tips = bool(mechanics.sides)
+    scope = tally.Scope(reach, bool(mechanics.sides), fidelity.smoothing)
     longest = clock.counts[-1]
     # Traced once, however often the loop and the transformations around it look at the step.
     step = jax.jit(modal_step.step)
@@ -177,7 +177,7 @@ def modal(
         mechanics, clock = args
         memory, tallied = y
         memory, instant, stride, defect = step(mechanics, clock, memory, begins, ends)
-        return memory, tally.add(tallied, instant, stride.length, reach, defect, tips)
+        return memory, tally.add(tallied, instant, stride.length, defect, scope)
 
     # A corner further beyond the tip than its side is long cannot have the tip on that side.
     ends, off = (), fidelity.tip_fade

@@ -98,7 +98,7 @@ def run(scene: NormalScene, fidelity: Fidelity, history: bool) -> Result:
     def advance(args, y, begins, ends):
         state, tallied = y
         state, instant, length, unbalance = _step(args, state, begins, ends)
-        return state, tally.add(tallied, instant, length, reach, unbalance)
+        return state, tally.add(tallied, instant, length, unbalance, tally.Scope(reach))
 
     _, like, _, _ = jax.eval_shape(_step, given, begin, zero, zero)
     body = Body(reach, *(zero,) * 5)

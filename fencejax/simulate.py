@@ -334,21 +334,30 @@ def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
 
 # A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
 _UNFELT = 5e-3
-# Share of the peak force that the belt's friction may lose to its smoothing.
+# Share of the peak force that the belt's friction may lose to its smoothing at the peak.
 _SMOOTHED = 0.004
+# Share of it that a parcel may owe to how friction let go of it before.
+_CREPT = 0.0012
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
 _LOST = 40.0
 
 
 def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> Array:
-    """Whether the smoothing of the belt's friction may move the peak force by more than a share:
-    m_p g (mu_k eps + |mu_s - mu_k| w_s) / s of it, with s the slip on the belt at the peak."""
+    """Whether the smoothing of the belt's friction may move the peak force by more than a share.
+
+    At the peak it takes m_p g (mu_k eps + |mu_s - mu_k| w_s) / s of the force, with s the slip
+    there. Before, a parcel that lets go of the belt creeps for a time T, for which it is held by
+    up to |mu_s - mu_k| m_p g, as it is not by dry friction: a share of the peak force, times the
+    share |mu_s - mu_k| g T / s of the slip.
+    """
     assert scene.belt is not None
-    friction = scene.belt.friction
-    lost = friction.kinetic * fidelity.slip_speed
-    lost = lost + jnp.abs(friction.static - friction.kinetic) * fidelity.static_speed
-    pressed = tally.force.value > 0
-    return pressed & (weight * lost > _SMOOTHED * tally.force.value * tally.slip)
+    friction, peak = scene.belt.friction, tally.at_peak
+    jump = jnp.abs(friction.static - friction.kinetic)
+    lost = friction.kinetic * fidelity.slip_speed + jump * fidelity.static_speed
+    now = weight * lost > _SMOOTHED * tally.force.value * peak.slip
+    late = jump * scene.belt.gravity * peak.crept
+    before = jump * weight * late > _CREPT * tally.force.value * peak.slip
+    return (tally.force.value > 0) & (now | before)
 
 
 def _status(
@@ -386,6 +395,7 @@ def _status(
         checks.append((Status.NEVER_TOUCHED, tally.stay.touched == 0))
         checks.append((Status.IN_CONTACT_AT_END, tally.last.fence_force > 0))
         checks.append((Status.LEFT_OVER_TIP, tally.over_tip > 0))
+        checks.append((Status.PEAK_AT_TIP, tally.at_peak.cut > 0))
     body = tally.last.body
     finite = jnp.isfinite(sum(body) + tally.force.value + tally.tip.value)
     checks.append((Status.NON_FINITE, ~finite))

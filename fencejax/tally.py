@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .friction import Smoothing
 from .instant import Energy, Instant, Power
 from .kinematics import Body
 
@@ -73,15 +74,36 @@ class Stay(NamedTuple):
     touched: Array
 
 
+class Scope(NamedTuple):
+    """What a tally has to know of its scene: `reach` R_z [m], where the fence ends; with
+    `tip_contact` a corner beyond it is in contact as long as it presses; and how dry friction is
+    smoothed."""
+
+    reach: Array | None
+    tip_contact: bool = False
+    smoothing: Smoothing = Smoothing(1.0, 1.0)
+
+
+class AtPeak(NamedTuple):
+    """What was so when the fence's force was largest: `slip` [m/s] is the speed at which C_s
+    slipped on the belt, `crept` [s] how long it had crept on it until then, `cut` 1.0 where a
+    corner ran over the tip then or a step later."""
+
+    slip: Array
+    crept: Array
+    cut: Array
+
+
 class Tally(NamedTuple):
     """Running results of a scene; each is free where nobody reads it.
 
     `origin` are the energies at the start; `length` [s] is that of the last step, `None` where all
     are alike. `rough`, `rough_border` [N] are the largest second differences of the forces of the
-    fence and of the border from step to step; `slip` [m/s] is the speed at which C_s slipped on the
-    belt when the fence's force was largest; `hurry` [m/s^2] the largest |N''| G under a corner,
-    G [m/N] the compliance of the modes left out. They say whether the step, the smoothing of
-    friction and the modes resolve the motion, and have no derivative.
+    fence and of the border from step to step; `crept` [s] is how long C_s, under the fence's force,
+    has let go of the belt or come to rest on it so far, neither at rest nor sliding; `hurry`
+    [m/s^2] the largest |N''| G under a corner, G [m/N] the compliance of the modes left out. They
+    say whether the step, the smoothing of friction and the modes resolve the motion, and have no
+    derivative.
     """
 
     last: Instant
@@ -103,7 +125,8 @@ class Tally(NamedTuple):
     defect: Array
     rough: Array
     rough_border: Array
-    slip: Array
+    crept: Array
+    at_peak: AtPeak
     hurry: Array
 
 
@@ -111,13 +134,13 @@ def _border_force(instant: Instant) -> Array:
     return sum((c.normal for c in instant.border), jnp.zeros_like(instant.time))
 
 
-def _gap(instant: Instant, reach: Array | None, tip_contact: bool) -> Array:
+def _gap(instant: Instant, scope: Scope) -> Array:
     """The deepest gap of the corners that are over the fence; -1 m where there is none."""
     gap = jnp.full_like(instant.time, -1.0)
     for c in instant.fence:
-        assert reach is not None
-        before_tip = c.place <= reach
-        if tip_contact:
+        assert scope.reach is not None
+        before_tip = c.place <= scope.reach
+        if scope.tip_contact:
             before_tip = before_tip | (c.normal > 0)
         over = (c.place >= 0) & before_tip
         gap = jnp.maximum(gap, jnp.where(over, c.gap, -1.0))
@@ -151,7 +174,8 @@ def empty(like: Instant, body: Body, alike: bool) -> Tally:
         defect=zero,
         rough=zero,
         rough_border=zero,
-        slip=zero,
+        crept=zero,
+        at_peak=AtPeak(zero, zero, zero),
         hurry=zero,
     )
 
@@ -197,6 +221,30 @@ def _slip(instant: Instant) -> Array:
     return jnp.where(force > 0, by_sliding / jnp.where(force > 0, force, 1.0), 0.0)
 
 
+def _crept(tally: Tally, instant: Instant, slip: Array, length: Array, scope: Scope) -> Array:
+    """How long C_s has crept on the belt under the fence's force [s]: the integral of
+    exp(-(s / w_s)^2) dt where its slip s is beyond 2 eps, at which the belt holds with nine tenths
+    of the largest static friction."""
+    if instant.belt is None:
+        return tally.crept
+    share = jnp.exp(-((slip / scope.smoothing.static_speed) ** 2))
+    pressed = jax.lax.stop_gradient(instant.fence_force) > 0
+    creeps = pressed & (slip > 2 * scope.smoothing.slip_speed)
+    return tally.crept + jnp.where(creeps, jax.lax.stop_gradient(length) * share, 0.0)
+
+
+def _at_peak(peak: Peak, known: AtPeak, instant: Instant, slip: Array, crept: Array) -> AtPeak:
+    """`known`, or what is so now where the force has not been larger; `peak` lacks this sample."""
+    higher = instant.fence_force > peak.value
+    after = ~higher & (peak.now >= peak.value)
+    cut = jnp.where(after, jnp.maximum(known.cut, instant.over_tip), known.cut)
+    return AtPeak(
+        jnp.where(higher, slip, known.slip),
+        jnp.where(higher, crept, known.crept),
+        jnp.where(higher, instant.over_tip, cut),
+    )
+
+
 def _hurry(instant: Instant, rough: Array, length: Array) -> Array:
     """|N''| G [m/s^2]: how fast the static deflection of the modes left out is asked to change,
     times its rate of change."""
@@ -238,14 +286,10 @@ def add(
     tally: Tally,
     instant: Instant,
     length: Array,
-    reach: Array | None,
     defect: Array,
-    tip_contact: bool = False,
+    scope: Scope,
 ) -> Tally:
     """Take in the next sample, one step of `length` [s] after the last; 0 for the first sample.
-
-    `reach` R_z [m] is where the fence ends; with `tip_contact` a corner beyond it is in contact as
-    long as it presses.
 
     Integrals are by the trapezoidal rule, as the motion's are.
     """
@@ -270,6 +314,8 @@ def add(
     border = _border_force(instant)
     force, wall = tally.force, tally.border
     rough = _bend(force.before, force.now, instant.fence_force, span, second)
+    slip = _slip(instant)
+    crept = _crept(tally, instant, slip, length, scope)
     rough_border = _bend(wall.before, wall.now, border, span, second)
     return Tally(
         last=instant,
@@ -285,7 +331,7 @@ def add(
         border=wall.update(border, time, span),
         work=work,
         impulse=tally.impulse + mean(before.fence_force, instant.fence_force),
-        stay=_stayed(tally.stay, instant, before, _gap(instant, reach, tip_contact), span),
+        stay=_stayed(tally.stay, instant, before, _gap(instant, scope), span),
         deepest=_deepest(instant, tally.deepest),
         furthest=jnp.maximum(tally.furthest, instant.body.y),
         largest_place=largest_place_so_far(before, instant, tally.largest_place),
@@ -293,6 +339,7 @@ def add(
         defect=jnp.maximum(tally.defect, defect),
         rough=jnp.maximum(tally.rough, rough),
         rough_border=jnp.maximum(tally.rough_border, rough_border),
-        slip=jnp.where(instant.fence_force > force.value, _slip(instant), tally.slip),
+        crept=crept,
+        at_peak=_at_peak(force, tally.at_peak, instant, slip, crept),
         hurry=jnp.maximum(tally.hurry, _hurry(instant, rough, length)),
     )
