@@ -337,7 +337,9 @@ _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing at the peak.
 _SMOOTHED = 0.004
 # Share of it that a parcel may owe to how friction let go of it before.
-_CREPT = 0.0012
+_CREPT = 0.001
+# Share of the slip at the peak that may be the creep of a parcel that stuck before.
+_CREEP = 0.0125
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
 _LOST = 40.0
 
@@ -346,7 +348,8 @@ def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> 
     """Whether the smoothing of the belt's friction may move the peak force by more than a share.
 
     At the peak it takes m_p g (mu_k eps + |mu_s - mu_k| w_s) / s of the force, with s the slip
-    there. Before, a parcel that lets go of the belt creeps for a time T, for which it is held by
+    there. A parcel that stuck to the belt and let go before creeps meanwhile, for a time T: it has
+    a head start of eps, and of w_s as far as static and kinetic friction differ; and it is held by
     up to |mu_s - mu_k| m_p g, as it is not by dry friction: a share of the peak force, times the
     share |mu_s - mu_k| g T / s of the slip.
     """
@@ -355,9 +358,12 @@ def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> 
     jump = jnp.abs(friction.static - friction.kinetic)
     lost = friction.kinetic * fidelity.slip_speed + jump * fidelity.static_speed
     now = weight * lost > _SMOOTHED * tally.force.value * peak.slip
-    late = jump * scene.belt.gravity * peak.crept
-    before = jump * weight * late > _CREPT * tally.force.value * peak.slip
-    return (tally.force.value > 0) & (now | before)
+    held = jump * scene.belt.gravity * peak.crept
+    late = jump * weight * held > _CREPT * tally.force.value * peak.slip
+    largest = jnp.maximum(friction.static, friction.kinetic)
+    creep = largest * fidelity.slip_speed + jump * fidelity.static_speed
+    early = (peak.crept > 0.25 * fidelity.step) & (creep > _CREEP * largest * peak.slip)
+    return (tally.force.value > 0) & (now | late | early)
 
 
 def _status(

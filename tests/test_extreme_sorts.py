@@ -28,8 +28,8 @@ from extreme_sorts import (
 import fencejax as fj
 
 KIND = "sort"
-PROMISE = {"coarse": 0.012, "standard": 0.006}
-"""Of the peak force; half of what the worst of a hundred random sorts shows at `standard`."""
+PROMISE = {"coarse": 0.011, "standard": 0.0045}
+"""Of the peak force; the fidelities promise 2 % of any scene with a good status."""
 # Rows whose numbers every fidelity must give: a status that warned of all would pass all else.
 GIVEN = {
     "ordinary", "thickness-0.1m", "thickness-0.3m", "one-link", "tip-2cm", "steel", "foam",
@@ -39,6 +39,8 @@ GIVEN = {
     "flat-impact", "all-but-flat", "corner-first", "other-corner-first", "far-out", "at-the-tip",
     "grazing", "re-impact", "chatter", "jam",
 }
+# It sticks between fence and border, and is let go.
+WARNED = {("jam", "coarse")}
 # What the rungs cannot give is said, and by which status.
 SAID = {
     ("static-far-above", "coarse"): fj.Status.STEP_TOO_COARSE,
@@ -47,7 +49,7 @@ SAID = {
     ("rubber", "standard"): fj.Status.NON_FINITE,
     ("belt-20", "standard"): fj.Status.STEP_TOO_COARSE,
     ("thickness-5mm", "standard"): fj.Status.STEP_TOO_COARSE,
-    ("size-1cm", "standard"): fj.Status.DEEP_PENETRATION,
+    ("size-1cm", "standard"): fj.Status.FRICTION_SMOOTHED,
     ("never-touched", "coarse"): fj.Status.NEVER_TOUCHED,
     ("drive-still", "standard"): fj.Status.NEVER_TOUCHED,
     ("at-the-tip", "coarse"): fj.Status.NEVER_TOUCHED,
@@ -60,7 +62,7 @@ SAID = {
 def test_right_or_said(name, fidelity):
     at = lane(KIND, name)
     status, values = (each[at] for each in rung(KIND, fidelity)[:2])
-    if name in GIVEN:
+    if name in GIVEN and (name, fidelity) not in WARNED:
         assert status <= fj.Status.LEFT_OVER_TIP
     if (name, fidelity) in SAID:
         assert status == SAID[name, fidelity]
@@ -76,8 +78,7 @@ def test_right_or_said(name, fidelity):
 # --- Gradients ----------------------------------------------------------------------------------
 
 GRADIENT_PROMISE = 0.10
-"""Of the peak force at `coarse`, as elasticities and relative to their norm: half of what the
-docstring says of the worst impact."""
+"""Of the peak force at `coarse`, as elasticities and relative to their norm."""
 
 
 @functools.cache
@@ -86,9 +87,9 @@ def own_differences():
 
 
 TOUCHED = sorted(GIVEN - {"never-touched", "drive-still", "at-the-tip"})
-HARD = {"friction-5": 0.16, "re-impact": 0.35}
-"""A corner that sticks to the fence and lets go, and one that springs back undamped and strikes
-again: right in the value, and not so in the derivative of what comes later. No status says so."""
+HARD = {"re-impact": 0.22}
+"""A corner that springs back undamped and strikes again: what the docstring says of the worst
+impact."""
 
 
 @pytest.mark.parametrize("name", TOUCHED)

@@ -14,23 +14,16 @@ from extreme_sorts import ROWS, lane, outcome, rung, true_slopes
 
 import fencejax as fj
 
-PROMISE = {"coarse": 0.01, "standard": 0.003}
-"""Of the peak force."""
-STUCK = {
-    ("flush", "friction-5", "coarse"): 0.035,
-    ("flush", "friction-5", "standard"): 0.012,
-    ("flush", "belt-friction-5", "standard"): 0.012,
-    ("border", "belt-friction-5", "standard"): 0.004,
-    ("border", "static-far-above", "standard"): 0.014,
-}
-"""A corner that sticks to the fence, or a parcel that sticks to the belt, creeps as fast as
-friction is smoothed over. No status says so."""
+PROMISE = {"coarse": 0.0055, "standard": 0.003}
+"""Of the peak force; the fidelities promise 2 % of any scene with a good status."""
+STUCK = {("flush", "belt-friction-5", "standard"): 0.012}
+"""The parcel turns about a place at which it sticks to the belt."""
 GIVEN = {
     "flush": {
         "ordinary", "one-link", "steel", "undamped", "mass-1g", "mass-100g", "mass-100kg",
         "size-10cm", "size-1m", "centre-at-an-edge", "centre-low", "stiffness-1e6", "no-damping",
-        "no-friction", "friction-5", "static-is-kinetic", "belt-still", "drive-fast", "hinge",
-        "near-the-tip", "drive-at-its-start",
+        "no-friction", "static-is-kinetic", "belt-still", "drive-fast", "hinge", "near-the-tip",
+        "drive-at-its-start",
     },
     "border": {
         "ordinary", "thickness-0.1m", "thickness-0.3m", "one-link", "tip-2cm", "steel", "foam",
@@ -39,7 +32,13 @@ GIVEN = {
         "belt-still", "drive-fast", "hinge", "jam",
     },
 }
+# Two modes or steps of 1 ms are not enough for them, and the status says so.
+WARNED = {
+    ("flush", "one-link"), ("flush", "steel"), ("flush", "drive-fast"),
+    ("flush", "drive-at-its-start"), ("border", "size-1m"), ("border", "hinge"),
+}
 SAID = {
+    ("flush", "friction-5"): fj.Status.PEAK_AT_TIP,
     ("flush", "ordinary"): fj.Status.LEFT_OVER_TIP,
     ("flush", "hinge"): fj.Status.IN_CONTACT_AT_END,
     ("flush", "thickness-5mm"): fj.Status.MODES_TOO_FEW,
@@ -57,7 +56,7 @@ CASES = [(kind, name) for kind in GIVEN for name in ROWS[kind]]
 def test_right_or_said(kind, name, fidelity):
     at = lane(kind, name)
     status, values = (each[at] for each in rung(kind, fidelity)[:2])
-    if name in GIVEN[kind]:
+    if name in GIVEN[kind] and (fidelity != "coarse" or (kind, name) not in WARNED):
         assert status <= fj.Status.LEFT_OVER_TIP
     if fidelity == "standard" and (kind, name) in SAID:
         assert status == SAID[kind, name]
@@ -73,20 +72,16 @@ def test_right_or_said(kind, name, fidelity):
 # --- Gradients ----------------------------------------------------------------------------------
 
 
-HARD = {("flush", "drive-fast"): 0.19, ("flush", "friction-5"): 0.13}
-"""Both leave over the tip, within a few steps of 1 ms: the value is right, its derivative is that
-of the value at this step. No status says more than `LEFT_OVER_TIP`."""
+GIVEN_AT_COARSE = [(k, n) for k in GIVEN for n in sorted(GIVEN[k]) if (k, n) not in WARNED]
 
 
-@pytest.mark.parametrize(("kind", "name"), [(k, n) for k in GIVEN for n in sorted(GIVEN[k])])
+@pytest.mark.parametrize(("kind", "name"), GIVEN_AT_COARSE)
 def test_gradients_are_within_the_promise(kind, name):
-    """At `coarse`, of the peak force, relative to its norm: half of what the docstring says of the
-    worst impact."""
+    """At `coarse`, of the peak force, relative to its norm."""
     at = lane(kind, name)
     slopes, true = rung(kind, "coarse")[2][at], true_slopes(kind)[at]
     assert np.all(np.isfinite(slopes))
-    promise = HARD.get((kind, name), 0.10)
-    assert np.linalg.norm(slopes - true) <= promise * np.linalg.norm(true)
+    assert np.linalg.norm(slopes - true) <= 0.10 * np.linalg.norm(true)
 
 
 # --- The normal impact --------------------------------------------------------------------------

@@ -16,18 +16,13 @@ from extreme_scenes import ORDINARY, TRUTH, impact, stack
 
 import fencejax as fj
 
-PROMISE = {"coarse": 0.008, "fast": 0.008, "standard": 0.0025}
-"""Of the peak force, for every row with a good status but those of `SLOW`: several times what the
-docstrings of the fidelities promise of ordinary impacts."""
-GRADIENT_PROMISE = {"coarse": 0.22, "fast": 0.08, "standard": 0.021}
-"""The same for its gradient, as elasticities and relative to its norm; for the rows of `GIVEN`. In
-the others a contact of ten steps adds 3 % at most."""
-OVER_TIP = {"reach-0.3m", "belt-20", "drive-at-its-start", "over-the-tip"}
-"""The force ends over 5 mm within a few steps, `LEFT_OVER_TIP`: the value is right, its derivative
-is that of the value at this step, and may be off by half."""
-SLOW = {"drive-at-its-start": 0.012, "static-far-above": 0.006}
-"""Until the peak the parcel slips not much faster than friction is smoothed over: some of what
-`FRICTION_SMOOTHED` lets pass."""
+PROMISE = {"coarse": 0.003, "fast": 0.004, "standard": 0.0015, "reference": 0.0025}
+"""Of the peak force, for every row with a good status; the fidelities promise 2 % of any scene.
+`reference` has the paper's chords where the truth has the arc."""
+GRADIENT_PROMISE = {"coarse": 0.035, "fast": 0.02, "standard": 0.015, "reference": 0.006}
+"""The same for its gradient, as elasticities and relative to its norm; for the rows of `GIVEN`."""
+HARD = {"coarse": 0.05, "fast": 0.11, "standard": 0.05, "reference": 0.05}
+"""The same for the other rows: a contact of ten steps, friction of 5."""
 
 # Designs: (changes of the ordinary impact).
 ROWS = {
@@ -130,6 +125,13 @@ GIVEN = {
 }
 # It rides along the fence to its tip, where the force ends within a few steps of 1 ms.
 WARNED = {("no-friction", "coarse")}
+# What happened is said, and by which status.
+SAID = {
+    ("reach-0.3m", "standard"): fj.Status.PEAK_AT_TIP,
+    ("drive-at-its-start", "standard"): fj.Status.FRICTION_SMOOTHED,
+    ("no-friction", "standard"): fj.Status.LEFT_OVER_TIP,
+    ("approach-1e-6", "coarse"): fj.Status.SUCCESSFUL,
+}
 VARIED = ("thickness", "modulus", "density", "mass", "stiffness", "belt", "reach", "belt_kinetic")
 FIELDS = ("peak_force", "tip_deflection", "impulse", "peak_stress", "furthest_y")
 
@@ -203,14 +205,15 @@ def test_right_or_said(name, fidelity):
         return
     if name in GIVEN and (name, fidelity) not in WARNED:
         assert status <= fj.Status.LEFT_OVER_TIP
+    if (name, fidelity) in SAID:
+        assert status == SAID[name, fidelity]
     if status > fj.Status.LEFT_OVER_TIP:
         return
     assert finite
     assert np.all(np.isfinite(slopes))
     other, true = (each[lane] for each in truth())
     if status != fj.Status.NEVER_TOUCHED and other <= fj.Status.LEFT_OVER_TIP:
-        promise = SLOW.get(name, PROMISE[fidelity])
-        assert abs(values[0] - true[0]) <= promise * true[0]
+        assert abs(values[0] - true[0]) <= PROMISE[fidelity] * true[0]
 
 
 STRETCH = 2e-4
@@ -250,14 +253,14 @@ def true_slopes():
 
 
 @pytest.mark.parametrize("fidelity", GRADIENT_PROMISE)
-@pytest.mark.parametrize("name", sorted(set(ROWS) - REFUSED - OVER_TIP))
+@pytest.mark.parametrize("name", sorted(set(ROWS) - REFUSED))
 def test_gradients_are_within_the_promise(name, fidelity):
     lane = list(ROWS).index(name)
     status, _, slopes, _ = (each[lane] for each in outcome(fidelity))
     if max(status, truth()[0][lane]) > fj.Status.LEFT_OVER_TIP:
         assert name not in GIVEN or (name, fidelity) in WARNED
         return
-    promise = GRADIENT_PROMISE[fidelity] + (0 if name in GIVEN else 0.03)
+    promise = (GRADIENT_PROMISE if name in GIVEN else HARD)[fidelity]
     off = np.linalg.norm(slopes[0] - true_slopes()[lane])
     assert off <= promise * np.linalg.norm(true_slopes()[lane])
 
