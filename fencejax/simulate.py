@@ -337,7 +337,7 @@ _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing at the peak.
 _SMOOTHED = 0.004
 # Share of it that a parcel may owe to how friction let go of it before.
-_CREPT = 0.001
+_CREPT = 0.0012
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
 _CREEP = 0.0125
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].

@@ -222,15 +222,20 @@ def _slip(instant: Instant) -> Array:
 
 
 def _crept(tally: Tally, instant: Instant, slip: Array, length: Array, scope: Scope) -> Array:
-    """How long C_s has crept on the belt under the fence's force [s]: the integral of
-    exp(-(s / w_s)^2) dt where its slip s is beyond 2 eps, at which the belt holds with nine tenths
-    of the largest static friction."""
+    """How long C_s has crept on the belt under the fence's force [s]: its slip, linear over a step,
+    was between 2 eps, at which the belt holds with nine tenths of the largest static friction, and
+    w_s, at which it holds with a third of what static friction has over kinetic."""
     if instant.belt is None:
         return tally.crept
-    share = jnp.exp(-((slip / scope.smoothing.static_speed) ** 2))
+    least, most = 2 * scope.smoothing.slip_speed, scope.smoothing.static_speed
+    before = _slip(tally.last)
+    change = slip - before
+    moves = jnp.abs(change) > 1e-6 * most
+    within = jnp.clip(slip, least, most) - jnp.clip(before, least, most)
+    still = jnp.where((slip > least) & (slip < most), 1.0, 0.0)
+    share = jnp.where(moves, within / jnp.where(moves, change, 1.0), still)
     pressed = jax.lax.stop_gradient(instant.fence_force) > 0
-    creeps = pressed & (slip > 2 * scope.smoothing.slip_speed)
-    return tally.crept + jnp.where(creeps, jax.lax.stop_gradient(length) * share, 0.0)
+    return tally.crept + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
 
 
 def _at_peak(peak: Peak, known: AtPeak, instant: Instant, slip: Array, crept: Array) -> AtPeak:
