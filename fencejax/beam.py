@@ -17,6 +17,7 @@ import numpy as np
 
 from .taper import AbstractTaper
 
+ARC_MODES = 3
 _GAUSS_POINTS = 10
 
 
@@ -52,8 +53,9 @@ class BeamTables(NamedTuple):
     relative_thickness: Any
     """(n,): g at the nodes 0 ... n - 1."""
     shortening: Any
-    """(n + 1, m, m, 2): integral of 1/2 phi_i' phi_j' from the root to the node, and its derivative
-    in x / l_p there: how much of its length the bent link loses along the straight line."""
+    """(n + 1, a, a, 2): integral of 1/2 phi_i' phi_j' from the root to the node, and its derivative
+    in x / l_p there: how much of its length the link, bent in its first modes, `ARC_MODES` at most,
+    loses along the straight line."""
     cubed: Any
     """(n + 1, 2): integral of 1/6 phi_1'^3, and its derivative: what the sine of the first mode's
     slope takes off the deflection."""
@@ -172,8 +174,10 @@ def build_tables(
         residual_tip=xp.concatenate([np.zeros((1, 2)), tip]),
         moment=_moments(taper, elements, values, full, xp),
         relative_thickness=taper(stations[:-1], 1.0 - stations[:-1]) + 0.0 * values[:1].sum(),
-        shortening=_integrated(lambda s: 0.5 * s[..., :, None] * s[..., None, :], full, xp),
-        cubed=_integrated(lambda s: s[..., :1].sum(-1) ** 3 / 6, full, xp),
+        shortening=_integrated(
+            lambda s: 0.5 * s[..., :, None] * s[..., None, :], full[:, :ARC_MODES], xp
+        ),
+        cubed=_integrated(lambda s: s[..., :1].sum(-1) ** 3 / 6, full[:, :1], xp),
     )
 
 

@@ -8,10 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .beam import BeamTables
+from .beam import ARC_MODES, BeamTables
 from .fidelity import Fidelity
 
-_ARC_MODES = 3
 MOST_SCALAR_MODES = 8
 
 Blocks = tuple[Array, ...]
@@ -51,7 +50,7 @@ class ShapeTable(eqx.Module):
     def __init__(self, tables: BeamTables, fidelity: Fidelity):
         n = fidelity.elements
         self.modes = fidelity.mode_count
-        self.arc_modes = min(self.modes, _ARC_MODES) if fidelity.geometry == "arc" else 0
+        self.arc_modes = min(self.modes, ARC_MODES) if fidelity.geometry == "arc" else 0
         self.shared = fidelity.load == "shared"
         self.corrected = fidelity.residual
         parts = [_cubics(tables.deflection, tables.slope, n)]
