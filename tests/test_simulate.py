@@ -275,9 +275,10 @@ def modal_impact():
 @pytest.mark.parametrize("integrator", ["kvaerno5", "tsit5"])
 def test_general_integrators_agree(integrator):
     # Both solve the same equations. The modal one's step leaves (h / T)^2 with T = 0.1 s of
-    # contact, some 1e-5; the general ones their tolerance, 1e-7.
+    # contact, some 1e-5; the general ones their tolerance, 1e-7. Friction is as smooth as these
+    # need it, and all say so.
     ours, theirs = modal_impact(), one_impact(integrator)
-    assert int(theirs.status) == int(ours.status) == fj.Status.IN_CONTACT_AT_END
+    assert int(theirs.status) == int(ours.status) == fj.Status.FRICTION_SMOOTHED
     for field in ("peak_force", "impulse", "tip_deflection", "furthest_y"):
         assert float(getattr(ours, field)) == pytest.approx(
             float(getattr(theirs, field)), rel=1e-4
