@@ -11,9 +11,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from extreme_scenes import USUAL, WIDE, draw, impact
 from hypothesis import HealthCheck, given, settings, strategies as st
-from offline_fuzz import LANES, check, program
+from offline_fuzz import HALVES, LANES, PROMISE, check, errors, program, truth
 
 import fencejax as fj
 
@@ -34,6 +35,21 @@ def test_finite_or_flagged(seed, ranges):
     the ledger gains nothing."""
     numbers = draw(seed, LANES, ranges)
     check(numbers, jax.device_get(program()(numbers)))
+
+
+@pytest.mark.parametrize("half", HALVES)
+def test_a_good_status_keeps_its_promise(half):
+    """256 scenes beside those that the offline run compares, in value and in gradient."""
+    compared = 0
+    for k in range(2):
+        numbers = draw([7, k], LANES, HALVES[half])
+        outcome = jax.device_get(program()(numbers))
+        value, gradient, same = errors(outcome, jax.device_get(truth()(numbers)))
+        compared += len(value)
+        of_value, of_gradient = PROMISE["fast"]
+        assert np.all(value <= of_value)
+        assert np.all(gradient[same] <= of_gradient)
+    assert compared >= {"usual": 150, "wide": 10}[half]
 
 
 def test_a_derivative_that_is_not_finite_is_said():
