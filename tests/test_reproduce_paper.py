@@ -146,7 +146,7 @@ def test_maps_are_single_impacts(quick):
     drawn = outcome.maps
     assert drawn.force.shape == (2, 10, 10)
     assert sum(drawn.counts().values()) == drawn.force.size
-    assert drawn.counts()["LEFT_OVER_TIP"] > 0
+    assert drawn.counts()["PEAK_AT_TIP"] > 0
     for i, j in ((4, 6), (9, 2)):
         force, tip = impact(
             fj.Fence.one_link(), jnp.asarray(drawn.masses[i]), jnp.asarray(drawn.distances[j])
