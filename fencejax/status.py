@@ -15,7 +15,7 @@ class Status(enum.IntEnum):
     """The outcome of a simulation, one a lane; the largest that applies counts.
 
     `text` says the likely cause and what to change. Up to `LEFT_OVER_TIP` the numbers are good
-    within the fidelity's error; from `PEAK_AT_TIP` on they are not to be relied on, and
+    within what `Fidelity` promises; from `PEAK_AT_TIP` on they are not to be relied on, and
     `fencejax.good` takes them out of a sum and of its gradient.
     """
 
