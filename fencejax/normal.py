@@ -33,7 +33,8 @@ from .mechanics import Contact
 from .parcel import Parcel
 from .result import Result, gather
 from .scenes import NormalScene
-from .status import LAGGING, ROUGH, Status, worst
+from .status import Status, worst
+from .verdict import LAGGING, ROUGH
 
 
 class _State(NamedTuple):

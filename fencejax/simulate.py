@@ -2,8 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -12,9 +11,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array
 
-from . import _check, error, general, integrate, modal_step, normal
+from . import _check, error, general, integrate, modal_step, normal, verdict
 from .clock import Clock, stride_counts
-from .consistency import consistent
 from .drive import AbstractDrive, DriveMotion
 from .fidelity import Fidelity
 from .forward import by_columns
@@ -27,8 +25,7 @@ from .propagation import Propagator
 from .result import Result, gather
 from .scenes import NormalScene, Scene
 from .start import Pose
-from .status import LAGGING, ROUGH, Status, worst
-from .tally import Tally
+from .status import Status
 from .taper import AbstractTaper
 
 
@@ -175,74 +172,14 @@ def _program(structure, fidelity: Fidelity, history: bool, only: tuple[str, ...]
         if only is not None:
             dropped = {name: None for name in _FIELDS if name not in only}
             result = dataclasses.replace(result, **dropped)
-        return _sound(scene, result)
+        return verdict.of_result(scene, result)
 
-    run = by_columns(outcome, _derived) if fidelity.gradient == "forward" else outcome
+    run = by_columns(outcome, verdict.of_derivatives) if fidelity.gradient == "forward" else outcome
     options = None
     if fidelity.integrator != "modal":
         # Their programs are ten times as large: as one kernel they take many minutes to optimise.
         options = {"xla_backend_optimization_level": 0}
     return run, jax.jit(run, compiler_options=options)
-
-
-# Not a number where there was no contact.
-_MAY_BE_NAN = ("first_contact", "last_contact", "leave_x", "leave_y", "status")
-# Of a whole result, what shows that derivatives were lost on the way.
-_TELLING = ("final", "tip_deflection")
-
-
-def _finite(fields: Mapping[str, Any]) -> Array:
-    """Whether all numbers of a result's fields are finite that have to be."""
-    finite = jnp.asarray(True)
-    for leaf in jax.tree.leaves({f: v for f, v in fields.items() if f not in _MAY_BE_NAN}):
-        finite = finite & jnp.all(jnp.isfinite(leaf))
-    return finite
-
-
-# Share of the energy turned over that a ledger may gain.
-_GAIN = 0.05
-
-
-def _gained(scene: NormalScene | Scene, result: Result) -> Array:
-    """Whether the energy ledger ends with more than the work done accounts for: a residual above
-    5 % of what was turned over, the parcel's kinetic energy at the end and the sizes of the
-    ledger's terms together."""
-    parcel, final = scene.parcel, result.final
-    held = 0.5 * parcel.mass * (final.x_rate**2 + final.y_rate**2)
-    held = held + 0.5 * parcel.inertia * final.spin**2
-    turned = held + sum(jnp.abs(term) for term in jax.tree.leaves(result.energy))
-    return result.energy.residual > _GAIN * turned
-
-
-def _sound(scene: NormalScene | Scene, result: Result) -> Result:
-    """The same with the status `ENERGY_GAINED` where the ledger is wanted and says so, and
-    `NON_FINITE` where a number is not finite, and then without derivatives: a lane whose value is
-    taken out of a sum is out of the sum's gradient too."""
-    status = jax.lax.stop_gradient(result.status)
-    if result.energy is not None and result.final is not None:
-        gain = _gained(*jax.lax.stop_gradient((scene, result)))
-        status = jnp.where(gain, jnp.maximum(status, float(Status.ENERGY_GAINED)), status)
-    finite = jax.lax.stop_gradient(_finite(vars(result)))
-    status = jnp.where(finite, status, float(Status.NON_FINITE))
-    lost = status >= Status.NON_FINITE
-    result = jax.tree.map(
-        lambda leaf: jnp.where(lost, jax.lax.stop_gradient(leaf), leaf), result
-    )
-    return eqx.tree_at(lambda r: r.status, result, status)
-
-
-def _derived(result: Result, columns: Result) -> tuple[Result, Result]:
-    """The same with the status `NON_FINITE` and derivatives of 0 where a derivative is not finite,
-    as of a state that runs away and is finite still.
-
-    A motion whose derivative is lost ends without one. So in a whole result the end and the tip
-    tell: looking at all of it would cost the derivatives that nobody reads.
-    """
-    whole = columns.final is not None
-    finite = _finite({f: c for f, c in vars(columns).items() if not whole or f in _TELLING})
-    status = jnp.where(finite, result.status, float(Status.NON_FINITE))
-    columns = jax.tree.map(lambda leaf: jnp.where(finite, leaf, jnp.zeros_like(leaf)), columns)
-    return eqx.tree_at(lambda r: r.status, result, status), columns
 
 
 def _result(scene, fidelity: Fidelity, history: bool, only) -> Result:
@@ -328,81 +265,5 @@ def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
         tally, samples, done = general.run(mechanics, clock, memory.body, vibration, steps)
     return gather(
         tally, samples if history else None, clock.start,
-        _status(scene, mechanics, tally, done, clock.start),
+        verdict.of_tally(scene, mechanics, tally, done, clock.start),
     )
-
-
-# A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
-_UNFELT = 5e-3
-# Share of the peak force that the belt's friction may lose to its smoothing at the peak.
-_SMOOTHED = 0.004
-# Share of it that a parcel may owe to how friction let go of it before.
-_CREPT = 0.0012
-# Share of the slip at the peak that may be the creep of a parcel that stuck before.
-_CREEP = 0.0125
-# Tip deflection that only a motion out of control has, in limits of the linear beam [1].
-_LOST = 40.0
-
-
-def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> Array:
-    """Whether the smoothing of the belt's friction may move the peak force by more than a share.
-
-    At the peak it takes m_p g (mu_k eps + |mu_s - mu_k| w_s) / s of the force, with s the slip
-    there. A parcel that stuck to the belt and let go before creeps meanwhile, for a time T: it has
-    a head start of eps, and of w_s as far as static and kinetic friction differ; and it is held by
-    up to |mu_s - mu_k| m_p g, as it is not by dry friction: a share of the peak force, times the
-    share |mu_s - mu_k| g T / s of the slip.
-    """
-    assert scene.belt is not None
-    friction, peak = scene.belt.friction, tally.at_peak
-    jump = jnp.abs(friction.static - friction.kinetic)
-    lost = friction.kinetic * fidelity.slip_speed + jump * fidelity.static_speed
-    now = weight * lost > _SMOOTHED * tally.force.value * peak.slip
-    held = jump * scene.belt.gravity * peak.crept
-    late = jump * weight * held > _CREPT * tally.force.value * peak.slip
-    largest = jnp.maximum(friction.static, friction.kinetic)
-    creep = largest * fidelity.slip_speed + jump * fidelity.static_speed
-    early = (peak.crept > 0.25 * fidelity.step) & (creep > _CREEP * largest * peak.slip)
-    return (tally.force.value > 0) & (now | late | early)
-
-
-def _status(
-    scene: Scene, mechanics: Mechanics, tally: Tally, done: Array | float, start_time: Array
-) -> Array:
-    """The largest status that applies, as a floating-point number."""
-    tally = jax.lax.stop_gradient(tally)
-    scene = jax.lax.stop_gradient(scene)
-    parcel = scene.parcel
-    side = jnp.minimum(parcel.length, parcel.breadth)
-    checks = [(Status.DEEP_PENETRATION, tally.deepest > side / 2)]
-    forces = jnp.maximum(tally.force.value, tally.border.value)
-    weight = parcel.mass * (0.0 if scene.belt is None else scene.belt.gravity)
-    # Where the fence is touched its force must be right beside a large weight, too.
-    share = max(1e-3, 4 * modal_step.tolerance(parcel.mass.dtype))
-    allowed = share * (forces + jnp.where(tally.stay.touched > 0, 0.0, weight))
-    checks.append((Status.STEP_TOO_COARSE, tally.defect > allowed + 1e-9))
-    for peak, rough in ((tally.force, tally.rough), (tally.border, tally.rough_border)):
-        felt = ROUGH * peak.value + _UNFELT * forces
-        checks.append((Status.STEP_TOO_COARSE, rough > felt))
-    checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
-    checks.append((Status.INCONSISTENT, ~consistent(scene, start_time)))
-    if scene.belt is not None and scene.fence_corners:
-        lost = _smoothed(scene, mechanics.fidelity, tally, weight)
-        checks.append((Status.FRICTION_SMOOTHED, lost))
-    if mechanics.link is not None and mechanics.link.frequency_squared:
-        highest = jax.lax.stop_gradient(mechanics.link.eigenvalues[-1])
-        checks.append((Status.MODES_TOO_FEW, tally.hurry > LAGGING * highest * tally.deepest))
-    if scene.fence is not None:
-        limit = scene.fence.flexible_length / 4
-        checks.append((Status.LARGE_DEFLECTION, tally.tip.value > limit))
-        # It runs away: finite still, but its derivatives may be so no more.
-        checks.append((Status.NON_FINITE, tally.tip.value > _LOST * limit))
-    if scene.fence_corners:
-        checks.append((Status.NEVER_TOUCHED, tally.stay.touched == 0))
-        checks.append((Status.IN_CONTACT_AT_END, tally.last.fence_force > 0))
-        checks.append((Status.LEFT_OVER_TIP, tally.over_tip > 0))
-        checks.append((Status.PEAK_AT_TIP, tally.at_peak.cut > 0))
-    body = tally.last.body
-    finite = jnp.isfinite(sum(body) + tally.force.value + tally.tip.value)
-    checks.append((Status.NON_FINITE, ~finite))
-    return worst(checks, body.x)

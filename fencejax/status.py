@@ -76,13 +76,6 @@ _TEXT = {
 # The last of the statuses whose numbers still follow the design, though less well than they should:
 # an optimiser learns from them, and ends at none.
 DOUBTFUL = Status.MODES_TOO_FEW
-# A force whose second difference from step to step is a larger share of its peak than this is not
-# resolved. Below it, over random scenes far beyond the ordinary, the peak is off by 1.2 % at most.
-ROUGH = 0.2
-# What the modes left out may lag behind their static deflection, as a share of the depth of the
-# contact, a quarter of its share in the force: |N''| G / w^2 with their compliance G and the square
-# of the highest frequency kept.
-LAGGING = 0.02
 
 
 def worst(checks, like: Array) -> Array:
