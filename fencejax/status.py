@@ -58,8 +58,8 @@ _TEXT = {
     Status.FRICTION_SMOOTHED: "the parcel slips on the belt hardly faster than dry friction is "
     "smoothed over, or stuck to it and lets go; lower `slip_speed` and `static_speed` in the "
     "fidelity",
-    Status.MODES_TOO_FEW: "the force changes faster than the bending modes left out can follow; "
-    "raise `modes` in the fidelity",
+    Status.MODES_TOO_FEW: "the force changes faster than the bending modes left out can follow, or "
+    "bends the fence in them; raise `modes` in the fidelity",
     Status.ENERGY_GAINED: "the energy ledger ends with more than the work done accounts for; "
     "lower `step` in the fidelity",
     Status.STEP_TOO_COARSE: "a step's equations were not solved, or the force rose or fell within "

@@ -101,9 +101,9 @@ class Tally(NamedTuple):
     are alike. `rough`, `rough_border` [N] are the largest second differences of the forces of the
     fence and of the border from step to step; `crept` [s] is how long C_s, under the fence's force,
     has let go of the belt or come to rest on it so far, neither at rest nor sliding; `hurry`
-    [m/s^2] the largest |N''| G under a corner, G [m/N] the compliance of the modes left out. They
-    say whether the step, the smoothing of friction and the modes resolve the motion, and have no
-    derivative.
+    [m/s^2] the largest |N''| G under a corner, G [m/N] the compliance of the modes left out, and
+    `carried` [m] the largest deflection G N that they take there. They say whether the step, the
+    smoothing of friction and the modes resolve the motion, and have no derivative.
     """
 
     last: Instant
@@ -128,6 +128,7 @@ class Tally(NamedTuple):
     crept: Array
     at_peak: AtPeak
     hurry: Array
+    carried: Array
 
 
 def _border_force(instant: Instant) -> Array:
@@ -177,6 +178,7 @@ def empty(like: Instant, body: Body, alike: bool) -> Tally:
         crept=zero,
         at_peak=AtPeak(zero, zero, zero),
         hurry=zero,
+        carried=zero,
     )
 
 
@@ -258,6 +260,13 @@ def _hurry(instant: Instant, rough: Array, length: Array) -> Array:
         largest = jnp.maximum(largest, compliance)
     pace = jnp.where(length > 0, 1 / jnp.where(length > 0, length, 1.0), 0.0)
     return largest * rough * jax.lax.stop_gradient(pace) ** 2
+
+
+def _carried(instant: Instant, least: Array) -> Array:
+    """The largest static deflection under a corner that the modes left out take [m], so far."""
+    for compliance, load in jax.lax.stop_gradient(instant.carried):
+        least = jnp.maximum(least, compliance * jnp.abs(load))
+    return least
 
 
 def _stayed(stay: Stay, instant: Instant, before: Instant, gap: Array, span: Span) -> Stay:
@@ -347,4 +356,5 @@ def add(
         crept=crept,
         at_peak=_at_peak(force, tally.at_peak, instant, slip, crept),
         hurry=jnp.maximum(tally.hurry, _hurry(instant, rough, length)),
+        carried=_carried(instant, tally.carried),
     )

@@ -25,6 +25,9 @@ ROUGH = 0.2
 # contact, a quarter of its share in the force: |N''| G / w^2 with their compliance G and the square
 # of the highest frequency kept.
 LAGGING = 0.02
+# What the modes left out may bend the fence statically, as a share of the flexible link's length:
+# the force is right in it, the turn of the fence under the corner is not.
+TURNING = 0.004
 # A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
 _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing at the peak.
@@ -85,6 +88,9 @@ def of_tally(
     if mechanics.link is not None and mechanics.link.frequency_squared:
         highest = jax.lax.stop_gradient(mechanics.link.eigenvalues[-1])
         checks.append((Status.MODES_TOO_FEW, tally.hurry > LAGGING * highest * tally.deepest))
+        assert scene.fence is not None
+        turned = tally.carried > TURNING * scene.fence.flexible_length
+        checks.append((Status.MODES_TOO_FEW, turned))
     if scene.fence is not None:
         limit = scene.fence.flexible_length / 4
         checks.append((Status.LARGE_DEFLECTION, tally.tip.value > limit))

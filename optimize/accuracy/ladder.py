@@ -119,8 +119,9 @@ def _ladder(modes, bare_modes, elements, slips, steps, fades) -> Ladder:
             "tip_fade", base,
             [(f"{1e3 * d:g} mm", d, {"tip_fade": d}) for d in fades],
         ),
+        # Single precision refuses steps as short as the other knobs'.
         "precision": _knob(
-            "precision", base,
+            "precision", base.replace(step=2.5e-4),
             [("float32", 32, {"precision": "float32"}), ("float64", 64, {})],
         ),
     }  # fmt: skip
