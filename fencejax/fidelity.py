@@ -131,9 +131,9 @@ class Fidelity:
     def coarse(cls, **changes) -> "Fidelity":
         """Two modes, steps of 1 ms, friction smoothed over 1 mm/s: for sweeps.
 
-        Of 256 random impacts (`optimize.work_precision`) the peak force is off by 0.14 % and its
-        gradient, as elasticities and relative to its norm, by 2.4 % in 95 % of them; in the worst
-        by 1.8 % and 22 %. A third of the cost of `standard` in a batch.
+        Of 256 random impacts (`optimize.work_precision`) the peak force is off by 0.1 % and its
+        gradient, as elasticities and relative to its norm, by 2.1 % in 95 % of them; in the worst
+        by 0.16 % and 7 %. A third of the cost of `standard` in a batch.
         """
         settings = dict(modes=2, step=1e-3, slip_speed=1e-3, static_speed=5e-3)
         return cls(**{**settings, **changes})
@@ -143,8 +143,8 @@ class Fidelity:
         """Four modes, steps of 0.5 ms, friction smoothed over 0.5 mm/s: for searches.
 
         Of the same impacts the peak force is off by 0.03 % and its gradient by 1.3 % in 95 %; in
-        the worst by 0.16 % and 11 %, where friction turns round near the peak. Half the cost of
-        `standard`.
+        the worst by 0.16 % and 11 %, where friction turns round near the peak. Six tenths of the
+        cost of `standard`.
         """
         return cls(**{"step": 5e-4, **changes})
 
@@ -152,8 +152,8 @@ class Fidelity:
     def standard(cls, **changes) -> "Fidelity":
         """The default: four modes, steps of 0.25 ms, friction smoothed over 0.5 mm/s.
 
-        Of the same impacts the peak force is off by 0.02 % and its gradient by 0.6 % in 95 %, by
-        0.16 % and 2 % in the worst. Wider ranges give worse cases: ask `choose_fidelity`.
+        Of the same impacts the peak force is off by 0.02 % and its gradient by 0.5 % in 95 %, by
+        0.16 % and 1.9 % in the worst. Wider ranges give worse cases: ask `choose_fidelity`.
         """
         return cls(**changes)
 
@@ -163,7 +163,7 @@ class Fidelity:
         double precision.
 
         Within 2e-5 of an independent version with all modes and the same smoothing, which itself
-        moves the peak force of the same impacts by less than 0.005 % and its gradient by 0.1 %.
+        moves the peak force of the same impacts by 0.005 % at most and its gradient by 0.1 %.
         Thirty times the cost of `standard`.
         """
         settings = dict(

@@ -88,8 +88,7 @@ def own_differences():
 
 TOUCHED = sorted(GIVEN - {"never-touched", "drive-still", "at-the-tip"})
 HARD = {"re-impact": 0.22}
-"""A corner that springs back undamped and strikes again: what the docstring says of the worst
-impact."""
+"""A corner that springs back undamped and strikes again."""
 
 
 @pytest.mark.parametrize("name", TOUCHED)
