@@ -1,11 +1,14 @@
 """What a simulation says about itself: each status where it belongs, and what is refused before
 anything is compiled."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from extreme_scenes import ORDINARY, TRUTH, impact, stack
 
 import fencejax as fj
 
@@ -101,6 +104,42 @@ def test_heavy_parcels_are_refused_or_right():
             history=False,
         )
         assert int(result.status) > fj.Status.LEFT_OVER_TIP
+
+
+@functools.cache
+def told(name):
+    """Status and peak force of two impacts at a fidelity: a heavy parcel that bends the fence far,
+    and one that sticks to the belt until the fence lets it go."""
+    fidelity = TRUTH if name == "truth" else getattr(fj.Fidelity, name)()
+    rows = [
+        ORDINARY | {"mass": 75.0, "stiffness": 1e6},
+        ORDINARY | {
+            "mass": 2.0, "belt_kinetic": 0.31, "belt_static": 0.77, "stiffness": 1.6e8,
+            "damping": 1.6e4, "kinetic": 0.06, "static": 0.32, "angle": 0.02, "top_speed": 0.6,
+        },
+    ]
+
+    @jax.jit
+    @jax.vmap
+    def run(x):
+        result = fj.simulate(impact(x, 0.1), fidelity=fidelity, only=("peak_force",))
+        return result.status, result.peak_force
+
+    return np.array(jax.device_get(run(stack(rows))))
+
+
+def test_modes_left_out_that_bend_the_fence_are_said():
+    (coarse, rough), (fast, fine), (_, true) = (told(n)[:, 0] for n in ("coarse", "fast", "truth"))
+    assert coarse == fj.Status.MODES_TOO_FEW
+    assert abs(rough / true - 1) > 0.025
+    assert fast <= fj.Status.LEFT_OVER_TIP
+    assert abs(fine / true - 1) < 0.005
+
+
+def test_a_parcel_that_lets_go_of_the_belt_is_said():
+    (fast, rough), (_, true) = (told(n)[:, 1] for n in ("fast", "truth"))
+    assert fast == fj.Status.FRICTION_SMOOTHED
+    assert abs(rough / true - 1) > 0.004
 
 
 def test_general_integrators_end_on_what_is_not_a_number():
