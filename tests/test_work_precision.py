@@ -167,8 +167,11 @@ def test_full_ladder_moves_one_knob_at_a_time():
             allowed = {
                 "slip_speed": {"slip_speed", "static_speed"},
                 "modes, no static correction": {"modes", "static_correction"},
+                "precision": {"precision", "step"},
             }.get(name, {name})
             assert set(changed) <= allowed
+    # Single precision refuses the others' step: both of this knob have a longer one.
+    assert len({point.fidelity.step for point in whole.knobs["precision"]}) == 1
     # Every effect that the product grid adds up is among the points that are run.
     run = {point.fidelity for points in whole.knobs.values() for point in points} | {whole.base}
     assert all(part in run for parts in whole.grid.values() for part in parts)
