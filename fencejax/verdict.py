@@ -27,7 +27,7 @@ ROUGH = 0.2
 LAGGING = 0.02
 # What the modes left out may bend the fence statically, as a share of the flexible link's length:
 # the force is right in it, the turn of the fence under the corner is not.
-TURNING = 0.004
+TURNING = 0.002
 # A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
 _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing at the peak.
@@ -35,7 +35,7 @@ _SMOOTHED = 0.004
 # Share of it that a parcel may owe to how friction let go of it before.
 _CREPT = 0.0012
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
-_CREEP = 0.0125
+_CREEP = 0.009
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
 _LOST = 40.0
 
