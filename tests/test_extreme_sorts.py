@@ -39,8 +39,8 @@ GIVEN = {
     "flat-impact", "all-but-flat", "corner-first", "other-corner-first", "far-out", "at-the-tip",
     "grazing", "re-impact", "chatter", "jam",
 }
-# It sticks between fence and border, and is let go.
-WARNED = {("jam", "coarse")}
+# They stick and are let go, over a speed that is not small beside theirs at the peak.
+WARNED = {("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse")}
 # What the rungs cannot give is said, and by which status.
 SAID = {
     ("static-far-above", "coarse"): fj.Status.STEP_TOO_COARSE,

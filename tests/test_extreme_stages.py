@@ -36,6 +36,7 @@ GIVEN = {
 WARNED = {
     ("flush", "one-link"), ("flush", "steel"), ("flush", "drive-fast"),
     ("flush", "drive-at-its-start"), ("border", "size-1m"), ("border", "hinge"),
+    ("border", "drive-fast"),
 }
 SAID = {
     ("flush", "friction-5"): fj.Status.PEAK_AT_TIP,
