@@ -5,7 +5,8 @@
 Half of them from end to end of what a sweep may ask for, half as real designs may be. A sample is
 compared with `Fidelity.reference` (steps of 25 us, friction smoothed over 0.02 mm/s), in the peak
 force and its gradient.
-`offline_fuzz.json` beside this file is what that command found.
+`offline_fuzz.json` beside this file is what that command found, `offline_fuzz_42.json` what
+`--scenes 12288 --sample 12288 --seed 42` did.
 """
 
 import argparse
