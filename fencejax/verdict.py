@@ -19,7 +19,7 @@ from .status import Status, worst
 from .tally import Tally
 
 # A force whose second difference from step to step is a larger share of its peak than this is not
-# resolved. Below it, over random scenes far beyond the ordinary, the peak is off by 1.2 % at most.
+# resolved. Below it, over random scenes far beyond the ordinary, a peak was off by 2.6 % at most.
 ROUGH = 0.2
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
 # contact, a quarter of its share in the force: |N''| G / w^2 with their compliance G and the square

@@ -43,6 +43,12 @@ def draw(seed, lanes, ranges=WIDE):
     return numbers
 
 
+def riding(x, varied):
+    """The numbers with some of them changed. The parcel's speed goes with the belt's: at rest on
+    it, dry friction has a kink in the one without the other."""
+    return x | varied | {"ride": x["ride"] + varied.get("belt", x["belt"]) - x["belt"]}
+
+
 def stack(rows):
     """Rows of numbers as one array a number."""
     return {k: np.array([float(row[k]) for row in rows]) for k in rows[0]}

@@ -18,7 +18,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from extreme_scenes import USUAL, WIDE, draw, impact
+from extreme_scenes import USUAL, WIDE, draw, impact, riding
 
 import fencejax as fj
 
@@ -30,12 +30,6 @@ FIELDS = (
     "peak_force", "tip_deflection", "impulse", "peak_stress", "deepest", "peak_time", "furthest_y"
 )
 VARIED = ("thickness", "modulus", "density", "damping_ratio", "mass", "stiffness", "belt", "reach")
-
-
-def riding(x, varied):
-    """The numbers with some of them changed; the parcel's speed goes with the belt's, at rest on
-    which dry friction has a kink."""
-    return x | varied | {"ride": x["ride"] + varied["belt"] - x["belt"]}
 
 
 @functools.cache

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from extreme_scenes import ORDINARY, TRUTH, impact, stack
+from extreme_scenes import ORDINARY, TRUTH, impact, riding, stack
 
 import fencejax as fj
 
@@ -138,12 +138,6 @@ FIELDS = ("peak_force", "tip_deflection", "impulse", "peak_stress", "furthest_y"
 
 def numbers():
     return stack([ORDINARY | changes for changes in ROWS.values()])
-
-
-def riding(x, varied):
-    """The numbers with some of them changed. The parcel's speed goes with the belt's: at rest on
-    it, dry friction has a kink in the one without the other."""
-    return x | varied | {"ride": x["ride"] + varied.get("belt", x["belt"]) - x["belt"]}
 
 
 def chosen(result):
