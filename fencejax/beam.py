@@ -43,8 +43,6 @@ class BeamTables(NamedTuple):
     """(n, 7): deflection under a unit force at the same point, less the share of the m modes, in
     units of l_p^3 / (E I_1): in each element a polynomial of the sixth degree in its local
     coordinate, lowest power first."""
-    residual_shared: Any
-    """(n, 7): the same where the force is shared linearly by the element's two nodes."""
     residual_tip: Any
     """(n + 1, 2): the same for the deflection of the tip under a unit force at the node."""
     moment: Any
@@ -169,8 +167,7 @@ def build_tables(
         swing_root=swing_root,
         swing_tip=swing_tip,
         mass=moments_of_mass,
-        residual=_within(left, cubics, cubics, xp),
-        residual_shared=_within(left, cubics, _LINES, xp),
+        residual=_within(left, cubics, xp),
         residual_tip=xp.concatenate([np.zeros((1, 2)), tip]),
         moment=_moments(taper, elements, values, full, xp),
         relative_thickness=taper(stations[:-1], 1.0 - stations[:-1]) + 0.0 * values[:1].sum(),
@@ -183,14 +180,12 @@ def build_tables(
 
 _CUBICS = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], dtype=float)
 """Coefficients of `hermite`, lowest power first."""
-_LINES = np.array([[1, -1, 0, 0], [0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0]], dtype=float)
-"""The same of a linear share between the two nodes."""
 
 
-def _within(compliance, deflection, load, xp):
+def _within(compliance, cubics, xp):
     """Compliance at a point of each element, a polynomial in the local coordinate (n, 7), from that
     of the nodes of the clamped link (2 n, 2 n) and the cubics by which the element's four degrees
-    of freedom make the deflection there and share the load, (4, 4) each."""
+    of freedom make the deflection there and, by virtual work, share the load, (4, 4)."""
     size = compliance.shape[0]
     edge = np.zeros((2, size))
     full = xp.concatenate([edge, compliance])
@@ -201,7 +196,7 @@ def _within(compliance, deflection, load, xp):
     for a in range(4):
         for b in range(4):
             product[a, b, a + b] = 1.0
-    powers = np.einsum("ia,jb,abk->ijk", deflection, load, product)
+    powers = np.einsum("ia,jb,abk->ijk", cubics, cubics, product)
     return xp.einsum("eij,ijk->ek", blocks, powers)
 
 

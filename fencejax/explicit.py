@@ -63,7 +63,7 @@ def at_state(
         forces, shapes = forces_at(tuple(map(mechanics.loaded, places, leans)))
         shares = tuple(lean.share for lean in _leans(forces, len(places)))
     still = tuple(jnp.zeros_like(place) for place in places)
-    fence = FenceState(drive, vibration, (), shapes, (), still, shares)
+    fence = FenceState(drive, vibration, (), shapes, (), still, (), shares)
     loads = fence.loads(forces)
     load = link.loaded(link.inertia_force(drive), shapes, loads)
     return forces, fence._replace(modal_force=load, lagged=loads)

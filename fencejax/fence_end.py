@@ -6,7 +6,7 @@ from jaxtyping import Array
 
 from .clock import Stride
 from .drive import DriveMotion
-from .instant import FenceState, bending_loads
+from .instant import FenceState, ResidualMode, bending_loads
 from .link import Blocks, FencePoint, FlexibleLink, Shape, Vibration, dot, propagate
 
 
@@ -22,6 +22,7 @@ class FenceEnd(eqx.Module):
     drive: DriveMotion
     normals_before: tuple[Array, ...]
     lagged_before: tuple[Array, ...]
+    residual_before: tuple[ResidualMode, ...]
     shares: tuple[Array, ...]
     shapes: tuple[Shape, ...]
     inertia: Blocks
@@ -46,6 +47,7 @@ class FenceEnd(eqx.Module):
         geometry."""
         self.link, self.stride, self.drive = link, stride, drive
         self.normals_before, self.lagged_before = normals, before.lagged_rate
+        self.residual_before = before.residual
         self.shapes, self.shares = shapes, shares
         self.inertia = link.inertia_force(drive)
         self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
@@ -106,14 +108,14 @@ class FenceEnd(eqx.Module):
         return tuple(self._point(k, normals) for k in range(len(self.shapes)))
 
     def deflection(self, k: int, normals) -> tuple[Array, Array, Array]:
-        """Deflection [m] at place k, its rate [m/s] and the modes' slope there."""
-        extra, extra_rate = self._residual(k, normals[k])
+        """Deflection [m] at place k, its rate [m/s] and the slope there."""
+        extra, extra_rate, turn = self._residual(k, normals[k])
         (deflection, rate, slope), gains = self.affine[k]
         for normal, (give, give_rate, lean) in zip(normals, gains, strict=True):
             deflection = deflection - give * normal
             rate = rate - give_rate * normal
             slope = slope - lean * normal
-        return deflection + extra, rate + extra_rate, slope
+        return deflection + extra, rate + extra_rate, slope + turn
 
     def _point(self, k: int, normals) -> FencePoint:
         link, shape = self.link, self.shapes[k]
@@ -125,17 +127,24 @@ class FenceEnd(eqx.Module):
         return link.small_point(shape, *self.deflection(k, normals))
 
     def _residual(self, k: int, normal):
-        """Deflection [m] of the modes left out and its rate: G r with r + beta rdot = N."""
-        compliance = self.shapes[k].residual
-        if compliance is None:
-            return jnp.zeros_like(normal), jnp.zeros_like(normal)
-        rate = self._lagged_rate(k, normal)
-        return -compliance * (normal - self.link.lag * rate), -compliance * rate
+        """Deflection [m] of the modes left out, its rate [m/s] and their slope."""
+        if self.shapes[k].residual_mode is None:
+            return (jnp.zeros_like(normal),) * 3
+        mode, slope = self.shapes[k].residual_mode
+        force, rate = self._residual_mode(k, normal)
+        amplitude = force - self.link.lag * rate
+        return -mode * amplitude, -mode * rate, -slope * amplitude
 
-    def _lagged_rate(self, k: int, normal):
-        """rdot at the step's end, exact for a force linear over the step; finite as beta -> 0."""
-        grown = self.stride.lag_gain * (normal - self.normals_before[k])
-        return self.stride.lag_decay * self.lagged_before[k] + grown
+    def _residual_mode(self, k: int, normal) -> ResidualMode:
+        """The residual mode at the step's end."""
+        mode, _ = self.shapes[k].residual_mode
+        force, before = mode * normal, self.residual_before[k]
+        return ResidualMode(force, self._lagged_rate(before.rate, before.force, force))
+
+    def _lagged_rate(self, rate, before, now):
+        """rdot at the step's end where r + beta rdot = f, from its value before and f before and
+        now, exact for f linear over the step; finite as beta -> 0."""
+        return self.stride.lag_decay * rate + self.stride.lag_gain * (now - before)
 
     def _vibration(self, normals) -> Vibration:
         """The modes at the step's end."""
@@ -151,9 +160,14 @@ class FenceEnd(eqx.Module):
         """The fence under the solved forces."""
         normals = self.loads(normals)
         load = self.link.loaded(self.inertia, self.shapes, normals)
-        lagged, rates = normals, tuple(jnp.zeros_like(n) for n in normals)
+        lagged, rates, residual = normals, tuple(jnp.zeros_like(n) for n in normals), ()
         if self.link.table.corrected:
-            rates = tuple(self._lagged_rate(k, n) for k, n in enumerate(normals))
+            rates = tuple(
+                map(self._lagged_rate, self.lagged_before, self.normals_before, normals)
+            )
             lagged = tuple(n - self.link.lag * r for n, r in zip(normals, rates, strict=True))
+            residual = tuple(self._residual_mode(k, n) for k, n in enumerate(normals))
         vibration = self._vibration(normals)
-        return FenceState(self.drive, vibration, load, self.shapes, lagged, rates, self.shares)
+        return FenceState(
+            self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares
+        )

@@ -28,8 +28,7 @@ class Power(NamedTuple):
 
     `geometry` is what small-deflection beam theory leaves out: the contact forces act along the
     bent fence's normal and tangent at the point U, while the beam is loaded with N along the
-    undeflected normal (2.8) and with no tangential force. Its integral also takes in the energy
-    that the static correction gains or loses as its load moves along the fence.
+    undeflected normal (2.8) and with no tangential force.
     """
 
     drive: Array
@@ -49,11 +48,25 @@ def bending_loads(shares: tuple[Array, ...], normals: tuple[Array, ...]) -> tupl
     return tuple(share * n for share, n in zip(shares, normals, strict=True))
 
 
+class ResidualMode(NamedTuple):
+    """The modes left out as one load sees them: a massless mode of the shape lambda = sqrt(G), with
+    G the static compliance [m/N] under the load that they lack. Its amplitude q [J^0.5] follows
+    q + beta qdot = lambda N, beta the lag of all modes.
+
+    A load that moves along the fence so finds their deflection lambda q, its rate lambda qdot and
+    their slope q dlambda/dsigma, and no energy is gained or lost on the way. `force` is lambda N
+    [J^0.5], `rate` qdot [J^0.5/s].
+    """
+
+    force: Array
+    rate: Array
+
+
 class FenceState(NamedTuple):
     """The fence at an instant: the drive's motion (`None` where it is not kept), the vibration with
     its modal forces, the shapes where it is loaded, the contact loads as the modes left out carry
-    them (lagged force r [N] and its rate [N/s]), and the `shares` [1] of the contact forces that
-    bend it (empty where they do so whole)."""
+    them (lagged force r [N] and its rate [N/s]), their residual mode under each, and the `shares`
+    [1] of the contact forces that bend it (empty where they do so whole)."""
 
     drive: DriveMotion | None
     vibration: Vibration
@@ -61,6 +74,7 @@ class FenceState(NamedTuple):
     shapes: tuple[Shape, ...]
     lagged: tuple[Array, ...]
     lagged_rate: tuple[Array, ...]
+    residual: tuple[ResidualMode, ...] = ()
     shares: tuple[Array, ...] = ()
 
     def loads(self, forces: Forces) -> tuple[Array, ...]:
@@ -185,8 +199,8 @@ def strain_energy(link: FlexibleLink, fence: FenceState) -> Array:
     strain = 0.5 * link.mass_scale * total(
         k * q * q for k, q in zip(link.frequency_squared, fence.vibration.amplitude, strict=True)
     )
-    for compliance, load in carried(fence):
-        strain = strain + 0.5 * compliance * load**2
+    for force, rate in fence.residual:
+        strain = strain + 0.5 * (force - link.lag * rate) ** 2
     return strain
 
 
@@ -195,9 +209,8 @@ def damping_power(link: FlexibleLink, fence: FenceState) -> Array:
     damped = link.mass_scale * total(
         c * v * v for c, v in zip(link.damping, fence.vibration.rate, strict=True)
     )
-    for shape, rate in zip(fence.shapes, fence.lagged_rate, strict=True):
-        if shape.residual is not None:
-            damped = damped + link.lag * shape.residual * rate**2
+    for _, rate in fence.residual:
+        damped = damped + link.lag * rate**2
     return damped
 
 
@@ -230,12 +243,12 @@ def _fence_power(
     geometry = jnp.zeros_like(torque)
     touches = forces.touches[: len(forces.fence)]
     loads = fence.loads(forces)
-    for c, load, parts, shape, rate in zip(
-        forces.fence, loads, touches, fence.shapes, fence.lagged_rate, strict=True
+    for k, (c, load, parts, shape) in enumerate(
+        zip(forces.fence, loads, touches, fence.shapes, strict=True)
     ):
         transverse = shape.place * fence.drive.speed + dot(shape.load, fence.vibration.rate)
-        if shape.residual is not None:
-            transverse = transverse - shape.residual * rate
+        if fence.residual and shape.residual_mode is not None:
+            transverse = transverse - shape.residual_mode[0] * fence.residual[k].rate
         across, along = parts.rates
         geometry = geometry + c.normal * across - load * transverse + c.friction * along
     return power._replace(

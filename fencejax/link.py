@@ -54,14 +54,16 @@ class Vibration(NamedTuple):
 
 class Shape(NamedTuple):
     """The mode shapes at one arc coordinate: deflection [1] and slope [1/m], as blocks; `load` [1],
-    the share of a force there that each mode gets; the compliances [m/N] of the modes left out, at
-    the place itself and at the tip (`None` where there are none); the `arc` integrals (`None`
-    unless the geometry needs them)."""
+    the share of a force there that each mode gets; of the modes left out (`None` where there are
+    none) the compliance G at the place itself [m/N], deflection sqrt(G) [m/J^0.5] and slope
+    [rad/J^0.5] of the residual mode, and the compliance at the tip [m/N]; the `arc` integrals
+    (`None` unless the geometry needs them)."""
 
     deflection: Blocks
     slope: Blocks
     load: Blocks
     residual: Array | None
+    residual_mode: tuple[Array, Array] | None
     residual_tip: Array | None
     arc: tuple[tuple[Array, ...], Array] | None
     place: Array
@@ -232,15 +234,23 @@ class FlexibleLink(eqx.Module):
         deflection = tuple(
             v + d * beyond for v, d in zip(sampled.deflection, slope, strict=True)
         )
-        residual = residual_tip = arc = None
-        if sampled.residual is not None and sampled.residual_tip is not None:
+        residual = residual_mode = residual_tip = arc = None
+        if sampled.residual is not None:
+            assert sampled.residual_rise is not None
+            assert sampled.residual_tip is not None
             residual = self.flexibility * sampled.residual
+            # As far as round-off it may be negative, and the root of 0 has no derivative.
+            kept = jnp.maximum(sampled.residual, 0.0) + jnp.finfo(place.dtype).eps
+            mode = jnp.sqrt(self.flexibility * kept)
+            residual_mode = mode, 0.5 * self.flexibility * scale * sampled.residual_rise / mode
             residual_tip = self.flexibility * sampled.residual_tip
         if sampled.pairs is not None and sampled.cube is not None:
             pairs = tuple(pair / self.length for pair in sampled.pairs)
             arc = (pairs, sampled.cube / self.length**2)
         load = sampled.load if self.table.shared else deflection
-        return Shape(deflection, slope, load, residual, residual_tip, arc, place)
+        return Shape(
+            deflection, slope, load, residual, residual_mode, residual_tip, arc, place
+        )
 
     def _element(self, place):
         """Element [0, n) and local coordinate in [0, 1] of an arc coordinate."""
@@ -268,7 +278,7 @@ class FlexibleLink(eqx.Module):
         if not self.frequency_squared:
             return self.small_point(shape, zero, zero, zero)
         if self.geometry == "chord":
-            return self.chord_point(shape, state, zero, zero)
+            return self.chord_point(shape, state, zero, zero, zero)
         deflection = dot(shape.deflection, state.amplitude)
         rate = dot(shape.deflection, state.rate)
         slope = dot(shape.slope, state.amplitude)
@@ -302,18 +312,20 @@ class FlexibleLink(eqx.Module):
         """U = sigma t_alpha + w n_alpha: a small deflection normal to the straight line."""
         return FencePoint(shape.place, deflection, jnp.zeros_like(rate), rate, slope)
 
-    def chord_point(self, shape: Shape, state: Vibration, extra: Array, extra_rate: Array):
+    def chord_point(
+        self, shape: Shape, state: Vibration, extra: Array, extra_rate: Array, turn: Array
+    ) -> FencePoint:
         """(2.14)-(2.17): the chords of the elements, each turned by its angle.
 
-        `extra` [m] is the deflection of the modes left out at this point, and `extra_rate` its
-        rate.
+        `extra` [m] is the deflection of the modes left out at this point, `extra_rate` its rate and
+        `turn` [rad] their slope.
         """
         (x, y), (x_rate, y_rate) = jax.jvp(
             lambda amplitude: self._chain(shape.place, amplitude),
             (state.amplitude,),
             (state.rate,),
         )
-        slope = dot(shape.slope, state.amplitude)
+        slope = dot(shape.slope, state.amplitude) + turn
         return FencePoint(x, y + extra, x_rate, y_rate + extra_rate, slope)
 
     def _chain(self, place, amplitude):

@@ -21,7 +21,7 @@ from . import newton
 from .clock import Clock, Stride, stride_counts
 from .drive import DriveMotion
 from .fence_end import FenceEnd
-from .instant import FenceState, bending_loads, describe
+from .instant import FenceState, ResidualMode, bending_loads, describe
 from .kinematics import Acceleration, Body, Lean
 from .link import Vibration
 from .mechanics import FenceFrame, Forces, Mechanics
@@ -271,7 +271,8 @@ def at_rest(
         none = tuple(zero for _ in places)
         load = tuple(jnp.zeros_like(q) for q in vibration.amplitude)
         rates = none if mechanics.link.table.corrected else ()
-        fence = FenceState(None, vibration, load, (), (), rates)
+        residual = tuple(ResidualMode(zero, zero) for _ in rates)
+        fence = FenceState(None, vibration, load, (), (), rates, residual)
     none = tuple(zero for _ in places)
     still = Acceleration(zero, zero, zero)
     upright = Lean(zero + 1, zero)

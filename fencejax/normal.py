@@ -22,6 +22,7 @@ from .instant import (
     FenceState,
     Instant,
     Power,
+    ResidualMode,
     bent,
     carried,
     damping_power,
@@ -90,7 +91,8 @@ def run(scene: NormalScene, fidelity: Fidelity, history: bool) -> Result:
         maps = link.propagators([zero + step])
         at_rest = link.rest()
         rates = (zero,) if link.table.corrected else ()
-        fence = FenceState(None, at_rest, at_rest.rate, (), (), rates)
+        residual = tuple(ResidualMode(zero, zero) for _ in rates)
+        fence = FenceState(None, at_rest, at_rest.rate, (), (), rates, residual)
     clock = Clock(link, fidelity, zero, step, maps)
     begin = _State(zero, scene.speed + zero, zero, zero, fence)
     reach = zero if link is None else link.reach

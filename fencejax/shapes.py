@@ -20,7 +20,8 @@ class Sampled(NamedTuple):
     """The dimensionless shapes at a place, m modes.
 
     `deflection` and `load` [1], `slope` in the element's local coordinate; the compliances of the
-    modes left out in units of l_p^3 / (E I_1), `None` where there are none; the arc integrals of
+    modes left out in units of l_p^3 / (E I_1), and how the first of them rises in the element's
+    local coordinate, `None` where there are none; the arc integrals of
     pairs of modes and of the cube of the first, in units of 1 / l_p and 1 / l_p^2, `None` unless
     the geometry needs them.
     """
@@ -29,6 +30,7 @@ class Sampled(NamedTuple):
     slope: Blocks
     load: Blocks
     residual: Array | None
+    residual_rise: Array | None
     residual_tip: Array | None
     pairs: tuple[Array, ...] | None
     cube: Array | None
@@ -71,8 +73,7 @@ class ShapeTable(eqx.Module):
         )
         self.residual = None
         if self.corrected:
-            table = tables.residual_shared if self.shared else tables.residual
-            self.residual = tuple(jnp.asarray(table[:, k]) for k in range(7))
+            self.residual = tuple(jnp.asarray(tables.residual[:, k]) for k in range(7))
 
     def at(self, index: Array, s: Array) -> Sampled:
         """The shapes in element `index` at its local coordinate `s` in [0, 1]."""
@@ -86,16 +87,14 @@ class ShapeTable(eqx.Module):
         load, at = deflection, m
         if self.shared:
             load, at = tuple(values[m : 2 * m]), 2 * m
-        residual = residual_tip = pairs = cube = None
+        residual = rise = residual_tip = pairs = cube = None
         if self.residual is not None:
             residual_tip, at = values[at], at + 1
-            *lower, residual = (_entry(column, index) for column in self.residual)
-            for coefficient in reversed(lower):
-                residual = coefficient + s * residual
+            residual, rise = _polynomial([_entry(column, index) for column in self.residual], s)
         if self.arc_modes:
             *pairs, cube = values[at:]
             pairs = tuple(pairs)
-        return Sampled(deflection, slope, load, residual, residual_tip, pairs, cube)
+        return Sampled(deflection, slope, load, residual, rise, residual_tip, pairs, cube)
 
 
 def _columns(modes: int) -> list:
@@ -105,6 +104,15 @@ def _columns(modes: int) -> list:
 
 def _entry(column: Array, index: Array) -> Array:
     return jax.lax.dynamic_index_in_dim(column, index, keepdims=False)
+
+
+def _polynomial(coefficients, s: Array) -> tuple[Array, Array]:
+    """The value and the derivative at `s` of a polynomial, lowest power first."""
+    value, slope = coefficients[-1], jnp.zeros_like(s)
+    for coefficient in reversed(coefficients[:-1]):
+        slope = value + s * slope
+        value = coefficient + s * value
+    return value, slope
 
 
 def _cubics(value, slope, elements: int):

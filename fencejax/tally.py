@@ -317,10 +317,6 @@ def add(
     span = Span(length, first, ratio)
     mean = lambda a, b: 0.5 * length * (a + b)  # noqa: E731
     work = jax.tree.map(lambda w, a, b: w + mean(a, b), tally.work, before.power, instant.power)
-    for (was, load), (now, loaded) in zip(before.carried, instant.carried, strict=True):
-        # 1/2 r^2 dG: the load that the modes left out carry has moved along the fence.
-        moved = jnp.where(first, 0.0, now - was)
-        work = work._replace(geometry=work.geometry + 0.25 * (load**2 + loaded**2) * moved)
     stress = tally.stress.update(instant.stress, time, span)
     higher = instant.stress >= tally.stress.value
     # Times count from the scene's first sample.

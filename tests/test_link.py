@@ -213,7 +213,7 @@ def test_nothing_bends_on_the_rigid_link(place):
     state = vibration(link)
     assert [float(x) for x in (*shape.deflection, *shape.slope, shape.residual)] == [0.0] * 7
     zero = jnp.zeros(())
-    chord = link.chord_point(shape, state, zero, zero)
+    chord = link.chord_point(shape, state, zero, zero, zero)
     small = link.small_point(shape, zero, zero, zero)
     np.testing.assert_allclose(chord, (place, 0, 0, 0, 0), rtol=0, atol=EPS)
     np.testing.assert_allclose(small, (place, 0, 0, 0, 0), rtol=0, atol=0)
@@ -248,7 +248,7 @@ def test_beyond_the_tip_the_line_goes_straight_on(modes):
         np.testing.assert_allclose(s1, s0, rtol=1e-12)
     state = vibration(link)
     zero = jnp.zeros(())
-    a, b = (link.chord_point(shape, state, zero, zero) for shape in (tip, beyond))
+    a, b = (link.chord_point(shape, state, zero, zero, zero) for shape in (tip, beyond))
     np.testing.assert_allclose(b.slope, a.slope, rtol=1e-12)
     np.testing.assert_allclose(b.x - a.x, 0.004 * jnp.cos(a.slope), rtol=1e-10)
     np.testing.assert_allclose(b.y - a.y, 0.004 * jnp.sin(a.slope), rtol=1e-10)
@@ -285,7 +285,7 @@ def test_chord_geometry_is_the_papers(modes, place):
     link = make(modes)
     state, zero = vibration(link), jnp.zeros(())
     shape = shape_at(link, place)
-    ours = link.chord_point(shape, state, zero, zero)
+    ours = link.chord_point(shape, state, zero, zero, zero)
     x, y, deflection = reference_chain(link, place, state.amplitude)
     # Round-off of a sum of 20 chords of angles up to 0.1.
     np.testing.assert_allclose((ours.x, ours.y), (x, y), rtol=0, atol=20 * EPS)
@@ -315,7 +315,7 @@ def test_chord_and_small_geometry_agree_to_second_order():
     gaps = []
     for scale in (1.0, 0.5):
         state = vibration(link, scale)
-        chord = link.chord_point(shape, state, zero, zero)
+        chord = link.chord_point(shape, state, zero, zero, zero)
         w = dot(shape.deflection, state.amplitude)
         rate = dot(shape.deflection, state.rate)
         slope = dot(shape.slope, state.amplitude)
