@@ -102,6 +102,13 @@ def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
     return jnp.where(turns, ahead / jnp.where(turns, square, 1.0), 1.0)
 
 
+def _sticking(stiff: Array) -> Array:
+    """Weight from 0, where friction leaves the motion free, to 1, where it holds it, by how `stiff`
+    [1] it is: its slope with the motion relative to that of the inertia over half a step."""
+    square = jnp.clip(stiff, 0.0, 1e6) ** 2
+    return (square / (1 + square)) ** 2
+
+
 class BeltContact(eqx.Module):
     """The parcel's contact with the belt: the belt's speed v [m/s], the friction, the weight m_p g
     [N] and the mean distance c [m] of the parcel's points from C_s."""
@@ -364,9 +371,77 @@ class Mechanics(eqx.Module):
             share = jnp.minimum(share, _stop(ahead, square, slipping))
         return share
 
-    def rate_matrix(self, forces: Forces, step: Array | float, unknown_normals: bool):
+    def sticking(self, forces: Forces, step: Array) -> tuple[Array, ...]:
+        """How far each friction holds the motion [1]: of the corners at the fence, at the border,
+        and of the parcel on the belt, as far as there is friction."""
+        found = []
+        contacts = (*forces.fence, *forces.border)
+        for what, parts, response, friction in zip(
+            contacts, forces.touches, forces.responses, self._frictions(), strict=True
+        ):
+            if friction is not None:
+                slope = -what.normal * response.sliding * self._lightness(parts)
+                found.append(_sticking(0.5 * step * slope))
+        if forces.belt_slopes is not None:
+            found.append(_sticking(0.5 * step * forces.belt_slopes[0] / self.mass))
+        return tuple(found)
+
+    def held(self, forces: Forces, sticking: tuple[Array, ...]) -> Acceleration:
+        """What the frictions that hold the motion accelerate, each by its weight `sticking`."""
+        total = [jnp.zeros_like(forces.acceleration.x)] * 3
+        of_contacts, of_belt = self._spread(sticking)
+        for what, parts, weight in zip(
+            (*forces.fence, *forces.border), forces.touches, of_contacts, strict=True
+        ):
+            if weight is not None:
+                drag = weight * what.friction
+                total = [q + drag * t for q, t in zip(total, parts.tangent, strict=True)]
+        if forces.belt is not None:
+            total = [q + of_belt * f for q, f in zip(total, forces.belt[:3], strict=True)]
+        return Acceleration(
+            total[0] / self.mass, total[1] / self.mass, total[2] / self.inertia
+        )
+
+    @property
+    def friction_count(self) -> int:
+        """Number of surfaces with friction that the parcel rubs on."""
+        corners = sum(friction is not None for friction in self._frictions())
+        return corners + (self.belt is not None)
+
+    def _frictions(self) -> tuple[Friction | None, ...]:
+        """Of each contact, those at the fence first."""
+        at_fence = (self.fence_friction,) * len(self.fence_corners)
+        return at_fence + (self.border_friction,) * len(self.border_corners)
+
+    def _spread(self, sticking: tuple[Array, ...]):
+        """The weights by contact, `None` where there is no friction, and that of the belt."""
+        left = iter(sticking)
+        of_contacts = [None if f is None else next(left) for f in self._frictions()]
+        return of_contacts, next(left, 0.0)
+
+    def _lightness(self, parts: Touch) -> Array:
+        """How much a unit force along the surface accelerates the corner there [1/kg]."""
+        x, y, turning = parts.tangent
+        return (x**2 + y**2) / self.mass + turning**2 / self.inertia
+
+    def shares(self, forces: Forces, sticking: tuple[Array, ...]) -> list[Array]:
+        """Of each contact, the friction's share of N as it counts in a step's equations."""
+        of_contacts, _ = self._spread(sticking)
+        return [
+            response.share if weight is None else (1 + weight) * response.share
+            for response, weight in zip(forces.responses, of_contacts, strict=True)
+        ]
+
+    def rate_matrix(
+        self,
+        forces: Forces,
+        step: Array | float,
+        unknown_normals: bool,
+        sticking: tuple[Array, ...],
+    ):
         """-d(generalised force)/d(velocities) [N s/m], 3 x 3, at frozen directions and arms, where
-        positions follow the velocities by `step` / 3.
+        positions follow the velocities by `step` / 3, with the weights `sticking` of frictions that
+        held the motion at the step's start.
 
         With `unknown_normals` the normal forces at the fence are held. Where friction falls so
         steeply with the sliding speed that the parcel's inertia over half the step does not
@@ -374,9 +449,11 @@ class Mechanics(eqx.Module):
         their own slope would be turned back at the fold instead of going on to the root beyond it.
         """
         zero = jnp.zeros_like(forces.acceleration.x)
+        of_contacts, of_belt = self._spread(sticking)
+        shares = self.shares(forces, sticking)
         matrix = [[zero] * 3 for _ in range(3)]
         if self.belt is not None and forces.belt_slopes is not None and forces.slip is not None:
-            grip, bend = forces.belt_slopes
+            grip, bend = ((1 + of_belt) * slope for slope in forces.belt_slopes)
             arm = self.belt.mean_distance
             x, y, turning = forces.slip
             slip, weights = (x, y, arm * turning), (1.0, 1.0, arm**2)
@@ -389,13 +466,14 @@ class Mechanics(eqx.Module):
             zip(contacts, forces.touches, forces.responses, strict=True)
         ):
             held = unknown_normals and k < len(forces.fence)
-            x, y, turning = parts.tangent
-            lightness = (x**2 + y**2) / self.mass + turning**2 / self.inertia
+            lightness = self._lightness(parts)
             slide = what.normal * response.sliding
+            if of_contacts[k] is not None:
+                slide = (1 + of_contacts[k]) * slide
             slide = jnp.minimum(slide, _MOST_ALONG / jnp.maximum(0.5 * step * lightness, 1e-30))
             press = response.gap * step / 3 + response.gap_rate
             for i in range(3):
-                along = parts.normal[i] + response.share * parts.tangent[i]
+                along = parts.normal[i] + shares[k] * parts.tangent[i]
                 for j in range(3):
                     change = -slide * parts.tangent[i] * parts.tangent[j]
                     if not held:

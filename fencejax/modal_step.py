@@ -53,6 +53,8 @@ class Memory(NamedTuple):
     sliding: tuple[Array, ...]
     normals: tuple[Array, ...]
     normals_before: tuple[Array, ...]
+    held: Acceleration
+    sticking: tuple[Array, ...]
     gone: tuple[Array, ...]
     leans: tuple[Leans, ...]
     pace: Pace | None
@@ -71,6 +73,8 @@ class _End(eqx.Module):
     mechanics: Mechanics
     body: Body
     acceleration: Acceleration
+    held: Acceleration
+    sticking: tuple[Array, ...]
     predicted: Array
     arms: dict[int, tuple[Array, Array]]
     frame: FenceFrame | None
@@ -100,14 +104,17 @@ class _End(eqx.Module):
         arms = {k: _rotated(arm, after.angle - self.predicted) for k, arm in self.arms.items()}
         points = () if self.fence is None else self.fence.points(normals)
         forces = mechanics.forces(after, arms, self.frame, points, normals or None)
+        holds = mechanics.held(forces, self.sticking)
         residual = [
-            v1 - v0 - 0.5 * h * (a0 + a1)
-            for v1, v0, a0, a1 in zip(
-                rates, self.body[3:], self.acceleration, forces.acceleration, strict=True
+            v1 - v0 - 0.5 * h * (a0 - f0 + a1 + f1)
+            for v1, v0, a0, f0, a1, f1 in zip(
+                rates, self.body[3:], self.acceleration, self.held, forces.acceleration, holds,
+                strict=True,
             )
         ]
         scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
-        block = mechanics.rate_matrix(forces, h, bool(normals))
+        block = mechanics.rate_matrix(forces, h, bool(normals), self.sticking)
+        shares = mechanics.shares(forces, self.sticking)
         matrix = [[float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)]
         for k, normal in enumerate(normals):
             assert self.fence is not None
@@ -120,7 +127,7 @@ class _End(eqx.Module):
                 row.append(float(k == other) + response.gap * give + response.gap_rate * give_rate)
             matrix.append(row)
             for i in range(3):
-                along = parts.normal[i] + response.share * parts.tangent[i]
+                along = parts.normal[i] + shares[k] * parts.tangent[i]
                 matrix[i].append(-scales[i] * along)
         unbalance = mechanics.mass * jnp.maximum(jnp.abs(residual[0]), jnp.abs(residual[1]))
         turning = mechanics.inertia * jnp.abs(residual[2]) / mechanics.size
@@ -129,7 +136,9 @@ class _End(eqx.Module):
         for defect in residual[3:]:
             unbalance = jnp.maximum(unbalance, jnp.abs(defect))
         size = unbalance / (tolerance(scale.dtype) * scale)
-        return tuple(residual), matrix, size, (forces, unbalance)
+        sticking = mechanics.sticking(forces, h)
+        holds = mechanics.held(forces, sticking)
+        return tuple(residual), matrix, size, (forces, unbalance, sticking, holds)
 
     def surprise(self, guess, root, forces: Forces) -> Array:
         """How far the forces are from those of the guess, relative to their size [1]: each normal
@@ -210,14 +219,16 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     frame = mechanics.frame(drive, places, loaded, memory.gone)
     predicted = body.angle + h * (body.spin + 0.5 * h * was.angle)
     arms = mechanics.arms(predicted)
-    equations = _End(mechanics, body, was, predicted, arms, frame, fence, stride)
-    root, (forces, unbalance) = newton.solve(
+    equations = _End(
+        mechanics, body, was, memory.held, memory.sticking, predicted, arms, frame, fence, stride
+    )
+    root, (forces, unbalance, sticking, held) = newton.solve(
         _End.evaluate,
         _End.shorten,
         equations,
         guess,
         clock.iterations,
-        lambda extra: (extra[0].outcome(), extra[1]),
+        lambda extra: (extra[0].outcome(), *extra[1:]),
     )
     after = equations.body_at(root[:3])
     normals = tuple(c.normal for c in forces.fence)
@@ -237,6 +248,8 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         sliding=tuple(c.sliding for c in forces.fence),
         normals=normals,
         normals_before=memory.normals,
+        held=held,
+        sticking=sticking,
         gone=tuple(
             mechanics.gone(g, p, t) for g, p, t in zip(memory.gone, feet, touches, strict=True)
         ),
@@ -278,4 +291,7 @@ def at_rest(
     upright = Lean(zero + 1, zero)
     leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
     pace = Pace(zero, zero) if stride_counts(mechanics.fidelity)[-1] > 1 else None
-    return Memory(body, still, still, fence, places, none, none, none, none, leans, pace)
+    sticking = tuple(zero for _ in range(mechanics.friction_count))
+    return Memory(
+        body, still, still, fence, places, none, none, none, still, sticking, none, leans, pace
+    )
