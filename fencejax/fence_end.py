@@ -128,17 +128,17 @@ class FenceEnd(eqx.Module):
 
     def _residual(self, k: int, normal):
         """Deflection [m] of the modes left out, its rate [m/s] and their slope."""
-        if self.shapes[k].residual_mode is None:
+        shape = self.shapes[k].residual_mode
+        if shape is None:
             return (jnp.zeros_like(normal),) * 3
-        mode, slope = self.shapes[k].residual_mode
-        force, rate = self._residual_mode(k, normal)
+        deflection, slope = shape
+        force, rate = self._residual_mode(k, deflection, normal)
         amplitude = force - self.link.lag * rate
-        return -mode * amplitude, -mode * rate, -slope * amplitude
+        return -deflection * amplitude, -deflection * rate, -slope * amplitude
 
-    def _residual_mode(self, k: int, normal) -> ResidualMode:
-        """The residual mode at the step's end."""
-        mode, _ = self.shapes[k].residual_mode
-        force, before = mode * normal, self.residual_before[k]
+    def _residual_mode(self, k: int, shape: Array, normal) -> ResidualMode:
+        """The residual mode at the step's end, of the deflection `shape` [m/J^0.5]."""
+        force, before = shape * normal, self.residual_before[k]
         return ResidualMode(force, self._lagged_rate(before.rate, before.force, force))
 
     def _lagged_rate(self, rate, before, now):
@@ -166,7 +166,11 @@ class FenceEnd(eqx.Module):
                 map(self._lagged_rate, self.lagged_before, self.normals_before, normals)
             )
             lagged = tuple(n - self.link.lag * r for n, r in zip(normals, rates, strict=True))
-            residual = tuple(self._residual_mode(k, n) for k, n in enumerate(normals))
+            residual = tuple(
+                self._residual_mode(k, shape.residual_mode[0], n)
+                for k, (shape, n) in enumerate(zip(self.shapes, normals, strict=True))
+                if shape.residual_mode is not None
+            )
         vibration = self._vibration(normals)
         return FenceState(
             self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares

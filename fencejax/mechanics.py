@@ -468,8 +468,9 @@ class Mechanics(eqx.Module):
             held = unknown_normals and k < len(forces.fence)
             lightness = self._lightness(parts)
             slide = what.normal * response.sliding
-            if of_contacts[k] is not None:
-                slide = (1 + of_contacts[k]) * slide
+            weight = of_contacts[k]
+            if weight is not None:
+                slide = (1 + weight) * slide
             slide = jnp.minimum(slide, _MOST_ALONG / jnp.maximum(0.5 * step * lightness, 1e-30))
             press = response.gap * step / 3 + response.gap_rate
             for i in range(3):

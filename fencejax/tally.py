@@ -87,11 +87,15 @@ class Scope(NamedTuple):
 class AtPeak(NamedTuple):
     """What was so when the fence's force was largest: `slip` [m/s] is the speed at which C_s
     slipped on the belt, `crept` [s] how long it had crept on it until then, `cut` 1.0 where a
-    corner ran over the tip then or a step later."""
+    corner ran over the tip then or a step later, `again` [N] the largest second difference of the
+    force from step to step until then if parcel and fence had parted before, else 0, and `lost`
+    [N^1.5] the sum of the second differences to the power of 1.5 until then."""
 
     slip: Array
     crept: Array
     cut: Array
+    again: Array
+    lost: Array
 
 
 class Tally(NamedTuple):
@@ -126,6 +130,8 @@ class Tally(NamedTuple):
     rough: Array
     rough_border: Array
     crept: Array
+    parted: Array
+    lost: Array
     at_peak: AtPeak
     hurry: Array
     carried: Array
@@ -176,7 +182,9 @@ def empty(like: Instant, body: Body, alike: bool) -> Tally:
         rough=zero,
         rough_border=zero,
         crept=zero,
-        at_peak=AtPeak(zero, zero, zero),
+        parted=zero,
+        lost=zero,
+        at_peak=AtPeak(*(zero,) * 5),
         hurry=zero,
         carried=zero,
     )
@@ -240,16 +248,12 @@ def _crept(tally: Tally, instant: Instant, slip: Array, length: Array, scope: Sc
     return tally.crept + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
 
 
-def _at_peak(peak: Peak, known: AtPeak, instant: Instant, slip: Array, crept: Array) -> AtPeak:
+def _at_peak(peak: Peak, known: AtPeak, instant: Instant, new: AtPeak) -> AtPeak:
     """`known`, or what is so now where the force has not been larger; `peak` lacks this sample."""
     higher = instant.fence_force > peak.value
     after = ~higher & (peak.now >= peak.value)
-    cut = jnp.where(after, jnp.maximum(known.cut, instant.over_tip), known.cut)
-    return AtPeak(
-        jnp.where(higher, slip, known.slip),
-        jnp.where(higher, crept, known.crept),
-        jnp.where(higher, instant.over_tip, cut),
-    )
+    known = known._replace(cut=jnp.where(after, jnp.maximum(known.cut, new.cut), known.cut))
+    return jax.tree.map(lambda old, now: jnp.where(higher, now, old), known, new)
 
 
 def _hurry(instant: Instant, rough: Array, length: Array) -> Array:
@@ -327,6 +331,11 @@ def add(
     slip = _slip(instant)
     crept = _crept(tally, instant, slip, length, scope)
     rough_border = _bend(wall.before, wall.now, border, span, second)
+    apart = (tally.stay.touched > 0) & (instant.fence_force <= 0)
+    parted = jnp.where(apart, 1.0, tally.parted)
+    roughest = jnp.maximum(tally.rough, rough)
+    lost = tally.lost + rough * jnp.sqrt(rough)
+    at_peak = AtPeak(slip, crept, instant.over_tip, parted * roughest, lost)
     return Tally(
         last=instant,
         origin=jax.tree.map(
@@ -347,10 +356,12 @@ def add(
         largest_place=largest_place_so_far(before, instant, tally.largest_place),
         over_tip=jnp.maximum(tally.over_tip, instant.over_tip),
         defect=jnp.maximum(tally.defect, defect),
-        rough=jnp.maximum(tally.rough, rough),
+        rough=roughest,
         rough_border=jnp.maximum(tally.rough_border, rough_border),
         crept=crept,
-        at_peak=_at_peak(force, tally.at_peak, instant, slip, crept),
+        parted=parted,
+        lost=lost,
+        at_peak=_at_peak(force, tally.at_peak, instant, at_peak),
         hurry=jnp.maximum(tally.hurry, _hurry(instant, rough, length)),
         carried=_carried(instant, tally.carried),
     )

@@ -27,7 +27,7 @@ ROUGH = 0.2
 LAGGING = 0.02
 # What the modes left out may bend the fence statically, as a share of the flexible link's length:
 # the force is right in it, the turn of the fence under the corner is not.
-TURNING = 0.002
+TURNING = 0.006
 # A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
 _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing at the peak.
