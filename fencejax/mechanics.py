@@ -7,6 +7,7 @@ Everything a scene does not hold is `None` or an empty tuple here, and traces to
 from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -105,7 +106,7 @@ def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
 def _sticking(stiff: Array) -> Array:
     """Weight from 0, where friction leaves the motion free, to 1, where it holds it, by how `stiff`
     [1] it is: its slope with the motion relative to that of the inertia over half a step."""
-    square = jnp.clip(stiff, 0.0, 1e6) ** 2
+    square = jax.lax.stop_gradient(jnp.clip(stiff, 0.0, 1e6)) ** 2
     return (square / (1 + square)) ** 2
 
 
@@ -401,6 +402,19 @@ class Mechanics(eqx.Module):
         return Acceleration(
             total[0] / self.mass, total[1] / self.mass, total[2] / self.inertia
         )
+
+    def stops(self, forces: Forces, sticking: tuple[Array, ...]) -> tuple[Acceleration, ...]:
+        """Of each corner at the fence with friction, the acceleration that changes its sliding by
+        1 m/s^2, by its weight `sticking`."""
+        if self.fence_friction is None:
+            return ()
+        found = []
+        for k in range(len(self.fence_corners)):
+            parts = forces.touches[k]
+            share = sticking[k] / self._lightness(parts)
+            x, y, turning = (share * t for t in parts.tangent)
+            found.append(Acceleration(x / self.mass, y / self.mass, turning / self.inertia))
+        return tuple(found)
 
     @property
     def friction_count(self) -> int:

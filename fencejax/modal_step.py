@@ -41,7 +41,9 @@ class Memory(NamedTuple):
 
     `fence` holds the vibration, its modal forces and the rates of the loads that the modes left
     out carry, and nothing else; `before` is the acceleration and `normals_before` the forces one
-    step back, for the first guess alone; `gone` is 1 for a corner that has left over the tip. Where
+    step back, for the first guess alone (the former, where friction holds the motion, such that the guess
+    is at rest); `held` is the acceleration by frictions that hold the motion, by the weights
+    `sticking`; `gone` is 1 for a corner that has left over the tip. Where
     the tip may carry a contact, `leans` say how each corner loads the fence.
     """
 
@@ -138,7 +140,8 @@ class _End(eqx.Module):
         size = unbalance / (tolerance(scale.dtype) * scale)
         sticking = mechanics.sticking(forces, h)
         holds = mechanics.held(forces, sticking)
-        return tuple(residual), matrix, size, (forces, unbalance, sticking, holds)
+        stops = mechanics.stops(forces, sticking)
+        return tuple(residual), matrix, size, (forces, unbalance, sticking, holds, stops)
 
     def surprise(self, guess, root, forces: Forces) -> Array:
         """How far the forces are from those of the guess, relative to their size [1]: each normal
@@ -222,7 +225,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     equations = _End(
         mechanics, body, was, memory.held, memory.sticking, predicted, arms, frame, fence, stride
     )
-    root, (forces, unbalance, sticking, held) = newton.solve(
+    root, (forces, unbalance, sticking, held, stops) = newton.solve(
         _End.evaluate,
         _End.shorten,
         equations,
@@ -238,14 +241,27 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         pace = Pace(end - begin, equations.surprise(guess, root, forces))
     state = None if fence is None else fence.state(normals)
     touches = forces.touches[: len(places)]
+    sliding = tuple(c.sliding for c in forces.fence)
+    # What friction holds goes on as it went, but for its sliding: the first guess then is at rest,
+    # from where Newton's method finds the root there, if there is one, and not another beside it.
+    goes_on = [stride.rate * (v1 - v0) for v1, v0 in zip(after[3:], body[3:], strict=True)]
+    weight = jnp.zeros_like(h)
+    for k, (kind, stop) in enumerate(zip(sticking, stops, strict=False)):
+        change = stride.rate * (sliding[k] - memory.sliding[k])
+        goes_on = [a - change * s for a, s in zip(goes_on, stop, strict=True)]
+        weight = jnp.maximum(weight, kind)
+    seen = (
+        b + weight * (3 * a - 2 * g - b)
+        for b, a, g in zip(was, forces.acceleration, goes_on, strict=True)
+    )
     feet = tuple(p + t.foot_offset for p, t in zip(loaded, touches, strict=True))
     memory = Memory(
         body=after,
         acceleration=forces.acceleration,
-        before=was,
+        before=Acceleration(*jax.lax.stop_gradient(tuple(seen))),
         fence=None if state is None else state.kept(),
         places=feet,
-        sliding=tuple(c.sliding for c in forces.fence),
+        sliding=sliding,
         normals=normals,
         normals_before=memory.normals,
         held=held,
