@@ -7,11 +7,10 @@ Everything a scene does not hold is `None` or an empty tuple here, and traces to
 from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from . import contact
+from . import contact, stick
 from .drive import AbstractDrive, DriveMotion
 from .fidelity import Fidelity
 from .friction import Friction, Smoothing, belt_grip, corner_share
@@ -94,20 +93,6 @@ class Forces(NamedTuple):
 
 # Largest slope of friction with the motion, relative to that of the inertia over half a step.
 _MOST_ALONG = 0.7
-
-
-def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
-    """Share t <= 1 at which s - t d is nearest to rest, given s.d and d.d; 1 where that lies
-    beyond the step, or behind, or where s is not `sliding` but all but at rest."""
-    turns = sliding & (ahead > 0) & (ahead < square)
-    return jnp.where(turns, ahead / jnp.where(turns, square, 1.0), 1.0)
-
-
-def _sticking(stiff: Array) -> Array:
-    """Weight from 0, where friction leaves the motion free, to 1, where it holds it, by how `stiff`
-    [1] it is: its slope with the motion relative to that of the inertia over half a step."""
-    square = jax.lax.stop_gradient(jnp.clip(stiff, 0.0, 1e6)) ** 2
-    return (square / (1 + square)) ** 2
 
 
 class BeltContact(eqx.Module):
@@ -354,97 +339,10 @@ class Mechanics(eqx.Module):
             scale = scale + law
         return scale
 
-    def reversal(self, forces: Forces, change) -> Array:
-        """Share of a change of the velocities, `-change`, up to which no friction passes its jump:
-        where a sliding speed, or the slip on the belt, would turn round."""
-        share = jnp.ones_like(forces.acceleration.x)
-        rest = (0.3 * self.fidelity.slip_speed) ** 2
-        for what, parts in zip((*forces.fence, *forces.border), forces.touches, strict=True):
-            x, y, turning = (t * c for t, c in zip(parts.tangent, change, strict=True))
-            turn = x + y + turning
-            share = jnp.minimum(share, _stop(what.sliding * turn, turn**2, what.sliding**2 > rest))
-        if self.belt is not None and forces.slip is not None:
-            x, y, turning = forces.slip
-            turned = self.belt.mean_distance * change[2]
-            ahead = x * change[0] + y * change[1] + turning * turned
-            square = change[0] ** 2 + change[1] ** 2 + turned**2
-            slipping = x**2 + y**2 + turning**2 > rest
-            share = jnp.minimum(share, _stop(ahead, square, slipping))
-        return share
-
-    def sticking(self, forces: Forces, step: Array) -> tuple[Array, ...]:
-        """How far each friction holds the motion [1]: of the corners at the fence, at the border,
-        and of the parcel on the belt, as far as there is friction."""
-        found = []
-        contacts = (*forces.fence, *forces.border)
-        for what, parts, response, friction in zip(
-            contacts, forces.touches, forces.responses, self._frictions(), strict=True
-        ):
-            if friction is not None:
-                slope = -what.normal * response.sliding * self._lightness(parts)
-                found.append(_sticking(0.5 * step * slope))
-        if forces.belt_slopes is not None:
-            found.append(_sticking(0.5 * step * forces.belt_slopes[0] / self.mass))
-        return tuple(found)
-
-    def held(self, forces: Forces, sticking: tuple[Array, ...]) -> Acceleration:
-        """What the frictions that hold the motion accelerate, each by its weight `sticking`."""
-        total = [jnp.zeros_like(forces.acceleration.x)] * 3
-        of_contacts, of_belt = self._spread(sticking)
-        for what, parts, weight in zip(
-            (*forces.fence, *forces.border), forces.touches, of_contacts, strict=True
-        ):
-            if weight is not None:
-                drag = weight * what.friction
-                total = [q + drag * t for q, t in zip(total, parts.tangent, strict=True)]
-        if forces.belt is not None:
-            total = [q + of_belt * f for q, f in zip(total, forces.belt[:3], strict=True)]
-        return Acceleration(
-            total[0] / self.mass, total[1] / self.mass, total[2] / self.inertia
-        )
-
-    def stops(self, forces: Forces, sticking: tuple[Array, ...]) -> tuple[Acceleration, ...]:
-        """Of each corner at the fence with friction, the acceleration that changes its sliding by
-        1 m/s^2, by its weight `sticking`."""
-        if self.fence_friction is None:
-            return ()
-        found = []
-        for k in range(len(self.fence_corners)):
-            parts = forces.touches[k]
-            share = sticking[k] / self._lightness(parts)
-            x, y, turning = (share * t for t in parts.tangent)
-            found.append(Acceleration(x / self.mass, y / self.mass, turning / self.inertia))
-        return tuple(found)
-
-    @property
-    def friction_count(self) -> int:
-        """Number of surfaces with friction that the parcel rubs on."""
-        corners = sum(friction is not None for friction in self._frictions())
-        return corners + (self.belt is not None)
-
-    def _frictions(self) -> tuple[Friction | None, ...]:
-        """Of each contact, those at the fence first."""
-        at_fence = (self.fence_friction,) * len(self.fence_corners)
-        return at_fence + (self.border_friction,) * len(self.border_corners)
-
-    def _spread(self, sticking: tuple[Array, ...]):
-        """The weights by contact, `None` where there is no friction, and that of the belt."""
-        left = iter(sticking)
-        of_contacts = [None if f is None else next(left) for f in self._frictions()]
-        return of_contacts, next(left, 0.0)
-
-    def _lightness(self, parts: Touch) -> Array:
+    def lightness(self, parts: Touch) -> Array:
         """How much a unit force along the surface accelerates the corner there [1/kg]."""
         x, y, turning = parts.tangent
         return (x**2 + y**2) / self.mass + turning**2 / self.inertia
-
-    def shares(self, forces: Forces, sticking: tuple[Array, ...]) -> list[Array]:
-        """Of each contact, the friction's share of N as it counts in a step's equations."""
-        of_contacts, _ = self._spread(sticking)
-        return [
-            response.share if weight is None else (1 + weight) * response.share
-            for response, weight in zip(forces.responses, of_contacts, strict=True)
-        ]
 
     def rate_matrix(
         self,
@@ -463,8 +361,8 @@ class Mechanics(eqx.Module):
         their own slope would be turned back at the fold instead of going on to the root beyond it.
         """
         zero = jnp.zeros_like(forces.acceleration.x)
-        of_contacts, of_belt = self._spread(sticking)
-        shares = self.shares(forces, sticking)
+        of_contacts, of_belt = stick.spread(self, sticking)
+        shares = stick.shares(self, forces, sticking)
         matrix = [[zero] * 3 for _ in range(3)]
         if self.belt is not None and forces.belt_slopes is not None and forces.slip is not None:
             grip, bend = ((1 + of_belt) * slope for slope in forces.belt_slopes)
@@ -480,11 +378,8 @@ class Mechanics(eqx.Module):
             zip(contacts, forces.touches, forces.responses, strict=True)
         ):
             held = unknown_normals and k < len(forces.fence)
-            lightness = self._lightness(parts)
-            slide = what.normal * response.sliding
-            weight = of_contacts[k]
-            if weight is not None:
-                slide = (1 + weight) * slide
+            lightness = self.lightness(parts)
+            slide = (1 + of_contacts[k]) * what.normal * response.sliding
             slide = jnp.minimum(slide, _MOST_ALONG / jnp.maximum(0.5 * step * lightness, 1e-30))
             press = response.gap * step / 3 + response.gap_rate
             for i in range(3):

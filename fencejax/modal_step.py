@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from . import newton
+from . import newton, stick
 from .clock import Clock, Stride, stride_counts
 from .drive import DriveMotion
 from .fence_end import FenceEnd
@@ -41,10 +41,10 @@ class Memory(NamedTuple):
 
     `fence` holds the vibration, its modal forces and the rates of the loads that the modes left
     out carry, and nothing else; `before` is the acceleration and `normals_before` the forces one
-    step back, for the first guess alone (the former, where friction holds the motion, such that the guess
-    is at rest); `held` is the acceleration by frictions that hold the motion, by the weights
-    `sticking`; `gone` is 1 for a corner that has left over the tip. Where
-    the tip may carry a contact, `leans` say how each corner loads the fence.
+    step back, for the first guess alone (the former `stick.seen`); `held` is the acceleration by
+    the frictions that hold the motion, by the weights `sticking`, both absent without friction;
+    `gone` is 1 for a corner that has left over the tip. Where the tip may carry a contact, `leans`
+    say how each corner loads the fence.
     """
 
     body: Body
@@ -55,7 +55,7 @@ class Memory(NamedTuple):
     sliding: tuple[Array, ...]
     normals: tuple[Array, ...]
     normals_before: tuple[Array, ...]
-    held: Acceleration
+    held: Acceleration | None
     sticking: tuple[Array, ...]
     gone: tuple[Array, ...]
     leans: tuple[Leans, ...]
@@ -75,7 +75,7 @@ class _End(eqx.Module):
     mechanics: Mechanics
     body: Body
     acceleration: Acceleration
-    held: Acceleration
+    held: Acceleration | None
     sticking: tuple[Array, ...]
     predicted: Array
     arms: dict[int, tuple[Array, Array]]
@@ -106,17 +106,18 @@ class _End(eqx.Module):
         arms = {k: _rotated(arm, after.angle - self.predicted) for k, arm in self.arms.items()}
         points = () if self.fence is None else self.fence.points(normals)
         forces = mechanics.forces(after, arms, self.frame, points, normals or None)
-        holds = mechanics.held(forces, self.sticking)
+        begin, end = self.acceleration, forces.acceleration
+        holds = stick.held(mechanics, forces, self.sticking)
+        if holds is not None and self.held is not None:
+            begin = [a - f for a, f in zip(begin, self.held, strict=True)]
+            end = [a + f for a, f in zip(end, holds, strict=True)]
         residual = [
-            v1 - v0 - 0.5 * h * (a0 - f0 + a1 + f1)
-            for v1, v0, a0, f0, a1, f1 in zip(
-                rates, self.body[3:], self.acceleration, self.held, forces.acceleration, holds,
-                strict=True,
-            )
+            v1 - v0 - 0.5 * h * (a0 + a1)
+            for v1, v0, a0, a1 in zip(rates, self.body[3:], begin, end, strict=True)
         ]
         scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
         block = mechanics.rate_matrix(forces, h, bool(normals), self.sticking)
-        shares = mechanics.shares(forces, self.sticking)
+        shares = stick.shares(mechanics, forces, self.sticking)
         matrix = [[float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)]
         for k, normal in enumerate(normals):
             assert self.fence is not None
@@ -138,10 +139,10 @@ class _End(eqx.Module):
         for defect in residual[3:]:
             unbalance = jnp.maximum(unbalance, jnp.abs(defect))
         size = unbalance / (tolerance(scale.dtype) * scale)
-        sticking = mechanics.sticking(forces, h)
-        holds = mechanics.held(forces, sticking)
-        stops = mechanics.stops(forces, sticking)
-        return tuple(residual), matrix, size, (forces, unbalance, sticking, holds, stops)
+        sticking = stick.weights(mechanics, forces, h)
+        holds = stick.held(mechanics, forces, sticking)
+        ways = stick.stops(mechanics, forces, sticking)
+        return tuple(residual), matrix, size, (forces, unbalance, sticking, holds, ways)
 
     def surprise(self, guess, root, forces: Forces) -> Array:
         """How far the forces are from those of the guess, relative to their size [1]: each normal
@@ -164,7 +165,7 @@ class _End(eqx.Module):
         back by more than half the `last` one goes where the secant through the two points has its
         root.
         """
-        share = self.mechanics.reversal(extra[0], change[:3])
+        share = stick.reversal(self.mechanics, extra[0], change[:3])
         mass, inertia = self.mechanics.mass, self.mechanics.inertia
         work, square, last_square = (
             mass * (a[0] * b[0] + a[1] * b[1]) + inertia * a[2] * b[2]
@@ -225,7 +226,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     equations = _End(
         mechanics, body, was, memory.held, memory.sticking, predicted, arms, frame, fence, stride
     )
-    root, (forces, unbalance, sticking, held, stops) = newton.solve(
+    root, (forces, unbalance, sticking, held, ways) = newton.solve(
         _End.evaluate,
         _End.shorten,
         equations,
@@ -242,23 +243,19 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     state = None if fence is None else fence.state(normals)
     touches = forces.touches[: len(places)]
     sliding = tuple(c.sliding for c in forces.fence)
-    # What friction holds goes on as it went, but for its sliding: the first guess then is at rest,
-    # from where Newton's method finds the root there, if there is one, and not another beside it.
-    goes_on = [stride.rate * (v1 - v0) for v1, v0 in zip(after[3:], body[3:], strict=True)]
-    weight = jnp.zeros_like(h)
-    for k, (kind, stop) in enumerate(zip(sticking, stops, strict=False)):
-        change = stride.rate * (sliding[k] - memory.sliding[k])
-        goes_on = [a - change * s for a, s in zip(goes_on, stop, strict=True)]
-        weight = jnp.maximum(weight, kind)
-    seen = (
-        b + weight * (3 * a - 2 * g - b)
-        for b, a, g in zip(was, forces.acceleration, goes_on, strict=True)
-    )
+    if ways:
+        mean = Acceleration(
+            *(stride.rate * (v1 - v0) for v1, v0 in zip(after[3:], body[3:], strict=True))
+        )
+        slowing = [
+            stride.rate * (w1 - w0) for w1, w0 in zip(sliding, memory.sliding, strict=True)
+        ]
+        was = stick.seen(was, forces.acceleration, mean, slowing, sticking, ways)
     feet = tuple(p + t.foot_offset for p, t in zip(loaded, touches, strict=True))
     memory = Memory(
         body=after,
         acceleration=forces.acceleration,
-        before=Acceleration(*jax.lax.stop_gradient(tuple(seen))),
+        before=was,
         fence=None if state is None else state.kept(),
         places=feet,
         sliding=sliding,
@@ -307,7 +304,8 @@ def at_rest(
     upright = Lean(zero + 1, zero)
     leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
     pace = Pace(zero, zero) if stride_counts(mechanics.fidelity)[-1] > 1 else None
-    sticking = tuple(zero for _ in range(mechanics.friction_count))
+    sticking = tuple(zero for _ in range(stick.count(mechanics)))
+    held = still if sticking else None
     return Memory(
-        body, still, still, fence, places, none, none, none, still, sticking, none, leans, pace
+        body, still, still, fence, places, none, none, none, held, sticking, none, leans, pace
     )

@@ -1,0 +1,167 @@
+"""Friction that holds the motion, and how the equations of a step count it.
+
+Where a corner or the parcel is all but at rest on a surface, smoothed friction is a stiff damper:
+its slope with the sliding speed outweighs the inertia over half a step. The trapezoidal rule would
+hand a force that stopped the motion within a step on to the next, and the sliding speed, or its
+derivative, would ring from step to step. So friction that holds counts with its value at a step's
+end alone (the backward Euler rule), and friction that slides by the trapezoidal rule: the weight s
+between the two is that of its stiffness at the step's start, so that the error stays of the second
+order where steps resolve the motion.
+"""
+
+from typing import TYPE_CHECKING
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .friction import Friction
+from .kinematics import Acceleration
+
+if TYPE_CHECKING:
+    from .mechanics import Forces, Mechanics
+
+
+def _weight(stiff: Array) -> Array:
+    """From 0, where friction leaves the motion free, to 1, where it holds it, by how `stiff` [1] it
+    is: its slope with the motion relative to that of the inertia over half a step. A weight of the
+    scheme, and not of the motion: it has no derivative."""
+    square = jax.lax.stop_gradient(jnp.clip(stiff, 0.0, 1e6)) ** 2
+    return (square / (1 + square)) ** 2
+
+
+def frictions(mechanics: "Mechanics") -> tuple[Friction | None, ...]:
+    """Of each contact, those at the fence first."""
+    at_fence = (mechanics.fence_friction,) * len(mechanics.fence_corners)
+    return at_fence + (mechanics.border_friction,) * len(mechanics.border_corners)
+
+
+def count(mechanics: "Mechanics") -> int:
+    """Number of surfaces with friction that the parcel rubs on."""
+    corners = sum(friction is not None for friction in frictions(mechanics))
+    return corners + (mechanics.belt is not None)
+
+
+def weights(mechanics: "Mechanics", forces: "Forces", step: Array) -> tuple[Array, ...]:
+    """How far each friction holds the motion [1]: of the corners at the fence, at the border, and
+    of the parcel on the belt, as far as there is friction."""
+    found = []
+    contacts = (*forces.fence, *forces.border)
+    for what, parts, response, friction in zip(
+        contacts, forces.touches, forces.responses, frictions(mechanics), strict=True
+    ):
+        if friction is not None:
+            slope = -what.normal * response.sliding * mechanics.lightness(parts)
+            found.append(_weight(0.5 * step * slope))
+    if forces.belt_slopes is not None:
+        found.append(_weight(0.5 * step * forces.belt_slopes[0] / mechanics.mass))
+    return tuple(found)
+
+
+def spread(mechanics: "Mechanics", sticking: tuple[Array, ...]):
+    """The weights by contact, 0 where there is no friction, and that of the belt."""
+    left = iter(sticking)
+    of_contacts = [0.0 if f is None else next(left) for f in frictions(mechanics)]
+    return of_contacts, next(left, 0.0)
+
+
+def shares(
+    mechanics: "Mechanics", forces: "Forces", sticking: tuple[Array, ...]
+) -> list[Array]:
+    """Of each contact, the friction's share of N as it counts at a step's end."""
+    of_contacts, _ = spread(mechanics, sticking)
+    return [
+        (1 + weight) * response.share
+        for response, weight in zip(forces.responses, of_contacts, strict=True)
+    ]
+
+
+def held(
+    mechanics: "Mechanics", forces: "Forces", sticking: tuple[Array, ...]
+) -> Acceleration | None:
+    """The acceleration by the frictions, each by its weight; `None` without friction."""
+    if not sticking:
+        return None
+    total = [jnp.zeros_like(forces.acceleration.x)] * 3
+    of_contacts, of_belt = spread(mechanics, sticking)
+    for what, parts, weight, friction in zip(
+        (*forces.fence, *forces.border), forces.touches, of_contacts, frictions(mechanics),
+        strict=True,
+    ):
+        if friction is not None:
+            drag = weight * what.friction
+            total = [q + drag * t for q, t in zip(total, parts.tangent, strict=True)]
+    if forces.belt is not None:
+        total = [q + of_belt * f for q, f in zip(total, forces.belt[:3], strict=True)]
+    x, y, turning = total
+    return Acceleration(x / mechanics.mass, y / mechanics.mass, turning / mechanics.inertia)
+
+
+def stops(
+    mechanics: "Mechanics", forces: "Forces", sticking: tuple[Array, ...]
+) -> tuple[Acceleration, ...]:
+    """Of each corner at the fence with friction, the acceleration that changes its sliding by
+    1 m/s^2, by its weight."""
+    if mechanics.fence_friction is None:
+        return ()
+    found = []
+    for parts, weight in zip(forces.touches, sticking[: len(forces.fence)], strict=False):
+        share = weight / mechanics.lightness(parts)
+        x, y, turning = (share * t for t in parts.tangent)
+        found.append(
+            Acceleration(x / mechanics.mass, y / mechanics.mass, turning / mechanics.inertia)
+        )
+    return tuple(found)
+
+
+def seen(
+    before: Acceleration,
+    now: Acceleration,
+    mean: Acceleration,
+    slowing: list[Array],
+    sticking: tuple[Array, ...],
+    ways: tuple[Acceleration, ...],
+) -> Acceleration:
+    """The acceleration `before` such that a guess now + (now - before) / 2 of the next one holds
+    what friction holds: that goes on as it went, by `mean`, but for the rate `slowing` [m/s^2] at
+    which its sliding went, along `ways`.
+
+    From a guess at rest Newton's method finds the root there, if there is one. Equations with a
+    static friction above the kinetic one have another beside it, which slides.
+    """
+    weight = jnp.zeros_like(now.x)
+    goes_on = mean
+    for change, kind, way in zip(slowing, sticking, ways, strict=False):
+        goes_on = Acceleration(*(a - change * s for a, s in zip(goes_on, way, strict=True)))
+        weight = jnp.maximum(weight, kind)
+    mixed = (
+        b + weight * (3 * a - 2 * g - b)
+        for b, a, g in zip(before, now, goes_on, strict=True)
+    )
+    return Acceleration(*(jax.lax.stop_gradient(q) for q in mixed))
+
+
+def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
+    """Share t <= 1 at which s - t d is nearest to rest, given s.d and d.d; 1 where that lies
+    beyond the step, or behind, or where s is not `sliding` but all but at rest."""
+    turns = sliding & (ahead > 0) & (ahead < square)
+    return jnp.where(turns, ahead / jnp.where(turns, square, 1.0), 1.0)
+
+
+def reversal(mechanics: "Mechanics", forces: "Forces", change) -> Array:
+    """Share of a change of the velocities, `-change`, up to which no friction passes its jump:
+    where a sliding speed, or the slip on the belt, would turn round."""
+    share = jnp.ones_like(forces.acceleration.x)
+    rest = (0.3 * mechanics.fidelity.slip_speed) ** 2
+    for what, parts in zip((*forces.fence, *forces.border), forces.touches, strict=True):
+        x, y, turning = (t * c for t, c in zip(parts.tangent, change, strict=True))
+        turn = x + y + turning
+        share = jnp.minimum(share, _stop(what.sliding * turn, turn**2, what.sliding**2 > rest))
+    if mechanics.belt is not None and forces.slip is not None:
+        x, y, turning = forces.slip
+        turned = mechanics.belt.mean_distance * change[2]
+        ahead = x * change[0] + y * change[1] + turning * turned
+        square = change[0] ** 2 + change[1] ** 2 + turned**2
+        slipping = x**2 + y**2 + turning**2 > rest
+        share = jnp.minimum(share, _stop(ahead, square, slipping))
+    return share
