@@ -108,16 +108,43 @@ def test_static_deflection_between_the_nodes(modes):
 
 
 def test_static_deflection_with_the_force_shared_by_the_nodes():
-    # Shared linearly, a force at s of an element is two forces at its nodes: by reciprocity the
-    # deflection under it is that of the loads' shares, which uniform elements give exactly at the
-    # nodes and as a cubic between: C = sum_j L_j(s) w(x; x_j), the modes kept and left out alike.
-    values = []
-    for modes in (2, None):
+    # Shared linearly, a force at s of an element is two forces at its nodes: each mode kept gets
+    # its share L_i = (1 - s) phi_i(node) + s phi_i(next) of it, those left out yield by virtual
+    # work: C = sum_kept phi_i L_i / (m_0 w_i^2) + sum_left phi_i^2 / (m_0 w_i^2).
+    whole = make(None, load="shared")
+    shape = whole.shape(jnp.asarray(RIGID + 0.61 * LENGTH))
+    phi, load = (np.concatenate([np.ravel(b) for b in q]) for q in (shape.deflection, shape.load))
+    square = np.concatenate([np.ravel(b) for b in whole.frequency_squared])
+    # An element's middle fifth: the load there is not the deflection.
+    assert np.max(np.abs(load - phi)) > 0.1
+    for modes in (2, 5):
         link = make(modes, load="shared")
         amplitude, shape = static_amplitude(link, RIGID + 0.61 * LENGTH, 1.0)
-        whole = float(dot(shape.deflection, amplitude))
-        values.append(whole if modes is None else whole + float(shape.residual))
-    assert values[0] == pytest.approx(values[1], rel=1e-9)
+        ours = float(dot(shape.deflection, amplitude)) + float(shape.residual)
+        terms = phi * np.where(np.arange(phi.size) < modes, load, phi) / square
+        assert ours == pytest.approx(terms.sum() / float(whole.mass_scale), rel=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4, 0.75, 0.95])
+@pytest.mark.parametrize("modes", [1, 2, 4])
+def test_modes_left_out_turn_the_fence(modes, share):
+    # The slope under a static load at sigma is d/dx w(x; sigma) there, by Maxwell-Betti half of
+    # dC / dsigma, C the compliance: modes kept and residual mode together give that of all 40
+    # modes, and the residual mode alone the compliance that they lack.
+    whole, few = make(None), make(modes)
+    place = RIGID + share * LENGTH
+    at = jnp.asarray(place)
+    full, shape = whole.shape(at), few.shape(at)
+    amplitude, _ = static_amplitude(whole, place, 1.0)
+    slope = float(dot(full.slope, amplitude))
+    kept, _ = static_amplitude(few, place, 1.0)
+    deflection, lean = (float(q) for q in shape.residual_mode)
+    ours = float(dot(shape.slope, kept)) + lean * deflection
+    assert ours == pytest.approx(slope, rel=1e-6)
+    assert deflection**2 == pytest.approx(float(shape.residual), rel=1e-6)
+    # It matters: by more than a tenth near the joint.
+    if share == 0.1:
+        assert abs(lean * deflection) > 0.1 * slope
 
 
 @pytest.mark.parametrize("modes", [1, 3, 12])

@@ -128,12 +128,12 @@ def told(name):
     return np.array(jax.device_get(run(stack(rows))))
 
 
-def test_modes_left_out_that_bend_the_fence_are_said():
-    (coarse, rough), (fast, fine), (_, true) = (told(n)[:, 0] for n in ("coarse", "fast", "truth"))
-    assert coarse == fj.Status.MODES_TOO_FEW
-    assert abs(rough / true - 1) > 0.025
+def test_modes_left_out_that_bend_the_fence_are_right():
+    # Two modes: the rest takes 0.2 % of the link's length in deflection, and turns the fence.
+    (_, rough), (fast, fine), (_, true) = (told(n)[:, 0] for n in ("coarse", "fast", "truth"))
+    assert abs(rough / true - 1) < 0.005
     assert fast <= fj.Status.LEFT_OVER_TIP
-    assert abs(fine / true - 1) < 0.005
+    assert abs(fine / true - 1) < 0.001
 
 
 def test_a_parcel_that_lets_go_of_the_belt_is_said():
