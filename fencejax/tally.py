@@ -88,14 +88,14 @@ class AtPeak(NamedTuple):
     """What was so when the fence's force was largest: `slip` [m/s] is the speed at which C_s
     slipped on the belt, `crept` [s] how long it had crept on it until then, `cut` 1.0 where a
     corner ran over the tip then or a step later, `again` [N] the largest second difference of the
-    force from step to step until then if parcel and fence had parted before, else 0, and `lost`
-    [N^1.5] the sum of the second differences to the power of 1.5 until then."""
+    force from step to step until then if parcel and fence had parted before, else 0, `turned` 1.0
+    where a corner pressed on the fence had come to rest on it, or turned round, before."""
 
     slip: Array
     crept: Array
     cut: Array
     again: Array
-    lost: Array
+    turned: Array
 
 
 class Tally(NamedTuple):
@@ -104,7 +104,9 @@ class Tally(NamedTuple):
     `origin` are the energies at the start; `length` [s] is that of the last step, `None` where all
     are alike. `rough`, `rough_border` [N] are the largest second differences of the forces of the
     fence and of the border from step to step; `crept` [s] is how long C_s, under the fence's force,
-    has let go of the belt or come to rest on it so far, neither at rest nor sliding; `hurry`
+    has let go of the belt or come to rest on it so far, neither at rest nor sliding; `parted` and
+    `turned` are 1.0 where parcel and fence have touched and parted, and where a corner pressed on
+    the fence has come to rest on it or turned round; `hurry`
     [m/s^2] the largest |N''| G under a corner, G [m/N] the compliance of the modes left out, and
     `carried` [m] the largest deflection G N that they take there. They say whether the step, the
     smoothing of friction and the modes resolve the motion, and have no derivative.
@@ -131,7 +133,7 @@ class Tally(NamedTuple):
     rough_border: Array
     crept: Array
     parted: Array
-    lost: Array
+    turned: Array
     at_peak: AtPeak
     hurry: Array
     carried: Array
@@ -183,7 +185,7 @@ def empty(like: Instant, body: Body, alike: bool) -> Tally:
         rough_border=zero,
         crept=zero,
         parted=zero,
-        lost=zero,
+        turned=zero,
         at_peak=AtPeak(*(zero,) * 5),
         hurry=zero,
         carried=zero,
@@ -246,6 +248,16 @@ def _crept(tally: Tally, instant: Instant, slip: Array, length: Array, scope: Sc
     share = jnp.where(moves, within / jnp.where(moves, change, 1.0), still)
     pressed = jax.lax.stop_gradient(instant.fence_force) > 0
     return tally.crept + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
+
+
+def _turned(before: Instant, instant: Instant, scope: Scope, known: Array) -> Array:
+    """1.0 from when a corner pressed on the fence has come to rest on it or turned round."""
+    for was, now in zip(before.fence, instant.fence, strict=True):
+        pressed = (was.normal > 0) & (now.normal > 0)
+        rests = jnp.abs(now.sliding) < scope.smoothing.slip_speed
+        turns = pressed & (rests | (was.sliding * now.sliding < 0))
+        known = jnp.where(turns, 1.0, known)
+    return known
 
 
 def _at_peak(peak: Peak, known: AtPeak, instant: Instant, new: AtPeak) -> AtPeak:
@@ -334,8 +346,8 @@ def add(
     apart = (tally.stay.touched > 0) & (instant.fence_force <= 0)
     parted = jnp.where(apart, 1.0, tally.parted)
     roughest = jnp.maximum(tally.rough, rough)
-    lost = tally.lost + rough * jnp.sqrt(rough)
-    at_peak = AtPeak(slip, crept, instant.over_tip, parted * roughest, lost)
+    turned = _turned(before, instant, scope, tally.turned)
+    at_peak = AtPeak(slip, crept, instant.over_tip, parted * roughest, turned)
     return Tally(
         last=instant,
         origin=jax.tree.map(
@@ -360,7 +372,7 @@ def add(
         rough_border=jnp.maximum(tally.rough_border, rough_border),
         crept=crept,
         parted=parted,
-        lost=lost,
+        turned=turned,
         at_peak=_at_peak(force, tally.at_peak, instant, at_peak),
         hurry=jnp.maximum(tally.hurry, _hurry(instant, rough, length)),
         carried=_carried(instant, tally.carried),

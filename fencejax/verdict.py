@@ -19,21 +19,26 @@ from .status import Status, worst
 from .tally import Tally
 
 # A force whose second difference from step to step is a larger share of its peak than this is not
-# resolved. Below it, over random scenes far beyond the ordinary, a peak was off by 2.6 % at most.
-ROUGH = 0.2
+# resolved: the peak is off by up to a sixth of that share.
+ROUGH = 0.14
+# The same where parcel and fence had parted before the peak: a blow depends on when the one before
+# it ended, and its derivative far more so.
+ROUGH_AGAIN = 0.005
+# The first mode's angular frequency times the step: above it a friction that turns round within a
+# step rings the fence as it would not in time, by little, but the derivative counts its phase.
+RINGING = 1.5
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
-# contact, a quarter of its share in the force: |N''| G / w^2 with their compliance G and the square
-# of the highest frequency kept.
-LAGGING = 0.02
+# contact: |N''| G / w^2 with their compliance G and the square of the highest frequency kept.
+LAGGING = 0.012
 # What the modes left out may bend the fence statically, as a share of the flexible link's length:
-# the force is right in it, the turn of the fence under the corner is not.
-TURNING = 0.006
+# their deflection and slope are right, not what these do to the arc's length and to other corners.
+TURNING = 0.003
 # A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
 _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing at the peak.
 _SMOOTHED = 0.004
 # Share of it that a parcel may owe to how friction let go of it before.
-_CREPT = 0.0012
+_CREPT = 0.0004
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
 _CREEP = 0.009
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
@@ -80,12 +85,17 @@ def of_tally(
     for peak, rough in ((tally.force, tally.rough), (tally.border, tally.rough_border)):
         felt = ROUGH * peak.value + _UNFELT * forces
         checks.append((Status.STEP_TOO_COARSE, rough > felt))
+    again = tally.at_peak.again > ROUGH_AGAIN * tally.force.value
+    checks.append((Status.STEP_TOO_COARSE, again))
     checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
     checks.append((Status.INCONSISTENT, ~consistent(scene, start_time)))
     if scene.belt is not None and scene.fence_corners:
         lost = _smoothed(scene, mechanics.fidelity, tally, weight)
         checks.append((Status.FRICTION_SMOOTHED, lost))
     if mechanics.link is not None and mechanics.link.frequency_squared:
+        frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.eigenvalues[0]))
+        rings = frequency * mechanics.fidelity.step > RINGING
+        checks.append((Status.STEP_TOO_COARSE, rings & (tally.at_peak.turned > 0)))
         highest = jax.lax.stop_gradient(mechanics.link.eigenvalues[-1])
         checks.append((Status.MODES_TOO_FEW, tally.hurry > LAGGING * highest * tally.deepest))
         assert scene.fence is not None
