@@ -63,7 +63,7 @@ _TEXT = {
     Status.ENERGY_GAINED: "the energy ledger ends with more than the work done accounts for; "
     "lower `step` in the fidelity",
     Status.STEP_TOO_COARSE: "a step's equations were not solved, the force rose or fell within a "
-    "step or two, or was largest in a later blow of many; lower `step` or raise `iterations` in the "
+    "step or two, or was largest in a later blow; lower `step` or raise `iterations` in the "
     "fidelity",
     Status.LIMIT_REACHED: "a general integrator came to its limit of steps; use "
     "`integrator=\"modal\"`, raise `tolerance`, or smooth friction over a higher `slip_speed`",

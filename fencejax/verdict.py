@@ -23,13 +23,13 @@ from .tally import Tally
 ROUGH = 0.14
 # The same where parcel and fence had parted before the peak: a blow depends on when the one before
 # it ended, and its derivative far more so.
-ROUGH_AGAIN = 0.005
+ROUGH_AGAIN = 0.01
 # The first mode's angular frequency times the step: above it a friction that turns round within a
 # step rings the fence as it would not in time, by little, but the derivative counts its phase.
 RINGING = 1.5
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
 # contact: |N''| G / w^2 with their compliance G and the square of the highest frequency kept.
-LAGGING = 0.012
+LAGGING = 0.015
 # What the modes left out may bend the fence statically, as a share of the flexible link's length:
 # their deflection and slope are right, not what these do to the arc's length and to other corners.
 TURNING = 0.003
@@ -37,8 +37,9 @@ TURNING = 0.003
 _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing at the peak.
 _SMOOTHED = 0.004
-# Share of it that a parcel may owe to how friction let go of it before.
-_CREPT = 0.0004
+# Share of it that a parcel may owe to how friction let go of it before; a third of that where
+# friction falls to a third and less when it lets go.
+_CREPT = 0.0012
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
 _CREEP = 0.009
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
@@ -60,7 +61,8 @@ def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> 
     lost = friction.kinetic * fidelity.slip_speed + jump * fidelity.static_speed
     now = weight * lost > _SMOOTHED * tally.force.value * peak.slip
     held = jump * scene.belt.gravity * peak.crept
-    late = jump * weight * held > _CREPT * tally.force.value * peak.slip
+    allowed = jnp.where(jump > 2 * friction.kinetic, _CREPT / 3, _CREPT)
+    late = jump * weight * held > allowed * tally.force.value * peak.slip
     largest = jnp.maximum(friction.static, friction.kinetic)
     creep = largest * fidelity.slip_speed + jump * fidelity.static_speed
     early = (peak.crept > 0.25 * fidelity.step) & (creep > _CREEP * largest * peak.slip)
