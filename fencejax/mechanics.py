@@ -353,7 +353,7 @@ class Mechanics(eqx.Module):
     ):
         """-d(generalised force)/d(velocities) [N s/m], 3 x 3, at frozen directions and arms, where
         positions follow the velocities by `step` / 3, with the weights `sticking` of frictions that
-        held the motion at the step's start.
+        held a corner at the step's start.
 
         With `unknown_normals` the normal forces at the fence are held. Where friction falls so
         steeply with the sliding speed that the parcel's inertia over half the step does not
@@ -361,11 +361,11 @@ class Mechanics(eqx.Module):
         their own slope would be turned back at the fold instead of going on to the root beyond it.
         """
         zero = jnp.zeros_like(forces.acceleration.x)
-        of_contacts, of_belt = stick.spread(self, sticking)
+        of_contacts = stick.spread(self, sticking)
         shares = stick.shares(self, forces, sticking)
         matrix = [[zero] * 3 for _ in range(3)]
         if self.belt is not None and forces.belt_slopes is not None and forces.slip is not None:
-            grip, bend = ((1 + of_belt) * slope for slope in forces.belt_slopes)
+            grip, bend = forces.belt_slopes
             arm = self.belt.mean_distance
             x, y, turning = forces.slip
             slip, weights = (x, y, arm * turning), (1.0, 1.0, arm**2)

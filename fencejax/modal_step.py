@@ -42,7 +42,7 @@ class Memory(NamedTuple):
     `fence` holds the vibration, its modal forces and the rates of the loads that the modes left
     out carry, and nothing else; `before` is the acceleration and `normals_before` the forces one
     step back, for the first guess alone (the former `stick.seen`); `held` is the acceleration by
-    the frictions that hold the motion, by the weights `sticking`, both absent without friction;
+    the frictions that hold a corner, by the weights `sticking`, both absent without friction;
     `gone` is 1 for a corner that has left over the tip. Where the tip may carry a contact, `leans`
     say how each corner loads the fence.
     """

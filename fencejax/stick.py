@@ -1,12 +1,12 @@
-"""Friction that holds the motion, and how the equations of a step count it.
+"""Friction that holds a corner, and how the equations of a step count it.
 
-Where a corner or the parcel is all but at rest on a surface, smoothed friction is a stiff damper:
-its slope with the sliding speed outweighs the inertia over half a step. The trapezoidal rule would
-hand a force that stopped the motion within a step on to the next, and the sliding speed, or its
-derivative, would ring from step to step. So friction that holds counts with its value at a step's
-end alone (the backward Euler rule), and friction that slides by the trapezoidal rule, so that the
-error is of the second order where steps resolve the motion; between the two there is a weight by
-its stiffness at the step's start.
+Where a corner is all but at rest on a surface, smoothed friction is a stiff damper: its slope with
+the sliding speed outweighs the inertia over half a step, tens of times under a large force. The
+trapezoidal rule would hand a force that stopped the corner within a step on to the next, and the
+sliding speed, or its derivative, would ring from step to step, or turn its sign. So friction that
+holds counts with its value at a step's end alone (the backward Euler rule), and friction that
+slides by the trapezoidal rule. The belt's friction, under the weight alone, is never so stiff that
+it would have to; when a parcel lets go of it counts.
 """
 
 from typing import TYPE_CHECKING
@@ -23,14 +23,13 @@ if TYPE_CHECKING:
 
 
 # Stiffness of a friction [1], its slope with the motion relative to that of the inertia over half a
-# step, above which it holds. Up to 1 the trapezoidal rule does not ring; a parcel at rest on a belt
-# has 0.5 and more at the usual fidelities.
-_CORNER, _BELT = 1.0, 0.35
+# step, above which it holds: up to there the trapezoidal rule does not ring.
+_STIFF = 1.0
 
 
-def _holds(stiff: Array, least: float) -> Array:
-    """1.0 where friction of a stiffness [1] holds the motion, 0.0 where it leaves it free."""
-    return jnp.where(stiff > least, 1.0, 0.0)
+def _holds(stiff: Array) -> Array:
+    """1.0 where friction of a stiffness [1] holds a corner, 0.0 where it leaves it free."""
+    return jnp.where(stiff > _STIFF, 1.0, 0.0)
 
 
 def frictions(mechanics: "Mechanics") -> tuple[Friction | None, ...]:
@@ -40,14 +39,12 @@ def frictions(mechanics: "Mechanics") -> tuple[Friction | None, ...]:
 
 
 def count(mechanics: "Mechanics") -> int:
-    """Number of surfaces with friction that the parcel rubs on."""
-    corners = sum(friction is not None for friction in frictions(mechanics))
-    return corners + (mechanics.belt is not None)
+    """Number of corners with friction."""
+    return sum(friction is not None for friction in frictions(mechanics))
 
 
 def weights(mechanics: "Mechanics", forces: "Forces", step: Array) -> tuple[Array, ...]:
-    """How far each friction holds the motion [1]: of the corners at the fence, at the border, and
-    of the parcel on the belt, as far as there is friction."""
+    """Whether friction holds [1], of each corner at the fence and at the border that has any."""
     found = []
     contacts = (*forces.fence, *forces.border)
     for what, parts, response, friction in zip(
@@ -55,48 +52,40 @@ def weights(mechanics: "Mechanics", forces: "Forces", step: Array) -> tuple[Arra
     ):
         if friction is not None:
             slope = -what.normal * response.sliding * mechanics.lightness(parts)
-            found.append(_holds(0.5 * step * slope, _CORNER))
-    if forces.belt_slopes is not None:
-        stiff = 0.5 * step * forces.belt_slopes[0] / mechanics.mass
-        found.append(_holds(stiff, _BELT))
+            found.append(_holds(0.5 * step * slope))
     return tuple(found)
 
 
-def spread(mechanics: "Mechanics", sticking: tuple[Array, ...]):
-    """The weights by contact, 0 where there is no friction, and that of the belt."""
+def spread(mechanics: "Mechanics", sticking: tuple[Array, ...]) -> list[Array | float]:
+    """The weights by contact, 0 where there is no friction."""
     left = iter(sticking)
-    of_contacts = [0.0 if f is None else next(left) for f in frictions(mechanics)]
-    return of_contacts, next(left, 0.0)
+    return [0.0 if f is None else next(left) for f in frictions(mechanics)]
 
 
 def shares(
     mechanics: "Mechanics", forces: "Forces", sticking: tuple[Array, ...]
 ) -> list[Array]:
     """Of each contact, the friction's share of N as it counts at a step's end."""
-    of_contacts, _ = spread(mechanics, sticking)
     return [
         (1 + weight) * response.share
-        for response, weight in zip(forces.responses, of_contacts, strict=True)
+        for response, weight in zip(forces.responses, spread(mechanics, sticking), strict=True)
     ]
 
 
 def held(
     mechanics: "Mechanics", forces: "Forces", sticking: tuple[Array, ...]
 ) -> Acceleration | None:
-    """The acceleration by the frictions, each by its weight; `None` without friction."""
+    """The acceleration by the frictions that hold; `None` where no corner has friction."""
     if not sticking:
         return None
     total = [jnp.zeros_like(forces.acceleration.x)] * 3
-    of_contacts, of_belt = spread(mechanics, sticking)
+    contacts, of_contacts = (*forces.fence, *forces.border), spread(mechanics, sticking)
     for what, parts, weight, friction in zip(
-        (*forces.fence, *forces.border), forces.touches, of_contacts, frictions(mechanics),
-        strict=True,
+        contacts, forces.touches, of_contacts, frictions(mechanics), strict=True
     ):
         if friction is not None:
             drag = weight * what.friction
             total = [q + drag * t for q, t in zip(total, parts.tangent, strict=True)]
-    if forces.belt is not None:
-        total = [q + of_belt * f for q, f in zip(total, forces.belt[:3], strict=True)]
     x, y, turning = total
     return Acceleration(x / mechanics.mass, y / mechanics.mass, turning / mechanics.inertia)
 
