@@ -18,14 +18,14 @@ class Fidelity:
     **Fields:**
 
     - `modes`: bending modes kept; 0 makes the fence rigid; `None` keeps all of them.
-    - `static_correction`: whether the modes left out still yield, as a massless viscoelastic
-      spring under the contact.
+    - `static_correction`: whether the modes left out still yield, as one massless mode under each
+      contact, with its deflection, slope and damping.
     - `elements`: finite elements on the flexible link (20 in the paper).
     - `geometry`: `"chord"`, the paper's (2.14)-(2.17) with the element chords turned by their
       angles; `"arc"`, the same to the third order in the slope; or `"small"`, a small deflection
       normal to the straight line.
     - `load`: `"consistent"`, the contact force on the beam by virtual work, or `"shared"`, the
-      paper's (2.8), linearly on the two nodes beside it.
+      paper's (2.8), linearly on the two nodes beside it (the modes left out by virtual work).
     - `step` [s]: the integrator's step (for an adaptive one: of the samples that it saves).
     - `longest_stride`: how many such steps may be taken in one, a power of two, where nothing is
       about to touch or part and the forces change smoothly; 1: all steps are alike. `None`: up to

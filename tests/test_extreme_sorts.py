@@ -40,7 +40,9 @@ GIVEN = {
     "grazing", "re-impact", "chatter", "jam",
 }
 # They stick and are let go, over a speed that is not small beside theirs at the peak.
-WARNED = {("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse")}
+WARNED = {
+    ("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse"), ("re-impact", "coarse")
+}
 # What the rungs cannot give is said, and by which status.
 SAID = {
     ("static-far-above", "coarse"): fj.Status.STEP_TOO_COARSE,

@@ -21,8 +21,11 @@ PROMISE = {"coarse": 0.003, "fast": 0.004, "standard": 0.0015, "reference": 0.00
 `reference` has the paper's chords where the truth has the arc."""
 GRADIENT_PROMISE = {"coarse": 0.035, "fast": 0.02, "standard": 0.015, "reference": 0.006}
 """The same for its gradient, as elasticities and relative to its norm; for the rows of `GIVEN`."""
-HARD = {"coarse": 0.05, "fast": 0.11, "standard": 0.05, "reference": 0.05}
-"""The same for the other rows: a contact of ten steps, friction of 5."""
+HARD = {"coarse": 0.05, "fast": 0.11, "standard": 0.06, "reference": 0.05}
+"""The same for the other rows: a contact of ten steps, one without stiffness."""
+KINK = {"belt-friction-5": 0.08}
+"""The same where a corner comes to rest on the fence at the peak: the derivative jumps there, from
+one side to the other by an eighth."""
 
 # Designs: (changes of the ordinary impact).
 ROWS = {
@@ -123,8 +126,8 @@ GIVEN = {
     "approach-1", "no-friction", "friction-5", "static-is-kinetic", "at-the-joint", "at-a-node",
     "no-gravity", "size-2m", "steel-plate", "receding",
 }
-# It rides along the fence to its tip, where the force ends within a few steps of 1 ms.
-WARNED = {("no-friction", "coarse")}
+# It rides along the fence to its tip, where the force ends within a few steps of 1 ms, and bounces.
+WARNED = {("no-friction", "coarse"), ("no-friction", "fast")}
 # What happened is said, and by which status.
 SAID = {
     ("reach-0.3m", "standard"): fj.Status.PEAK_AT_TIP,
@@ -254,7 +257,7 @@ def test_gradients_are_within_the_promise(name, fidelity):
     if max(status, truth()[0][lane]) > fj.Status.LEFT_OVER_TIP:
         assert name not in GIVEN or (name, fidelity) in WARNED
         return
-    promise = (GRADIENT_PROMISE if name in GIVEN else HARD)[fidelity]
+    promise = KINK.get(name, (GRADIENT_PROMISE if name in GIVEN else HARD)[fidelity])
     off = np.linalg.norm(slopes[0] - true_slopes()[lane])
     assert off <= promise * np.linalg.norm(true_slopes()[lane])
 

@@ -55,11 +55,11 @@ def test_a_good_status_keeps_its_promise(half):
 def test_a_derivative_that_is_not_finite_is_said():
     """One lane in 50,000: a limp fence at a step far too long runs away; its values are finite
     still, and its derivatives are not."""
-    numbers = draw([20260101, 297], LANES, WIDE)
+    numbers = draw([20260101, 245], LANES, WIDE)
     status, found, slopes, _ = jax.device_get(program()(numbers))
-    assert status[18] == fj.Status.NON_FINITE
-    assert np.isfinite(found[18]).all()
-    assert np.all(slopes[18] == 0)
+    assert status[85] == fj.Status.NON_FINITE
+    assert np.isfinite(found[85]).all()
+    assert np.all(slopes[85] == 0)
     assert np.isfinite(slopes).all()
 
 
