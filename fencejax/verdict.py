@@ -23,7 +23,7 @@ from .tally import Tally
 ROUGH = 0.14
 # The same where parcel and fence had parted before the peak: a blow depends on when the one before
 # it ended, and its derivative far more so.
-ROUGH_AGAIN = 0.01
+ROUGH_AGAIN = 0.003
 # The first mode's angular frequency times the step: above it a friction that turns round within a
 # step rings the fence as it would not in time, by little, but the derivative counts its phase.
 RINGING = 1.5
@@ -38,7 +38,7 @@ _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing at the peak.
 _SMOOTHED = 0.004
 # Share of it that a parcel may owe to how friction let go of it before; a third of that where
-# friction falls to a third and less when it lets go.
+# friction falls to a third and less when it lets go, nothing where it falls to a tenth and less.
 _CREPT = 0.0012
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
 _CREEP = 0.009
@@ -62,6 +62,7 @@ def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> 
     now = weight * lost > _SMOOTHED * tally.force.value * peak.slip
     held = jump * scene.belt.gravity * peak.crept
     allowed = jnp.where(jump > 2 * friction.kinetic, _CREPT / 3, _CREPT)
+    allowed = jnp.where(jump > 9 * friction.kinetic, 0.0, allowed)
     late = jump * weight * held > allowed * tally.force.value * peak.slip
     largest = jnp.maximum(friction.static, friction.kinetic)
     creep = largest * fidelity.slip_speed + jump * fidelity.static_speed

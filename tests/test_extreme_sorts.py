@@ -37,15 +37,19 @@ GIVEN = {
     "centre-at-an-edge", "centre-low", "no-damping", "no-friction", "friction-5",
     "belt-friction-5", "static-is-kinetic", "drive-fast", "never-touched", "drive-still",
     "flat-impact", "all-but-flat", "corner-first", "other-corner-first", "far-out", "at-the-tip",
-    "grazing", "re-impact", "chatter", "jam",
+    "grazing", "chatter", "jam",
 }
-# They stick and are let go, over a speed that is not small beside theirs at the peak.
+# They stick and are let go, over a speed that is not small beside theirs at the peak; or the last of
+# several blows is the hardest.
 WARNED = {
-    ("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse"), ("re-impact", "coarse")
+    ("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse"),
+    ("friction-5", "coarse"), ("friction-5", "standard"),
 }
 # What the rungs cannot give is said, and by which status.
 SAID = {
     ("static-far-above", "coarse"): fj.Status.STEP_TOO_COARSE,
+    ("re-impact", "coarse"): fj.Status.STEP_TOO_COARSE,
+    ("re-impact", "standard"): fj.Status.STEP_TOO_COARSE,
     ("belt-still", "coarse"): fj.Status.FRICTION_SMOOTHED,
     ("drive-slow", "coarse"): fj.Status.FRICTION_SMOOTHED,
     ("rubber", "standard"): fj.Status.NON_FINITE,
@@ -89,8 +93,6 @@ def own_differences():
 
 
 TOUCHED = sorted(GIVEN - {"never-touched", "drive-still", "at-the-tip"})
-HARD = {"re-impact": 0.22}
-"""A corner that springs back undamped and strikes again."""
 
 
 @pytest.mark.parametrize("name", TOUCHED)
@@ -99,7 +101,7 @@ def test_gradients_are_within_the_promise(name):
     slopes, true = rung(KIND, "coarse")[2][at], true_slopes(KIND)[at]
     assert np.all(np.isfinite(slopes))
     off = np.linalg.norm(slopes - true)
-    assert off <= HARD.get(name, GRADIENT_PROMISE) * np.linalg.norm(true)
+    assert off <= GRADIENT_PROMISE * np.linalg.norm(true)
 
 
 # Where the strides change with the numbers the value jumps, of 1 g by 4e-4: differences over 2e-5
