@@ -23,7 +23,7 @@ from .tally import Tally
 ROUGH = 0.14
 # The same where parcel and fence had parted before the peak: a blow depends on when the one before
 # it ended, and its derivative far more so.
-ROUGH_AGAIN = 0.003
+ROUGH_AGAIN = 0.01
 # The first mode's angular frequency times the step: above it a friction that turns round within a
 # step rings the fence as it would not in time, by little, but the derivative counts its phase.
 RINGING = 1.5

@@ -39,17 +39,12 @@ GIVEN = {
     "flat-impact", "all-but-flat", "corner-first", "other-corner-first", "far-out", "at-the-tip",
     "grazing", "chatter", "jam",
 }
-# They stick and are let go, over a speed that is not small beside theirs at the peak; or the last of
-# several blows is the hardest.
-WARNED = {
-    ("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse"),
-    ("friction-5", "coarse"), ("friction-5", "standard"),
-}
+# They stick and are let go, over a speed that is not small beside theirs at the peak.
+WARNED = {("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse")}
 # What the rungs cannot give is said, and by which status.
 SAID = {
     ("static-far-above", "coarse"): fj.Status.STEP_TOO_COARSE,
     ("re-impact", "coarse"): fj.Status.STEP_TOO_COARSE,
-    ("re-impact", "standard"): fj.Status.STEP_TOO_COARSE,
     ("belt-still", "coarse"): fj.Status.FRICTION_SMOOTHED,
     ("drive-slow", "coarse"): fj.Status.FRICTION_SMOOTHED,
     ("rubber", "standard"): fj.Status.NON_FINITE,
