@@ -5,8 +5,8 @@
 Half of them from end to end of what a sweep may ask for, half as real designs may be. A sample is
 compared with `Fidelity.reference` (steps of 25 us, friction smoothed over 0.02 mm/s), in the peak
 force and its gradient.
-`offline_fuzz.json` beside this file is what that command found, `offline_fuzz_42.json` what
-`--scenes 12288 --sample 12288 --seed 42` did.
+`offline_fuzz.json` beside this file is what that command found, `offline_fuzz_8.json` what
+`--scenes 12288 --sample 12288 --seed 8` did.
 """
 
 import argparse
@@ -104,8 +104,8 @@ def errors(outcome, true):
     true_status, (peak, when), true_slopes = true[0], true[1].T, true[2]
     good = np.maximum(status, true_status) <= fj.Status.LEFT_OVER_TIP
     good &= (status != fj.Status.NEVER_TOUCHED) & (peak > 0)
-    off = np.linalg.norm(slopes[:, 0] - true_slopes, axis=-1)[good]
-    size = np.maximum(np.linalg.norm(true_slopes, axis=-1), peak)[good]
+    off = np.linalg.norm(slopes[good, 0] - true_slopes[good], axis=-1)
+    size = np.maximum(np.linalg.norm(true_slopes[good], axis=-1), peak[good])
     same = np.abs(found[:, FIELDS.index("peak_time")] - when) <= 2e-3
     return np.abs(found[good, 0] / peak[good] - 1), off / size, same[good]
 

@@ -39,9 +39,10 @@ def test_finite_or_flagged(seed, ranges):
 
 @pytest.mark.parametrize("half", HALVES)
 def test_a_good_status_keeps_its_promise(half):
-    """256 scenes beside those that the offline run compares, in value and in gradient."""
+    """256 real scenes and 512 corners beside those that the offline run compares, in value and in
+    gradient."""
     compared = 0
-    for k in range(2):
+    for k in range({"usual": 2, "wide": 4}[half]):
         numbers = draw([7, k], LANES, HALVES[half])
         outcome = jax.device_get(program()(numbers))
         value, gradient, same = errors(outcome, jax.device_get(truth()(numbers)))
@@ -49,7 +50,7 @@ def test_a_good_status_keeps_its_promise(half):
         of_value, of_gradient = PROMISE["fast"]
         assert np.all(value <= of_value)
         assert np.all(gradient[same] <= of_gradient)
-    assert compared >= {"usual": 150, "wide": 10}[half]
+    assert compared >= {"usual": 150, "wide": 8}[half]
 
 
 def test_a_derivative_that_is_not_finite_is_said():
