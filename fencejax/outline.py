@@ -201,18 +201,18 @@ class _Bent:
         self._rigid_length, self._length = float(link.rigid_length), float(link.length)
         nodes = self._elements + 1
         self.deflection = amplitude @ _columns(link.deflection, nodes).T
-        self._modal = self.deflection
-        self._modal_slope = amplitude @ _columns(link.slope, nodes).T
+        self._slope = amplitude @ _columns(link.slope, nodes).T
         if history.carried:
-            self.deflection = self._modal - self._left_out(fence, fidelity, history)
+            deflection, slope = self._left_out(fence, fidelity, history)
+            self.deflection, self._slope = self.deflection - deflection, self._slope - slope
         # Thickness at the hinge, the joint and the nodes, the tip included.
         stations = np.arange(nodes) / self._elements
         profile = np.asarray(fence.taper(stations, 1 - stations))
         self._thickness = float(fence.thickness) * np.concatenate([[1.0], profile])
 
-    def _left_out(self, fence: Fence, fidelity: Fidelity, history: Instant) -> np.ndarray:
-        """What the modes that are not in the history yield, statically:
-        sum_j r_j sum_i phi_i(x) phi_i(sigma_j) / (m_0 w_i^2)."""
+    def _left_out(self, fence: Fence, fidelity: Fidelity, history: Instant):
+        """What the modes that are not in the history yield at the nodes, statically:
+        sum_j r_j sum_i phi_i(x) phi_i(sigma_j) / (m_0 w_i^2), and its slope in x / l_p."""
         whole = FlexibleLink(fence, fidelity.replace(modes=None))
         nodes = self._elements + 1
         tables = (_columns(part, nodes)[:, fidelity.mode_count :] for part in
@@ -220,21 +220,15 @@ class _Bent:
         deflection, slope = tables
         square = np.concatenate([np.ravel(part) for part in whole.frequency_squared])
         compliance = 1 / (float(whole.mass_scale) * square[fidelity.mode_count :])
-        total = np.zeros((len(history.time), nodes))
+        amplitude = np.zeros((len(history.time), len(compliance)))
         for contact, (_, load) in zip(history.fence, history.carried, strict=True):
             element, s = self._element(np.asarray(contact.place))
-            share = self._share(fidelity, deflection, slope / self._elements, element, s)
-            total = total + (load[:, None] * share * compliance) @ deflection.T
-        return total
-
-    @staticmethod
-    def _share(fidelity: Fidelity, deflection, slope, element, s) -> np.ndarray:
-        """The share of a load that each mode gets, (F, m): by the cubic, or by both nodes."""
-        first, second = deflection[element], deflection[element + 1]
-        if fidelity.load == "shared":
-            return (1 - s)[:, None] * first + s[:, None] * second
-        a, b, c, d = (h[:, None] for h in hermite(s))
-        return a * first + b * slope[element] + c * second + d * slope[element + 1]
+            a, b, c, d = (h[:, None] for h in hermite(s))
+            first, second = deflection[element], deflection[element + 1]
+            turn, turn_second = (slope[element + k] / self._elements for k in (0, 1))
+            share = a * first + b * turn + c * second + d * turn_second
+            amplitude = amplitude + load[:, None] * share * compliance
+        return amplitude @ deflection.T, amplitude @ slope.T
 
     def _element(self, place: np.ndarray):
         """Element and local coordinate in [0, 1] of arc coordinates [m]."""
@@ -243,11 +237,10 @@ class _Bent:
         return element, at - element
 
     def slope(self, place: np.ndarray) -> np.ndarray:
-        """Slope [rad] of the modes kept, at one arc coordinate [m] a frame: as the contact has
-        it."""
+        """Slope [rad] at one arc coordinate [m] a frame, as the contact has it."""
         element, s = self._element(place)
         frames = np.arange(len(place))
-        ends = (self._modal, self._modal_slope / self._elements)
+        ends = (self.deflection, self._slope / self._elements)
         a, c = (ends[0][frames, element + k] for k in (0, 1))
         b, d = (ends[1][frames, element + k] for k in (0, 1))
         rise = hermite_slope(s)
