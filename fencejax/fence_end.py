@@ -132,13 +132,15 @@ class FenceEnd(eqx.Module):
         if shape is None:
             return (jnp.zeros_like(normal),) * 3
         deflection, slope = shape
-        force, rate = self._residual_mode(k, deflection, normal)
+        force, rate = self._residual_mode(k, normal)
         amplitude = force - self.link.lag * rate
         return -deflection * amplitude, -deflection * rate, -slope * amplitude
 
-    def _residual_mode(self, k: int, shape: Array, normal) -> ResidualMode:
-        """The residual mode at the step's end, of the deflection `shape` [m/J^0.5]."""
-        force, before = shape * normal, self.residual_before[k]
+    def _residual_mode(self, k: int, normal) -> ResidualMode:
+        """The residual mode under place k at the step's end."""
+        shape = self.shapes[k].residual_mode
+        assert shape is not None
+        force, before = shape[0] * normal, self.residual_before[k]
         return ResidualMode(force, self._lagged_rate(before.rate, before.force, force))
 
     def _lagged_rate(self, rate, before, now):
@@ -166,11 +168,7 @@ class FenceEnd(eqx.Module):
                 map(self._lagged_rate, self.lagged_before, self.normals_before, normals)
             )
             lagged = tuple(n - self.link.lag * r for n, r in zip(normals, rates, strict=True))
-            residual = tuple(
-                self._residual_mode(k, shape.residual_mode[0], n)
-                for k, (shape, n) in enumerate(zip(self.shapes, normals, strict=True))
-                if shape.residual_mode is not None
-            )
+            residual = tuple(self._residual_mode(k, n) for k, n in enumerate(normals))
         vibration = self._vibration(normals)
         return FenceState(
             self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares

@@ -77,14 +77,22 @@ class FenceState(NamedTuple):
     residual: tuple[ResidualMode, ...] = ()
     shares: tuple[Array, ...] = ()
 
+    @classmethod
+    def unloaded(cls, link: FlexibleLink, vibration: Vibration, places: int) -> "FenceState":
+        """What a first step needs to know of a fence without a load at any of its `places`."""
+        zero = jnp.zeros_like(link.mass_scale)
+        rates = (zero,) * places if link.table.corrected else ()
+        residual = tuple(ResidualMode(zero, zero) for _ in rates)
+        still = tuple(jnp.zeros_like(q) for q in vibration.amplitude)
+        return cls(None, vibration, still, (), (), rates, residual)
+
     def loads(self, forces: Forces) -> tuple[Array, ...]:
         """What of the contact forces bends the fence [N]."""
         return bending_loads(self.shares, tuple(c.normal for c in forces.fence))
 
     def kept(self) -> "FenceState":
         """What the next step needs to know."""
-        corrected = any(shape.residual is not None for shape in self.shapes)
-        rates = self.lagged_rate if corrected else ()
+        rates = self.lagged_rate if self.residual else ()
         return self._replace(drive=None, shapes=(), lagged=(), lagged_rate=rates, shares=())
 
 

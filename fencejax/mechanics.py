@@ -317,7 +317,7 @@ class Mechanics(eqx.Module):
             total = [q + f for q, f in zip(total, belt[:3], strict=True)]
 
         return Forces(
-            Acceleration(total[0] / self.mass, total[1] / self.mass, total[2] / self.inertia),
+            self.acceleration(*total),
             tuple(fence),
             tuple(touches),
             tuple(laws),
@@ -327,6 +327,10 @@ class Mechanics(eqx.Module):
             belt_slopes,
             slip,
         )
+
+    def acceleration(self, x: Array, y: Array, moment: Array) -> Acceleration:
+        """What a force [N] and its moment about C_s [N m] give the parcel."""
+        return Acceleration(x / self.mass, y / self.mass, moment / self.inertia)
 
     def force_scale(self, forces: Forces) -> Array:
         """Size of the forces at play [N]: the normal ones, and the weight on a belt."""

@@ -21,7 +21,7 @@ from . import newton, stick
 from .clock import Clock, Stride, stride_counts
 from .drive import DriveMotion
 from .fence_end import FenceEnd
-from .instant import FenceState, ResidualMode, bending_loads, describe
+from .instant import FenceState, bending_loads, describe
 from .kinematics import Acceleration, Body, Lean
 from .link import Vibration
 from .mechanics import FenceFrame, Forces, Mechanics
@@ -39,12 +39,12 @@ class Leans(NamedTuple):
 class Memory(NamedTuple):
     """The state of the integrator at a sample.
 
-    `fence` holds the vibration, its modal forces and the rates of the loads that the modes left
-    out carry, and nothing else; `before` is the acceleration and `normals_before` the forces one
-    step back, for the first guess alone (the former `stick.seen`); `held` is the acceleration by
-    the frictions that hold a corner, by the weights `sticking`, both absent without friction;
-    `gone` is 1 for a corner that has left over the tip. Where the tip may carry a contact, `leans`
-    say how each corner loads the fence.
+    `fence` holds the vibration, its modal forces, the rates of the loads that the modes left out
+    carry and their residual mode, and nothing else; `before` is the acceleration and
+    `normals_before` the forces one step back, for the first guess alone (the former `stick.seen`);
+    `held` is the acceleration by the frictions that hold a corner, by the weights `sticking`, both
+    absent without friction; `gone` is 1 for a corner that has left over the tip. Where the tip may
+    carry a contact, `leans` say how each corner loads the fence.
     """
 
     body: Body
@@ -294,11 +294,7 @@ def at_rest(
             (body.x + arms[k][0]) * cosine + (body.y + arms[k][1]) * sine
             for k in mechanics.fence_corners
         )
-        none = tuple(zero for _ in places)
-        load = tuple(jnp.zeros_like(q) for q in vibration.amplitude)
-        rates = none if mechanics.link.table.corrected else ()
-        residual = tuple(ResidualMode(zero, zero) for _ in rates)
-        fence = FenceState(None, vibration, load, (), (), rates, residual)
+        fence = FenceState.unloaded(mechanics.link, vibration, len(places))
     none = tuple(zero for _ in places)
     still = Acceleration(zero, zero, zero)
     upright = Lean(zero + 1, zero)

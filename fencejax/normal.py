@@ -22,7 +22,6 @@ from .instant import (
     FenceState,
     Instant,
     Power,
-    ResidualMode,
     bent,
     carried,
     damping_power,
@@ -89,10 +88,7 @@ def run(scene: NormalScene, fidelity: Fidelity, history: bool) -> Result:
         shape = link.shape(scene.distance)
         zero = zero + 0.0 * (link.mass_scale + link.reach + shape.place)
         maps = link.propagators([zero + step])
-        at_rest = link.rest()
-        rates = (zero,) if link.table.corrected else ()
-        residual = tuple(ResidualMode(zero, zero) for _ in rates)
-        fence = FenceState(None, at_rest, at_rest.rate, (), (), rates, residual)
+        fence = FenceState.unloaded(link, link.rest(), 1)
     clock = Clock(link, fidelity, zero, step, maps)
     begin = _State(zero, scene.speed + zero, zero, zero, fence)
     reach = zero if link is None else link.reach

@@ -21,9 +21,8 @@ class Sampled(NamedTuple):
 
     `deflection` and `load` [1], `slope` in the element's local coordinate; the compliances of the
     modes left out in units of l_p^3 / (E I_1), and how the first of them rises in the element's
-    local coordinate, `None` where there are none; the arc integrals of
-    pairs of modes and of the cube of the first, in units of 1 / l_p and 1 / l_p^2, `None` unless
-    the geometry needs them.
+    local coordinate, `None` where there are none; the arc integrals of pairs of modes and of the
+    cube of the first, in units of 1 / l_p and 1 / l_p^2, `None` unless the geometry needs them.
     """
 
     deflection: Blocks

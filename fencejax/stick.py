@@ -5,8 +5,8 @@ the sliding speed outweighs the inertia over half a step, tens of times under a 
 trapezoidal rule would hand a force that stopped the corner within a step on to the next, and the
 sliding speed, or its derivative, would ring from step to step, or turn its sign. So friction that
 holds counts with its value at a step's end alone (the backward Euler rule), and friction that
-slides by the trapezoidal rule. The belt's friction, under the weight alone, is never so stiff that
-it would have to; when a parcel lets go of it counts.
+slides by the trapezoidal rule. So does all of the belt's: under the weight alone it is soft enough,
+and the backward Euler rule would be late where a parcel lets go of the belt.
 """
 
 from typing import TYPE_CHECKING
@@ -86,8 +86,7 @@ def held(
         if friction is not None:
             drag = weight * what.friction
             total = [q + drag * t for q, t in zip(total, parts.tangent, strict=True)]
-    x, y, turning = total
-    return Acceleration(x / mechanics.mass, y / mechanics.mass, turning / mechanics.inertia)
+    return mechanics.acceleration(*total)
 
 
 def stops(
@@ -100,10 +99,7 @@ def stops(
     found = []
     for parts, weight in zip(forces.touches, sticking[: len(forces.fence)], strict=False):
         share = weight / mechanics.lightness(parts)
-        x, y, turning = (share * t for t in parts.tangent)
-        found.append(
-            Acceleration(x / mechanics.mass, y / mechanics.mass, turning / mechanics.inertia)
-        )
+        found.append(mechanics.acceleration(*(share * t for t in parts.tangent)))
     return tuple(found)
 
 

@@ -106,10 +106,10 @@ class Tally(NamedTuple):
     fence and of the border from step to step; `crept` [s] is how long C_s, under the fence's force,
     has let go of the belt or come to rest on it so far, neither at rest nor sliding; `parted` and
     `turned` are 1.0 where parcel and fence have touched and parted, and where a corner pressed on
-    the fence has come to rest on it or turned round; `hurry`
-    [m/s^2] the largest |N''| G under a corner, G [m/N] the compliance of the modes left out, and
-    `carried` [m] the largest deflection G N that they take there. They say whether the step, the
-    smoothing of friction and the modes resolve the motion, and have no derivative.
+    the fence has come to rest on it or turned round; `hurry` [m/s^2] the largest |N''| G under a
+    corner, G [m/N] the compliance of the modes left out, and `carried` [m] the largest deflection
+    G N that they take there. They say whether the step, the smoothing of friction and the modes
+    resolve the motion, and have no derivative.
     """
 
     last: Instant

@@ -61,8 +61,8 @@ def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> 
     lost = friction.kinetic * fidelity.slip_speed + jump * fidelity.static_speed
     now = weight * lost > _SMOOTHED * tally.force.value * peak.slip
     held = jump * scene.belt.gravity * peak.crept
-    allowed = jnp.where(jump > 2 * friction.kinetic, _CREPT / 3, _CREPT)
-    allowed = jnp.where(jump > 9 * friction.kinetic, 0.0, allowed)
+    steep = [jump > 9 * friction.kinetic, jump > 2 * friction.kinetic]
+    allowed = _CREPT * jnp.select(steep, [0.0, 1 / 3], 1.0)
     late = jump * weight * held > allowed * tally.force.value * peak.slip
     largest = jnp.maximum(friction.static, friction.kinetic)
     creep = largest * fidelity.slip_speed + jump * fidelity.static_speed

@@ -29,7 +29,7 @@ import fencejax as fj
 
 KIND = "sort"
 PROMISE = {"coarse": 0.011, "standard": 0.0045}
-"""Of the peak force; the fidelities promise 2 % of any scene with a good status."""
+"""Of the peak force; the fidelities promise 2.5 % of any scene with a good status."""
 # Rows whose numbers every fidelity must give: a status that warned of all would pass all else.
 GIVEN = {
     "ordinary", "thickness-0.1m", "thickness-0.3m", "one-link", "tip-2cm", "steel", "foam",

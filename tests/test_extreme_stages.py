@@ -15,7 +15,7 @@ from extreme_sorts import ROWS, lane, outcome, rung, true_slopes
 import fencejax as fj
 
 PROMISE = {"coarse": 0.0055, "standard": 0.003}
-"""Of the peak force; the fidelities promise 2 % of any scene with a good status."""
+"""Of the peak force; the fidelities promise 2.5 % of any scene with a good status."""
 STUCK = {("flush", "belt-friction-5", "standard"): 0.012, ("flush", "undamped", "coarse"): 0.009}
 """The parcel turns about a place at which it sticks to the belt; a fence that rings all along."""
 GIVEN = {

@@ -1,9 +1,9 @@
 """The energy ledger and the balance of momentum, in every scene.
 
-Momentum: v1 - v0 = h / 2 (a0 + a1 + s (f1 - f0)) in every step, with f the acceleration by friction
-and s in [0, 1] how far it holds the motion: m dv is the trapezoidal sum of the forces exactly where
-friction slides, at any step, and else within half of what friction changes over the step. Newton's
-method leaves `defect`, at most a step of which goes missing.
+Momentum: v1 - v0 = h / 2 (a0 + a1 + s1 f1 - s0 f0) in every step, with f the acceleration by the
+friction of the corners and s whether it holds them, 0 or 1: m dv is the trapezoidal sum of the
+forces exactly where no corner is held, at any step, and else within half of what its friction
+changes over the step. Newton's method leaves `defect`, at most a step of which goes missing.
 
 Energy: the powers are summed by the trapezoidal rule. What that differs by from the change of the
 parcel's kinetic energy is h^2 / 8 (m |a|^2 + I phiddot^2) between the two ends, of the second
@@ -108,7 +108,10 @@ def imbalance(scene, result):
     return np.array(missing) - step * result.defect * 1.001, weights
 
 
-@pytest.mark.parametrize("name", ["rigid_wall", "normal_impact", "no friction"])
+@pytest.mark.parametrize(
+    "name",
+    ["rigid_wall", "normal_impact", "free_motion", "free_motion_with_fence", "no friction"],
+)
 def test_momentum_is_exact(name):
     if name == "no friction":
         scene = fj.scenes.oblique_impact(fence_friction=None, belt=None, velocity=(2.0, 0.0, 0.0))
@@ -122,7 +125,7 @@ def test_momentum_is_exact(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["oblique_impact", "along_fence", "border_and_fence", "free_motion", "whole_sort"]
+    "name", ["oblique_impact", "along_fence", "border_and_fence", "whole_sort"]
 )
 def test_momentum_with_friction(name):
     scene, result = SCENES[name](), standard(name)
@@ -131,23 +134,20 @@ def test_momentum_with_friction(name):
     size = np.sqrt(float(scene.parcel.inertia) / float(scene.parcel.mass))
     corners = np.array([np.hypot(*arm) for _, arm in arms_of(scene)])
     lever = max(1.0, np.max(corners) / size)
-    held = np.hypot(np.diff(history.belt.x), np.diff(history.belt.y))
-    held = held + np.abs(np.diff(history.belt.moment)) / size
+    held = 0.0
     for c in (*history.fence, *history.border):
         # The fence turns meanwhile, and so does what friction acts along, by 0.02 at most.
         held = held + lever * (np.abs(np.diff(c.friction)) + 0.02 * np.abs(c.friction[1:]))
     allowed = 0.5 * spacing(history) * held
     assert np.all(missing <= allowed + 1e-13 * weights[:, None])
-    # Where everything slides far above the smoothing, or is apart, nothing is missing: the weight
-    # of friction is below (h lambda / 2)^4, its slope lambda with the motion some 1 / s then.
-    slip = np.hypot(history.body.x_rate - float(scene.belt.speed), history.body.y_rate)
-    sliding = slip > 0.5
+    # Where every corner slides far above the smoothing, or is apart, nothing is missing, whatever
+    # the parcel does on the belt.
+    sliding = np.full(history.time.shape, True)
     for c in (*history.fence, *history.border):
         sliding &= (np.abs(c.sliding) > 0.2) | (c.normal == 0)
     slides = sliding[:-1] & sliding[1:]
     assert np.sum(slides) > 10
-    exact = missing[:, slides] / weights[:, None]
-    assert np.max(exact - 1e-9 * (allowed / weights[0])[slides]) < 1e-13
+    assert np.max(missing[:, slides] / weights[:, None]) < 1e-13
 
 
 @pytest.mark.parametrize("name", ["oblique_impact", "border_and_fence", "along_fence"])
