@@ -34,7 +34,7 @@ from .parcel import Parcel
 from .result import Result, gather
 from .scenes import NormalScene
 from .status import Status, worst
-from .verdict import LAGGING, ROUGH
+from .verdict import unresolved
 
 
 class _State(NamedTuple):
@@ -109,7 +109,7 @@ def run(scene: NormalScene, fidelity: Fidelity, history: bool) -> Result:
         steps,
         fidelity,
     )
-    return gather(tallied, samples, zero, _status(scene, link, tallied))
+    return gather(tallied, samples, zero, _status(scene, fidelity, link, tallied))
 
 
 def _step(given, state: _State, begins: Array, ends: Array):
@@ -191,7 +191,9 @@ def _instant(
     )
 
 
-def _status(scene: NormalScene, link: FlexibleLink | None, tallied: tally.Tally) -> Array:
+def _status(
+    scene: NormalScene, fidelity: Fidelity, link: FlexibleLink | None, tallied: tally.Tally
+) -> Array:
     """The largest status that applies, as a floating-point number."""
     side = jnp.minimum(scene.parcel.length, scene.parcel.breadth)
     checks = [
@@ -199,14 +201,11 @@ def _status(scene: NormalScene, link: FlexibleLink | None, tallied: tally.Tally)
         (Status.IN_CONTACT_AT_END, tallied.last.fence_force > 0),
         (Status.DEEP_PENETRATION, tallied.deepest > side / 2),
         (Status.STEP_TOO_COARSE, tallied.defect > 1e-3 * tallied.force.value + 1e-9),
-        (Status.STEP_TOO_COARSE, tallied.rough > ROUGH * tallied.force.value),
         (Status.INCONSISTENT, ~consistent(scene)),
         (Status.NON_FINITE, ~jnp.isfinite(tallied.last.body.y + tallied.force.value)),
+        *unresolved(fidelity.step, link, tallied),
     ]
     if scene.fence is not None:
         limit = scene.fence.flexible_length / 4
-        if link is not None:
-            lag = LAGGING * link.eigenvalues[-1] * tallied.deepest
-            checks.append((Status.MODES_TOO_FEW, tallied.hurry > lag))
         checks.append((Status.LARGE_DEFLECTION, tallied.tip.value > limit))
     return worst(checks, tallied.last.body.y)

@@ -12,6 +12,7 @@ from jaxtyping import Array
 from . import modal_step
 from .consistency import consistent
 from .fidelity import Fidelity
+from .link import FlexibleLink
 from .mechanics import Mechanics
 from .result import Result
 from .scenes import NormalScene, Scene
@@ -19,29 +20,31 @@ from .status import Status, worst
 from .tally import Tally
 
 # A force whose second difference from step to step is a larger share of its peak than this is not
-# resolved: the peak is off by up to a sixth of that share.
-ROUGH = 0.14
+# resolved: the peak is off by up to a sixth of that share, its gradient by up to twice of it. Less
+# is let be where short steps promise a better gradient.
+_ROUGH, _ROUGH_FINE, _FINE_STEP = 0.14, 0.08, 2.5e-4
 # The same where parcel and fence had parted before the peak: a blow depends on when the one before
 # it ended, and its derivative far more so.
-ROUGH_AGAIN = 0.01
+_ROUGH_AGAIN = 0.01
 # The first mode's angular frequency times the step: above it a friction that turns round within a
 # step rings the fence as it would not in time, by little, but the derivative counts its phase.
-RINGING = 1.5
+_RINGING = 1.5
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
-# contact: |N''| G / w^2 with their compliance G and the square of the highest frequency kept.
-LAGGING = 0.015
+# contact: |N''| G / w^2 with their compliance G and the square of the highest frequency kept. With
+# a force that is not resolved either, the squares of both in their limits count together.
+_LAGGING = 0.012
 # What the modes left out may bend the fence statically, as a share of the flexible link's length:
 # their deflection and slope are right, not what these do to the arc's length and to other corners.
-TURNING = 0.003
+_TURNING = 0.003
 # A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
 _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing at the peak.
 _SMOOTHED = 0.004
 # Share of it that a parcel may owe to how friction let go of it before; a third of that where
 # friction falls to a third and less when it lets go, nothing where it falls to a tenth and less.
-_CREPT = 0.0012
+_CREPT = 0.0006
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
-_CREEP = 0.009
+_CREEP = 0.007
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
 _LOST = 40.0
 
@@ -70,6 +73,30 @@ def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> 
     return (tally.force.value > 0) & (now | late | early)
 
 
+def _share(value: Array, limit: Array) -> Array:
+    """Of a limit [1]; what has none, as nothing is there, takes none of it."""
+    return jnp.where(limit > 0, value / jnp.where(limit > 0, limit, 1.0), 0.0)
+
+
+def _rough(step: float) -> float:
+    """What share of a peak force may be rough with steps of a length [s]."""
+    return min(_ROUGH, _ROUGH_FINE * max(1.0, step / _FINE_STEP))
+
+
+def unresolved(
+    step: float, link: FlexibleLink | None, tally: Tally, unfelt: Array | float = 0.0
+) -> list[tuple[Status, Array]]:
+    """Whether steps of a length [s] do not resolve the fence's force, of which `unfelt` [N] may be
+    rough, or the modes kept do not, or both together, which is called by the larger."""
+    rough = _share(tally.rough, _rough(step) * tally.force.value + unfelt)
+    lag = jnp.zeros_like(rough)
+    if link is not None and link.frequency_squared:
+        highest = jax.lax.stop_gradient(link.eigenvalues[-1])
+        lag = _share(tally.hurry, _LAGGING * highest * tally.deepest)
+    off = rough**2 + lag**2 > 1
+    return [(Status.STEP_TOO_COARSE, off & (rough > lag)), (Status.MODES_TOO_FEW, off)]
+
+
 def of_tally(
     scene: Scene, mechanics: Mechanics, tally: Tally, done: Array | float, start_time: Array
 ) -> Array:
@@ -85,11 +112,12 @@ def of_tally(
     share = max(1e-3, 4 * modal_step.tolerance(parcel.mass.dtype))
     allowed = share * (forces + jnp.where(tally.stay.touched > 0, 0.0, weight))
     checks.append((Status.STEP_TOO_COARSE, tally.defect > allowed + 1e-9))
-    for peak, rough in ((tally.force, tally.rough), (tally.border, tally.rough_border)):
-        felt = ROUGH * peak.value + _UNFELT * forces
-        checks.append((Status.STEP_TOO_COARSE, rough > felt))
-    again = tally.at_peak.again > ROUGH_AGAIN * tally.force.value
+    step = mechanics.fidelity.step
+    at_border = _rough(step) * tally.border.value + _UNFELT * forces
+    checks.append((Status.STEP_TOO_COARSE, tally.rough_border > at_border))
+    again = tally.at_peak.again > _ROUGH_AGAIN * tally.force.value
     checks.append((Status.STEP_TOO_COARSE, again))
+    checks += unresolved(step, mechanics.link, tally, _UNFELT * forces)
     checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
     checks.append((Status.INCONSISTENT, ~consistent(scene, start_time)))
     if scene.belt is not None and scene.fence_corners:
@@ -97,12 +125,10 @@ def of_tally(
         checks.append((Status.FRICTION_SMOOTHED, lost))
     if mechanics.link is not None and mechanics.link.frequency_squared:
         frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.eigenvalues[0]))
-        rings = frequency * mechanics.fidelity.step > RINGING
+        rings = frequency * step > _RINGING
         checks.append((Status.STEP_TOO_COARSE, rings & (tally.at_peak.turned > 0)))
-        highest = jax.lax.stop_gradient(mechanics.link.eigenvalues[-1])
-        checks.append((Status.MODES_TOO_FEW, tally.hurry > LAGGING * highest * tally.deepest))
         assert scene.fence is not None
-        turned = tally.carried > TURNING * scene.fence.flexible_length
+        turned = tally.carried > _TURNING * scene.fence.flexible_length
         checks.append((Status.MODES_TOO_FEW, turned))
     if scene.fence is not None:
         limit = scene.fence.flexible_length / 4
