@@ -1,20 +1,23 @@
 """The fence at the end of a step, as a function of the contact forces there."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from .clock import Stride
 from .drive import DriveMotion
 from .instant import FenceState, ResidualMode, bending_loads
-from .link import Blocks, FencePoint, FlexibleLink, Shape, Vibration, dot, propagate
+from .link import Arc, Blocks, FencePoint, FlexibleLink, Shape, Vibration, dot, propagate
 
 
 class FenceEnd(eqx.Module):
     """The fence at the end of a step as a function of the contact forces there.
 
-    With the small-deflection geometry the deflection, its rate and the slope at each place are
-    affine in the forces, and Newton's method sees these few numbers instead of the modes.
+    The deflection, its rate and the slope at each place are affine in the forces, and Newton's
+    method sees these few numbers instead of the modes. So are the small terms of an arc, about the
+    forces as foreseen. (Taken at these alone they would let a stiff contact or friction ring from
+    step to step, and without end: the forces foreseen lag behind by up to two steps.)
     """
 
     link: FlexibleLink
@@ -27,8 +30,9 @@ class FenceEnd(eqx.Module):
     shapes: tuple[Shape, ...]
     inertia: Blocks
     free: Vibration
-    expected: Vibration
     affine: tuple
+    expected: tuple[Array, ...]
+    arcs: tuple[tuple[Arc, tuple[Arc, ...]], ...]
 
     def __init__(
         self,
@@ -51,8 +55,9 @@ class FenceEnd(eqx.Module):
         self.shapes, self.shares = shapes, shares
         self.inertia = link.inertia_force(drive)
         self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
-        self.expected = self._vibration(self.loads(expected)) if expected else self.free
         self.affine = tuple(self._affine(k) for k in range(len(shapes)))
+        self.expected = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
+        self.arcs = self._arcs() if self.flexible and link.geometry == "arc" else ()
 
     @property
     def flexible(self) -> bool:
@@ -80,6 +85,28 @@ class FenceEnd(eqx.Module):
                 )
             )
         return free, tuple(gains)
+
+    def _arcs(self):
+        """The small terms of the arc at each place: as foreseen, and per newton of each force."""
+        units = [
+            tuple(jnp.full_like(n, float(i == j)) for j, n in enumerate(self.expected))
+            for i in range(len(self.expected))
+        ]
+        found = []
+        for shape in self.shapes:
+            arc, along = jax.linearize(
+                lambda loads, shape=shape: self.link.arc(shape, self._vibration(loads)),
+                self.expected,
+            )
+            found.append((arc, tuple(along(unit) for unit in units)))
+        return tuple(found)
+
+    def _arc(self, k: int, normals) -> Arc:
+        """The small terms of the arc at place k."""
+        arc, slopes = self.arcs[k]
+        for normal, foreseen, slope in zip(normals, self.expected, slopes, strict=True):
+            arc = Arc(*(q + (normal - foreseen) * d for q, d in zip(arc, slope, strict=True)))
+        return arc
 
     def loads(self, normals: tuple[Array, ...]) -> tuple[Array, ...]:
         """What of the contact forces [N] bends the fence [N]."""
@@ -123,7 +150,7 @@ class FenceEnd(eqx.Module):
             extra = self._residual(k, normals[k])
             return link.chord_point(shape, self._vibration(normals), *extra)
         if link.geometry == "arc":
-            return link.arc_point(shape, self.expected, *self.deflection(k, normals))
+            return link.arc_point(shape, self._arc(k, normals), *self.deflection(k, normals))
         return link.small_point(shape, *self.deflection(k, normals))
 
     def _residual(self, k: int, normal):

@@ -80,6 +80,16 @@ class FencePoint(NamedTuple):
     slope: Array
 
 
+class Arc(NamedTuple):
+    """What the small-deflection geometry leaves out: a point of the bent fence is nearer to the hinge
+    by `short` [m] and lower by `lower` [m], and their rates [m/s]."""
+
+    short: Array
+    lower: Array
+    short_rate: Array
+    lower_rate: Array
+
+
 class FlexibleLink(eqx.Module):
     """M u'' + B u' + K u = Q - M Phi alpha'' in modes: eta'' + c eta' + w^2 eta = f.
 
@@ -283,22 +293,19 @@ class FlexibleLink(eqx.Module):
         rate = dot(shape.deflection, state.rate)
         slope = dot(shape.slope, state.amplitude)
         if self.geometry == "arc":
-            return self.arc_point(shape, state, deflection, rate, slope)
+            return self.arc_point(shape, self.arc(shape, state), deflection, rate, slope)
         return self.small_point(shape, deflection, rate, slope)
 
-    def arc_point(self, shape: Shape, state: Vibration, y: Array, y_rate: Array, slope: Array):
-        """The chords' geometry in the limit of many elements, to the third order in the slope:
-        U = (sigma - integral of w'^2 / 2, w - integral of w'^3 / 6).
+    def arc(self, shape: Shape, state: Vibration) -> Arc:
+        """How far an arc brings a point back and down, and how fast.
 
-        The first three modes count in the second order and the first one in the third. `y` and
-        `y_rate` are the deflection [m] and its rate; the small terms are taken from `state`, which
-        may be a forecast.
+        The first three modes count in the second order and the first one in the third.
         """
         assert shape.arc is not None
         pairs, cube = shape.arc
         q = _flat(state.amplitude)[: self.table.arc_modes]
         v = _flat(state.rate)[: self.table.arc_modes]
-        short, short_rate = jnp.zeros_like(y), jnp.zeros_like(y)
+        short = short_rate = jnp.zeros_like(shape.place)
         at = 0
         for i in range(self.table.arc_modes):
             for j in range(i, self.table.arc_modes):
@@ -306,7 +313,17 @@ class FlexibleLink(eqx.Module):
                 short_rate = short_rate + pairs[at] * (q[i] * v[j] + v[i] * q[j])
                 at += 1
         lower, lower_rate = cube * q[0] ** 3, 3 * cube * q[0] ** 2 * v[0]
-        return FencePoint(shape.place - short, y - lower, -short_rate, y_rate - lower_rate, slope)
+        return Arc(short, lower, short_rate, lower_rate)
+
+    def arc_point(
+        self, shape: Shape, arc: Arc, y: Array, y_rate: Array, slope: Array
+    ) -> FencePoint:
+        """The chords' geometry in the limit of many elements, to the third order in the slope:
+        U = (sigma - integral of w'^2 / 2, w - integral of w'^3 / 6), the integrals as `arc`; `y`
+        and `y_rate` are the deflection [m] and its rate."""
+        return FencePoint(
+            shape.place - arc.short, y - arc.lower, -arc.short_rate, y_rate - arc.lower_rate, slope
+        )
 
     def small_point(self, shape: Shape, deflection: Array, rate: Array, slope: Array) -> FencePoint:
         """U = sigma t_alpha + w n_alpha: a small deflection normal to the straight line."""

@@ -32,7 +32,7 @@ _RINGING = 1.5
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
 # contact: |N''| G / w^2 with their compliance G and the square of the highest frequency kept. With
 # a force that is not resolved either, the squares of both in their limits count together.
-_LAGGING = 0.012
+_LAGGING = 0.015
 # What the modes left out may bend the fence statically, as a share of the flexible link's length:
 # their deflection and slope are right, not what these do to the arc's length and to other corners.
 _TURNING = 0.003
@@ -42,7 +42,7 @@ _UNFELT = 5e-3
 _SMOOTHED = 0.004
 # Share of it that a parcel may owe to how friction let go of it before; a third of that where
 # friction falls to a third and less when it lets go, nothing where it falls to a tenth and less.
-_CREPT = 0.0006
+_CREPT = 0.0009
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
 _CREEP = 0.007
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
@@ -113,7 +113,7 @@ def of_tally(
     allowed = share * (forces + jnp.where(tally.stay.touched > 0, 0.0, weight))
     checks.append((Status.STEP_TOO_COARSE, tally.defect > allowed + 1e-9))
     step = mechanics.fidelity.step
-    at_border = _rough(step) * tally.border.value + _UNFELT * forces
+    at_border = _ROUGH * tally.border.value + _UNFELT * forces
     checks.append((Status.STEP_TOO_COARSE, tally.rough_border > at_border))
     again = tally.at_peak.again > _ROUGH_AGAIN * tally.force.value
     checks.append((Status.STEP_TOO_COARSE, again))
