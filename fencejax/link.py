@@ -81,7 +81,7 @@ class FencePoint(NamedTuple):
 
 
 class Arc(NamedTuple):
-    """What the small-deflection geometry leaves out: a point of the bent fence is nearer to the hinge
+    """What the small-deflection geometry leaves out: points of a bent fence are nearer to the hinge
     by `short` [m] and lower by `lower` [m], and their rates [m/s]."""
 
     short: Array
