@@ -30,9 +30,9 @@ _ROUGH_AGAIN = 0.01
 # step rings the fence as it would not in time, by little, but the derivative counts its phase.
 _RINGING = 1.5
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
-# contact: |N''| G / w^2 with their compliance G and the square of the highest frequency kept. With
-# a force that is not resolved either, the squares of both in their limits count together.
-_LAGGING = 0.015
+# contact: |N''| G / w^2 with their compliance G and w between the highest frequency kept and the
+# lowest left out.
+_LAGGING = 0.0052
 # What the modes left out may bend the fence statically, as a share of the flexible link's length:
 # their deflection and slope are right, not what these do to the arc's length and to other corners.
 _TURNING = 0.003
@@ -42,9 +42,9 @@ _UNFELT = 5e-3
 _SMOOTHED = 0.004
 # Share of it that a parcel may owe to how friction let go of it before; a third of that where
 # friction falls to a third and less when it lets go, nothing where it falls to a tenth and less.
-_CREPT = 0.0009
+_CREPT = 0.00105
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
-_CREEP = 0.007
+_CREEP = 0.0082
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
 _LOST = 40.0
 
@@ -73,11 +73,6 @@ def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> 
     return (tally.force.value > 0) & (now | late | early)
 
 
-def _share(value: Array, limit: Array) -> Array:
-    """Of a limit [1]; what has none, as nothing is there, takes none of it."""
-    return jnp.where(limit > 0, value / jnp.where(limit > 0, limit, 1.0), 0.0)
-
-
 def _rough(step: float) -> float:
     """What share of a peak force may be rough with steps of a length [s]."""
     return min(_ROUGH, _ROUGH_FINE * max(1.0, step / _FINE_STEP))
@@ -87,14 +82,16 @@ def unresolved(
     step: float, link: FlexibleLink | None, tally: Tally, unfelt: Array | float = 0.0
 ) -> list[tuple[Status, Array]]:
     """Whether steps of a length [s] do not resolve the fence's force, of which `unfelt` [N] may be
-    rough, or the modes kept do not, or both together, which is called by the larger."""
-    rough = _share(tally.rough, _rough(step) * tally.force.value + unfelt)
-    lag = jnp.zeros_like(rough)
+    rough, or the modes kept do not."""
+    felt = _rough(step) * tally.force.value + unfelt
+    checks = [(Status.STEP_TOO_COARSE, tally.rough > felt)]
     if link is not None and link.frequency_squared:
-        highest = jax.lax.stop_gradient(link.eigenvalues[-1])
-        lag = _share(tally.hurry, _LAGGING * highest * tally.deepest)
-    off = rough**2 + lag**2 > 1
-    return [(Status.STEP_TOO_COARSE, off & (rough > lag)), (Status.MODES_TOO_FEW, off)]
+        # A clamped beam's n-th frequency goes with (n - 1/2)^2.
+        kept = link.eigenvalues.shape[-1]
+        square = ((kept + 0.5) / (kept - 0.5)) ** 2 * jax.lax.stop_gradient(link.eigenvalues[-1])
+        lag = _LAGGING * square * tally.deepest
+        checks.append((Status.MODES_TOO_FEW, tally.hurry > lag))
+    return checks
 
 
 def of_tally(

@@ -4,8 +4,9 @@
 
 Half of them from end to end of what a sweep may ask for, half as real designs may be. A sample is
 compared with `Fidelity.reference` (steps of 25 us, friction smoothed over 0.02 mm/s), in the peak
-force and its gradient; and where that differs by more than is promised, once more with steps of an
-eighth: some derivatives need them, and both counts are told.
+force and its gradient. A scene that differs by more than is promised, or has its peak at another
+time, is looked at with steps of an eighth, as some derivatives need them: the gradient may be that
+of another peak as high, within the promise. Both counts are told.
 `offline_fuzz.json` beside this file is what that command found, `offline_fuzz_8.json` what
 `--scenes 12288 --sample 12288 --seed 8` did.
 """
@@ -112,21 +113,57 @@ def errors(outcome, true):
     return np.abs(found[good, 0] / peak[good] - 1), off / size, same[good], np.flatnonzero(good)
 
 
-def beyond(name, value, gradient, same):
+def beyond(name, value, gradient):
     """Whether errors are larger than what a good status promises."""
     of_value, of_gradient = PROMISE[name]
-    return (value > of_value) | (same & (gradient > of_gradient))
+    return (value > of_value) | (gradient > of_gradient)
 
 
-def sharpened(true, numbers, lanes):
-    """The truth of a draw, by steps of an eighth at some of its lanes, eight at a time."""
-    true = jax.tree.map(np.array, true)
-    for some in np.split(lanes, range(8, len(lanes), 8)):
-        batch = np.resize(some, 8)
-        better = jax.device_get(truth(1 / 8)({k: v[batch] for k, v in numbers.items()}))
-        for old, new in zip(true, better, strict=True):
-            old[some] = new[: len(some)]
-    return true
+@functools.cache
+def closely():
+    """Numbers of one scene -> its force over time by steps of an eighth of the truth's: time,
+    force (n,) and peak force; slopes x df/dx (n, varied) and (varied,) of both forces."""
+
+    @jax.jit
+    def run(x):
+        def force(varied):
+            scene = impact(riding(x, varied), DURATION)
+            fidelity = TRUTH.replace(step=TRUTH.step / 8)
+            result = fj.simulate(scene, fidelity=fidelity, only=("history", "peak_force"))
+            found = sum(c.normal for c in result.history.fence), result.peak_force
+            return found, (result.history.time, *found)
+
+        slopes, found = jax.jacfwd(force, has_aux=True)({k: x[k] for k in VARIED})
+        along = [jnp.stack([s[k] * x[k] for k in VARIED], axis=-1) for s in slopes]
+        return found, along
+
+    return run
+
+
+def looked_at(name, numbers, outcome, lane):
+    """Errors of a lane in the peak force and in its gradient, against a closer look at the truth:
+    its gradient at the highest peak or, if that is not as promised, at the peak that lies nearest;
+    and whether it was the latter. There may be two as high as each other, within the promise."""
+    one = {k: v[lane] for k, v in numbers.items()}
+    (time, force, peak), (along, slopes) = jax.device_get(closely()(one))
+    found, when = (outcome[1][lane, FIELDS.index(f)] for f in ("peak_force", "peak_time"))
+
+    def off(true, size):
+        wrong = np.linalg.norm(outcome[2][lane, 0] - true)
+        return wrong / max(np.linalg.norm(true), size)
+
+    value, gradient = abs(found / peak - 1), off(slopes, peak)
+    if gradient <= PROMISE[name][1]:
+        return value, gradient, False
+    beside = np.pad(force, 1, constant_values=-np.inf)
+    peaks = (force >= beside[:-2]) & (force >= beside[2:])
+    high = peaks & (force >= (1 - PROMISE[name][0]) * peak)
+    nearest = min(np.flatnonzero(high), key=lambda place: abs(time[place] - when))
+    if abs(time[nearest] - when) <= 2e-3:
+        other = off(along[nearest], force[nearest])
+        if other < gradient:
+            return value, other, True
+    return value, gradient, False
 
 
 def shares(off, *limits):
@@ -154,26 +191,26 @@ def tally(name, half, given):
         check(numbers, outcome)
         counts += np.bincount(outcome[0], minlength=len(fj.Status))
         if 2 * k * LANES < given.sample:
-            true = sampled(half, given.seed, k)
-            *found, lanes = errors(outcome, true)
-            broken = beyond(name, *found)
-            if broken.any():
-                at_first += int(np.sum(broken))
-                print(name, half, [given.seed, k], "beyond at first:", lanes[broken], flush=True)
-                *found, lanes = errors(outcome, sharpened(true, numbers, lanes[broken]))
-                if (broken := beyond(name, *found)).any():
-                    print(name, half, [given.seed, k], "beyond:", lanes[broken], flush=True)
-            off.append(found)
-    value, gradient, same = (np.concatenate(each) for each in zip(*off, strict=True))
+            *found, same, lanes = errors(outcome, sampled(half, given.seed, k))
+            other = np.zeros(len(lanes), bool)
+            for j in np.flatnonzero(~same | beyond(name, *found)):
+                at_first += int(beyond(name, *found)[j])
+                *closer, other[j] = looked_at(name, numbers, outcome, lanes[j])
+                for errors_of, error in zip(found, closer, strict=True):
+                    errors_of[j] = error
+            for j in np.flatnonzero(beyond(name, *found)):
+                print(name, half, [given.seed, k], "beyond:", lanes[j], flush=True)
+            off.append((*found, other))
+    value, gradient, other = (np.concatenate(each) for each in zip(*off, strict=True))
     return {
         "scenes": int(counts.sum()),
         "statuses": {s.name: int(counts[s]) for s in fj.Status},
         "sample of good scenes": len(value),
-        "beyond the promise": int(np.sum(beyond(name, value, gradient, same))),
-        "beyond it by the reference's step": at_first,
+        "beyond the promise": int(np.sum(beyond(name, value, gradient))),
+        "beyond it at first sight": at_first,
         "error of the peak": shares(value, 0.02, 0.05),
-        "at the other of two peaks": int(np.sum(~same)),
-        "error of the gradient at the others": shares(gradient[same], 0.1, 0.25),
+        "at the other of two peaks": int(np.sum(other)),
+        "error of the gradient": shares(gradient, 0.1, 0.25),
     }
 
 
