@@ -109,7 +109,7 @@ def run(scene: NormalScene, fidelity: Fidelity, history: bool) -> Result:
         steps,
         fidelity,
     )
-    return gather(tallied, samples, zero, _status(scene, fidelity, link, tallied))
+    return gather(tallied, samples, zero, _status(scene, link, tallied))
 
 
 def _step(given, state: _State, begins: Array, ends: Array):
@@ -191,9 +191,7 @@ def _instant(
     )
 
 
-def _status(
-    scene: NormalScene, fidelity: Fidelity, link: FlexibleLink | None, tallied: tally.Tally
-) -> Array:
+def _status(scene: NormalScene, link: FlexibleLink | None, tallied: tally.Tally) -> Array:
     """The largest status that applies, as a floating-point number."""
     side = jnp.minimum(scene.parcel.length, scene.parcel.breadth)
     checks = [
@@ -203,7 +201,7 @@ def _status(
         (Status.STEP_TOO_COARSE, tallied.defect > 1e-3 * tallied.force.value + 1e-9),
         (Status.INCONSISTENT, ~consistent(scene)),
         (Status.NON_FINITE, ~jnp.isfinite(tallied.last.body.y + tallied.force.value)),
-        *unresolved(fidelity.step, link, tallied),
+        *unresolved(link, tallied),
     ]
     if scene.fence is not None:
         limit = scene.fence.flexible_length / 4

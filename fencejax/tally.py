@@ -88,14 +88,16 @@ class AtPeak(NamedTuple):
     """What was so when the fence's force was largest: `slip` [m/s] is the speed at which C_s
     slipped on the belt, `crept` [s] how long it had crept on it until then, `cut` 1.0 where a
     corner ran over the tip then or a step later, `again` [N] the largest second difference of the
-    force from step to step until then if parcel and fence had parted before, else 0, `turned` 1.0
-    where a corner pressed on the fence had come to rest on it, or turned round, before."""
+    force from step to step until then if parcel and fence had parted before, else 0; `turned` 1.0
+    where a corner pressed on the fence had come to rest on it, or turned round, before, `slewed`
+    where C_s, pressed by it, had turned round on the belt."""
 
     slip: Array
     crept: Array
     cut: Array
     again: Array
     turned: Array
+    slewed: Array
 
 
 class Tally(NamedTuple):
@@ -106,10 +108,11 @@ class Tally(NamedTuple):
     fence and of the border from step to step; `crept` [s] is how long C_s, under the fence's force,
     has let go of the belt or come to rest on it so far, neither at rest nor sliding; `parted` and
     `turned` are 1.0 where parcel and fence have touched and parted, and where a corner pressed on
-    the fence has come to rest on it or turned round; `hurry` [m/s^2] the largest |N''| G under a
-    corner, G [m/N] the compliance of the modes left out, and `carried` [m] the largest deflection
-    G N that they take there. They say whether the step, the smoothing of friction and the modes
-    resolve the motion, and have no derivative.
+    the fence has come to rest on it or turned round, `slewed` where C_s, pressed by the fence, has
+    turned round on the belt within a step; `hurry` [m/s^2] the largest |N''| G under a corner,
+    G [m/N] the compliance of the modes left out, and `carried` [m] the largest deflection G N that
+    they take there. They say whether the step, the smoothing of friction and the modes resolve the
+    motion, and have no derivative.
     """
 
     last: Instant
@@ -134,6 +137,7 @@ class Tally(NamedTuple):
     crept: Array
     parted: Array
     turned: Array
+    slewed: Array
     at_peak: AtPeak
     hurry: Array
     carried: Array
@@ -186,7 +190,8 @@ def empty(like: Instant, body: Body, alike: bool) -> Tally:
         crept=zero,
         parted=zero,
         turned=zero,
-        at_peak=AtPeak(*(zero,) * 5),
+        slewed=zero,
+        at_peak=AtPeak(*(zero,) * 6),
         hurry=zero,
         carried=zero,
     )
@@ -223,29 +228,41 @@ def _bend(before: Array, now: Array, new: Array, span: Span, second: Array) -> A
     return jax.lax.stop_gradient(jnp.where(span.first, 0.0, bend))
 
 
-def _slip(instant: Instant) -> Array:
-    """Speed [m/s] at which C_s slips on the belt: grip u^2 over the force grip u."""
+def _slip(instant: Instant) -> tuple[Array, Array, Array]:
+    """Velocity (x, y) [m/s] at which C_s slips on the belt, against the force grip u, and its size:
+    grip u^2 over that force."""
+    zero = jnp.zeros_like(instant.time)
     if instant.belt is None:
-        return jnp.zeros_like(instant.time)
+        return zero, zero, zero
     x, y, moment, dissipated = jax.lax.stop_gradient(instant.belt)
     force = jnp.sqrt(x**2 + y**2)
+    some = jnp.where(force > 0, force, 1.0)
     by_sliding = dissipated + moment * jax.lax.stop_gradient(instant.body.spin)
-    return jnp.where(force > 0, by_sliding / jnp.where(force > 0, force, 1.0), 0.0)
+    speed = jnp.where(force > 0, by_sliding / some, 0.0)
+    return -speed * x / some, -speed * y / some, speed
 
 
-def _crept(tally: Tally, instant: Instant, slip: Array, length: Array, scope: Scope) -> Array:
-    """How long C_s has crept on the belt under the fence's force [s]: its slip, linear over a step,
-    was between 2 eps, at which the belt holds with nine tenths of the largest static friction, and
-    w_s, at which it holds with a third of what static friction has over kinetic."""
+def _crept(tally: Tally, instant: Instant, length: Array, scope: Scope) -> Array:
+    """How long C_s has crept on the belt under the fence's force [s]: its slip was between 2 eps,
+    at which the belt holds with nine tenths of the largest static friction, and w_s, at which it
+    holds with a third of what static friction has over kinetic. Over a step it is taken to go
+    straight, its size linearly down to the least and up again."""
     if instant.belt is None:
         return tally.crept
     least, most = 2 * scope.smoothing.slip_speed, scope.smoothing.static_speed
-    before = _slip(tally.last)
-    change = slip - before
-    moves = jnp.abs(change) > 1e-6 * most
-    within = jnp.clip(slip, least, most) - jnp.clip(before, least, most)
+    (x, y, before), (x_now, y_now, slip) = _slip(tally.last), _slip(instant)
+    x_change, y_change = x_now - x, y_now - y
+    square = x_change**2 + y_change**2
+    where = -(x * x_change + y * y_change) / jnp.where(square > 0, square, 1.0)
+    where = jnp.clip(where, 0.0, 1.0)
+    nearest = jnp.sqrt((x + where * x_change) ** 2 + (y + where * y_change) ** 2)
+    way = jnp.abs(before - nearest) + jnp.abs(slip - nearest)
+    moves = way > 1e-6 * most
+    clipped = jnp.clip(nearest, least, most)
+    within = jnp.abs(jnp.clip(before, least, most) - clipped)
+    within = within + jnp.abs(jnp.clip(slip, least, most) - clipped)
     still = jnp.where((slip > least) & (slip < most), 1.0, 0.0)
-    share = jnp.where(moves, within / jnp.where(moves, change, 1.0), still)
+    share = jnp.where(moves, within / jnp.where(moves, way, 1.0), still)
     pressed = jax.lax.stop_gradient(instant.fence_force) > 0
     return tally.crept + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
 
@@ -258,6 +275,16 @@ def _turned(before: Instant, instant: Instant, scope: Scope, known: Array) -> Ar
         turns = pressed & (rests | (was.sliding * now.sliding < 0))
         known = jnp.where(turns, 1.0, known)
     return known
+
+
+def _slewed(before: Instant, instant: Instant, scope: Scope, known: Array) -> Array:
+    """1.0 from when C_s, pressed by the fence, has turned round on the belt from step to step."""
+    if instant.belt is None or not instant.fence:
+        return known
+    (x, y, speed), (x_now, y_now, speed_now) = _slip(before), _slip(instant)
+    slides = jnp.minimum(speed, speed_now) > 2 * scope.smoothing.slip_speed
+    turns = (x * x_now + y * y_now < 0) & slides & (instant.fence_force > 0)
+    return jnp.where(turns, 1.0, known)
 
 
 def _at_peak(peak: Peak, known: AtPeak, instant: Instant, new: AtPeak) -> AtPeak:
@@ -340,14 +367,14 @@ def add(
     border = _border_force(instant)
     force, wall = tally.force, tally.border
     rough = _bend(force.before, force.now, instant.fence_force, span, second)
-    slip = _slip(instant)
-    crept = _crept(tally, instant, slip, length, scope)
+    crept = _crept(tally, instant, length, scope)
     rough_border = _bend(wall.before, wall.now, border, span, second)
     apart = (tally.stay.touched > 0) & (instant.fence_force <= 0)
     parted = jnp.where(apart, 1.0, tally.parted)
     roughest = jnp.maximum(tally.rough, rough)
     turned = _turned(before, instant, scope, tally.turned)
-    at_peak = AtPeak(slip, crept, instant.over_tip, parted * roughest, turned)
+    slewed = _slewed(before, instant, scope, tally.slewed)
+    at_peak = AtPeak(_slip(instant)[2], crept, instant.over_tip, parted * roughest, turned, slewed)
     return Tally(
         last=instant,
         origin=jax.tree.map(
@@ -373,6 +400,7 @@ def add(
         crept=crept,
         parted=parted,
         turned=turned,
+        slewed=slewed,
         at_peak=_at_peak(force, tally.at_peak, instant, at_peak),
         hurry=jnp.maximum(tally.hurry, _hurry(instant, rough, length)),
         carried=_carried(instant, tally.carried),

@@ -20,9 +20,8 @@ from .status import Status, worst
 from .tally import Tally
 
 # A force whose second difference from step to step is a larger share of its peak than this is not
-# resolved: the peak is off by up to a sixth of that share, its gradient by up to twice of it. Less
-# is let be where short steps promise a better gradient.
-_ROUGH, _ROUGH_FINE, _FINE_STEP = 0.14, 0.08, 2.5e-4
+# resolved: the peak is off by up to a sixth of that share, its gradient by up to twice of it.
+_ROUGH = 0.14
 # The same where parcel and fence had parted before the peak: a blow depends on when the one before
 # it ended, and its derivative far more so.
 _ROUGH_AGAIN = 0.01
@@ -45,6 +44,9 @@ _SMOOTHED = 0.004
 _CREPT = 0.00105
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
 _CREEP = 0.0082
+# Share of the slip at the peak that the belt's friction may add within a step, of a parcel that
+# turned round on it before: when in the step it did so counts.
+_JOLT = 0.015
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
 _LOST = 40.0
 
@@ -73,18 +75,22 @@ def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> 
     return (tally.force.value > 0) & (now | late | early)
 
 
-def _rough(step: float) -> float:
-    """What share of a peak force may be rough with steps of a length [s]."""
-    return min(_ROUGH, _ROUGH_FINE * max(1.0, step / _FINE_STEP))
+def _jolted(scene: Scene, fidelity: Fidelity, tally: Tally) -> Array:
+    """Whether it is too much beside the slip at the peak what friction adds in a step's length h,
+    mu g h, of a parcel that turned round on the belt before."""
+    assert scene.belt is not None
+    friction, peak = scene.belt.friction, tally.at_peak
+    largest = jnp.maximum(friction.static, friction.kinetic)
+    jump = largest * scene.belt.gravity * fidelity.step
+    return (peak.slewed > 0) & (jump > _JOLT * peak.slip)
 
 
 def unresolved(
-    step: float, link: FlexibleLink | None, tally: Tally, unfelt: Array | float = 0.0
+    link: FlexibleLink | None, tally: Tally, unfelt: Array | float = 0.0
 ) -> list[tuple[Status, Array]]:
-    """Whether steps of a length [s] do not resolve the fence's force, of which `unfelt` [N] may be
-    rough, or the modes kept do not."""
-    felt = _rough(step) * tally.force.value + unfelt
-    checks = [(Status.STEP_TOO_COARSE, tally.rough > felt)]
+    """Whether steps do not resolve the fence's force, of which `unfelt` [N] may be rough, or the
+    modes kept do not."""
+    checks = [(Status.STEP_TOO_COARSE, tally.rough > _ROUGH * tally.force.value + unfelt)]
     if link is not None and link.frequency_squared:
         # A clamped beam's n-th frequency goes with (n - 1/2)^2.
         kept = link.eigenvalues.shape[-1]
@@ -109,20 +115,21 @@ def of_tally(
     share = max(1e-3, 4 * modal_step.tolerance(parcel.mass.dtype))
     allowed = share * (forces + jnp.where(tally.stay.touched > 0, 0.0, weight))
     checks.append((Status.STEP_TOO_COARSE, tally.defect > allowed + 1e-9))
-    step = mechanics.fidelity.step
     at_border = _ROUGH * tally.border.value + _UNFELT * forces
     checks.append((Status.STEP_TOO_COARSE, tally.rough_border > at_border))
     again = tally.at_peak.again > _ROUGH_AGAIN * tally.force.value
     checks.append((Status.STEP_TOO_COARSE, again))
-    checks += unresolved(step, mechanics.link, tally, _UNFELT * forces)
+    checks += unresolved(mechanics.link, tally, _UNFELT * forces)
     checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
     checks.append((Status.INCONSISTENT, ~consistent(scene, start_time)))
     if scene.belt is not None and scene.fence_corners:
         lost = _smoothed(scene, mechanics.fidelity, tally, weight)
         checks.append((Status.FRICTION_SMOOTHED, lost))
+        jolted = _jolted(scene, mechanics.fidelity, tally)
+        checks.append((Status.STEP_TOO_COARSE, jolted))
     if mechanics.link is not None and mechanics.link.frequency_squared:
         frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.eigenvalues[0]))
-        rings = frequency * step > _RINGING
+        rings = frequency * mechanics.fidelity.step > _RINGING
         checks.append((Status.STEP_TOO_COARSE, rings & (tally.at_peak.turned > 0)))
         assert scene.fence is not None
         turned = tally.carried > _TURNING * scene.fence.flexible_length
