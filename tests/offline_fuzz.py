@@ -143,7 +143,8 @@ def closely():
 def looked_at(name, numbers, outcome, lane):
     """Errors of a lane in the peak force and in its gradient, against a closer look at the truth:
     its gradient at the highest peak or, if that is not as promised, at the peak that lies nearest;
-    and whether it was the latter. There may be two as high as each other, within the promise."""
+    and whether it was the latter. There may be two as high as each other, within the promise; one
+    is where the scene ends."""
     one = {k: v[lane] for k, v in numbers.items()}
     (time, force, peak), (along, slopes) = jax.device_get(closely()(one))
     found, when = (outcome[1][lane, FIELDS.index(f)] for f in ("peak_force", "peak_time"))
@@ -157,6 +158,7 @@ def looked_at(name, numbers, outcome, lane):
         return value, gradient, False
     beside = np.pad(force, 1, constant_values=-np.inf)
     peaks = (force >= beside[:-2]) & (force >= beside[2:])
+    peaks[-1] = True
     high = peaks & (force >= (1 - PROMISE[name][0]) * peak)
     nearest = min(np.flatnonzero(high), key=lambda place: abs(time[place] - when))
     if abs(time[nearest] - when) <= 2e-3:
