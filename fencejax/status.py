@@ -63,8 +63,8 @@ _TEXT = {
     Status.ENERGY_GAINED: "the energy ledger ends with more than the work done accounts for; "
     "lower `step` in the fidelity",
     Status.STEP_TOO_COARSE: "a step's equations were not solved, the force rose or fell within a "
-    "step or two, or was largest in a later blow; lower `step` or raise `iterations` in the "
-    "fidelity",
+    "step or two, was largest in a later blow, or followed when in a step the parcel turned round "
+    "on the belt; lower `step` or raise `iterations` in the fidelity",
     Status.LIMIT_REACHED: "a general integrator came to its limit of steps; use "
     "`integrator=\"modal\"`, raise `tolerance`, or smooth friction over a higher `slip_speed`",
     Status.INCONSISTENT: "a number of the scene is out of its bounds, or the start is none that "
