@@ -29,7 +29,7 @@ _STIFF = 1.0
 
 def _holds(stiff: Array) -> Array:
     """1.0 where friction of a stiffness [1] holds a corner, 0.0 where it leaves it free."""
-    return jnp.where(stiff > _STIFF, 1.0, 0.0)
+    return (stiff > _STIFF).astype(stiff.dtype)
 
 
 def frictions(mechanics: "Mechanics") -> tuple[Friction | None, ...]:

@@ -177,6 +177,19 @@ def test_single_precision(name):
     assert float(result.peak_force) == pytest.approx(float(double.peak_force), rel=2e-3)
 
 
+def test_gradient_in_single_precision():
+    def slope(**settings):
+        def peak(thickness):
+            scene = fj.scenes.oblique_impact(fence=fj.Fence(thickness=thickness), duration=0.08)
+            fidelity = fj.Fidelity.standard(**settings)
+            return fj.simulate(scene, fidelity=fidelity, only=("peak_force",)).peak_force
+
+        return float(jax.grad(peak)(0.05))
+
+    # Forces balanced to 2e-3, over the some ten steps to the peak.
+    assert slope(precision="float32") == pytest.approx(slope(), rel=2e-2)
+
+
 def test_single_precision_that_cannot_is_refused():
     scene = fj.scenes.oblique_impact()
     with pytest.raises(ValueError, match=r"`fidelity.step` must be at least 0.0001 in single"):
