@@ -132,8 +132,8 @@ class Fidelity:
         """Two modes, steps of 1 ms, friction smoothed over 1 mm/s: for sweeps.
 
         Of 256 random impacts (`optimize.work_precision`) the peak force is off by 0.1 % and its
-        gradient, as elasticities and relative to its norm, by 2.1 % in 95 % of them; in the worst
-        by 0.16 % and 7 %. A third of the cost of `standard` in a batch.
+        gradient, as elasticities and relative to its norm, by 1.8 % in 95 % of them; in the worst
+        by 0.12 % and 6 %. A third of the cost of `standard` in a batch.
         """
         settings = dict(modes=2, step=1e-3, slip_speed=1e-3, static_speed=5e-3)
         return cls(**{**settings, **changes})
@@ -142,8 +142,8 @@ class Fidelity:
     def fast(cls, **changes) -> "Fidelity":
         """Four modes, steps of 0.5 ms, friction smoothed over 0.5 mm/s: for searches.
 
-        Of the same impacts the peak force is off by 0.03 % and its gradient by 1.3 % in 95 %; in
-        the worst by 0.16 % and 11 %, where friction turns round near the peak. Six tenths of the
+        Of the same impacts the peak force is off by 0.03 % and its gradient by 0.9 % in 95 %; in
+        the worst by 0.06 % and 6 %, where friction turns round near the peak. Six tenths of the
         cost of `standard`.
         """
         return cls(**{"step": 5e-4, **changes})
@@ -152,8 +152,8 @@ class Fidelity:
     def standard(cls, **changes) -> "Fidelity":
         """The default: four modes, steps of 0.25 ms, friction smoothed over 0.5 mm/s.
 
-        Of the same impacts the peak force is off by 0.02 % and its gradient by 0.5 % in 95 %, by
-        0.16 % and 1.9 % in the worst. Wider ranges give worse cases: ask `choose_fidelity`.
+        Of the same impacts the peak force is off by 0.02 % and its gradient by 0.4 % in 95 %, by
+        0.06 % and 1.9 % in the worst. Wider ranges give worse cases: ask `choose_fidelity`.
         """
         return cls(**changes)
 
