@@ -39,8 +39,8 @@ def test_finite_or_flagged(seed, ranges):
 
 @pytest.mark.parametrize("half", HALVES)
 def test_a_good_status_keeps_its_promise(half):
-    """256 real scenes and as many corners beside those that the offline run compares, in value and in
-    gradient."""
+    """256 real scenes and as many corners beside those that the offline run compares, in value and
+    in gradient."""
     compared = 0
     for k in range(2):
         numbers = draw([7, k], LANES, HALVES[half])
