@@ -228,43 +228,51 @@ def _bend(before: Array, now: Array, new: Array, span: Span, second: Array) -> A
     return jax.lax.stop_gradient(jnp.where(span.first, 0.0, bend))
 
 
-def _slip(instant: Instant) -> tuple[Array, Array, Array]:
-    """Velocity (x, y) [m/s] at which C_s slips on the belt, against the force grip u, and its size:
-    grip u^2 over that force."""
+class Slip(NamedTuple):
+    """Velocity (x, y) [m/s] at which C_s slips on the belt, and its size."""
+
+    x: Array
+    y: Array
+    speed: Array
+
+
+def _slip(instant: Instant) -> Slip:
+    """How C_s slips on the belt: against the force grip u, at grip u^2 over that force."""
     zero = jnp.zeros_like(instant.time)
     if instant.belt is None:
-        return zero, zero, zero
+        return Slip(zero, zero, zero)
     x, y, moment, dissipated = jax.lax.stop_gradient(instant.belt)
     force = jnp.sqrt(x**2 + y**2)
     some = jnp.where(force > 0, force, 1.0)
     by_sliding = dissipated + moment * jax.lax.stop_gradient(instant.body.spin)
     speed = jnp.where(force > 0, by_sliding / some, 0.0)
-    return -speed * x / some, -speed * y / some, speed
+    return Slip(-speed * x / some, -speed * y / some, speed)
 
 
-def _crept(tally: Tally, instant: Instant, length: Array, scope: Scope) -> Array:
+def _crept(
+    before: Slip, now: Slip, instant: Instant, length: Array, scope: Scope, known: Array
+) -> Array:
     """How long C_s has crept on the belt under the fence's force [s]: its slip was between 2 eps,
     at which the belt holds with nine tenths of the largest static friction, and w_s, at which it
     holds with a third of what static friction has over kinetic. Over a step it is taken to go
     straight, its size linearly down to the least and up again."""
     if instant.belt is None:
-        return tally.crept
+        return known
     least, most = 2 * scope.smoothing.slip_speed, scope.smoothing.static_speed
-    (x, y, before), (x_now, y_now, slip) = _slip(tally.last), _slip(instant)
-    x_change, y_change = x_now - x, y_now - y
+    x_change, y_change = now.x - before.x, now.y - before.y
     square = x_change**2 + y_change**2
-    where = -(x * x_change + y * y_change) / jnp.where(square > 0, square, 1.0)
+    where = -(before.x * x_change + before.y * y_change) / jnp.where(square > 0, square, 1.0)
     where = jnp.clip(where, 0.0, 1.0)
-    nearest = jnp.sqrt((x + where * x_change) ** 2 + (y + where * y_change) ** 2)
-    way = jnp.abs(before - nearest) + jnp.abs(slip - nearest)
+    nearest = jnp.sqrt((before.x + where * x_change) ** 2 + (before.y + where * y_change) ** 2)
+    way = jnp.abs(before.speed - nearest) + jnp.abs(now.speed - nearest)
     moves = way > 1e-6 * most
     clipped = jnp.clip(nearest, least, most)
-    within = jnp.abs(jnp.clip(before, least, most) - clipped)
-    within = within + jnp.abs(jnp.clip(slip, least, most) - clipped)
-    still = jnp.where((slip > least) & (slip < most), 1.0, 0.0)
+    within = jnp.abs(jnp.clip(before.speed, least, most) - clipped)
+    within = within + jnp.abs(jnp.clip(now.speed, least, most) - clipped)
+    still = jnp.where((now.speed > least) & (now.speed < most), 1.0, 0.0)
     share = jnp.where(moves, within / jnp.where(moves, way, 1.0), still)
     pressed = jax.lax.stop_gradient(instant.fence_force) > 0
-    return tally.crept + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
+    return known + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
 
 
 def _turned(before: Instant, instant: Instant, scope: Scope, known: Array) -> Array:
@@ -277,13 +285,12 @@ def _turned(before: Instant, instant: Instant, scope: Scope, known: Array) -> Ar
     return known
 
 
-def _slewed(before: Instant, instant: Instant, scope: Scope, known: Array) -> Array:
+def _slewed(before: Slip, now: Slip, instant: Instant, scope: Scope, known: Array) -> Array:
     """1.0 from when C_s, pressed by the fence, has turned round on the belt from step to step."""
     if instant.belt is None or not instant.fence:
         return known
-    (x, y, speed), (x_now, y_now, speed_now) = _slip(before), _slip(instant)
-    slides = jnp.minimum(speed, speed_now) > 2 * scope.smoothing.slip_speed
-    turns = (x * x_now + y * y_now < 0) & slides & (instant.fence_force > 0)
+    slides = jnp.minimum(before.speed, now.speed) > 2 * scope.smoothing.slip_speed
+    turns = (before.x * now.x + before.y * now.y < 0) & slides & (instant.fence_force > 0)
     return jnp.where(turns, 1.0, known)
 
 
@@ -367,14 +374,15 @@ def add(
     border = _border_force(instant)
     force, wall = tally.force, tally.border
     rough = _bend(force.before, force.now, instant.fence_force, span, second)
-    crept = _crept(tally, instant, length, scope)
+    slip_before, slip = _slip(before), _slip(instant)
+    crept = _crept(slip_before, slip, instant, length, scope, tally.crept)
     rough_border = _bend(wall.before, wall.now, border, span, second)
     apart = (tally.stay.touched > 0) & (instant.fence_force <= 0)
     parted = jnp.where(apart, 1.0, tally.parted)
     roughest = jnp.maximum(tally.rough, rough)
     turned = _turned(before, instant, scope, tally.turned)
-    slewed = _slewed(before, instant, scope, tally.slewed)
-    at_peak = AtPeak(_slip(instant)[2], crept, instant.over_tip, parted * roughest, turned, slewed)
+    slewed = _slewed(slip_before, slip, instant, scope, tally.slewed)
+    at_peak = AtPeak(slip.speed, crept, instant.over_tip, parted * roughest, turned, slewed)
     return Tally(
         last=instant,
         origin=jax.tree.map(
