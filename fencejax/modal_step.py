@@ -156,14 +156,14 @@ class _End(eqx.Module):
             off = jnp.maximum(off, jnp.abs(a - b) / (jnp.maximum(a, b) + 0.05 * scale))
         return jax.lax.stop_gradient(off)
 
-    def shorten(self, extra, change, last):
-        """Share of a Newton step that stops a reversal of sliding, or of slip on the belt, at rest.
+    def amend(self, extra, change, last):
+        """A Newton step that stops a reversal of sliding, or of slip on the belt, at rest.
 
         The friction force there is a smoothed jump, convex on either side: from rest Newton's
         method climbs to the root without overshooting, from beyond it would jump to and fro. It
         would so too on the slope between static and kinetic friction, which bends both ways: a step
         back by more than half the `last` one goes where the secant through the two points has its
-        root.
+        root. The first step brings to rest what friction held and the guess has slide.
         """
         share = stick.reversal(self.mechanics, extra[0], change[:3])
         mass, inertia = self.mechanics.mass, self.mechanics.inertia
@@ -173,7 +173,14 @@ class _End(eqx.Module):
         )
         back = (work < 0) & (4 * square > last_square)
         ratio = jnp.sqrt(square / jnp.where(back, last_square, 1.0))
-        return jnp.where(back, jnp.minimum(share, 1 / (1 + ratio)), share)
+        share = jnp.where(back, jnp.minimum(share, 1 / (1 + ratio)), share)
+        taken = tuple(share * c for c in change)
+        if not self.sticking:
+            return taken
+        slid, rest = stick.slid(self.mechanics, extra[0], self.sticking, extra[2])
+        first = slid & (last_square == 0)
+        rest = rest + change[3:]
+        return tuple(jnp.where(first, r, c) for r, c in zip(rest, taken, strict=True))
 
 
 def tolerance(dtype) -> float:
@@ -228,7 +235,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     )
     root, (forces, unbalance, sticking, held, ways) = newton.solve(
         _End.evaluate,
-        _End.shorten,
+        _End.amend,
         equations,
         guess,
         clock.iterations,

@@ -130,6 +130,33 @@ def seen(
     return Acceleration(*(jax.lax.stop_gradient(q) for q in mixed))
 
 
+def slid(
+    mechanics: "Mechanics",
+    forces: "Forces",
+    before: tuple[Array, ...],
+    now: tuple[Array, ...],
+) -> tuple[Array, tuple[Array, ...]]:
+    """Whether a corner that friction held by the weights `before` is free by those of `now`, and
+    the velocities of the parcel that such corners slide by: less these, they are at rest.
+
+    Under a static friction above the kinetic one a corner that is at rest and one that slides may
+    both be roots; the one held stays so.
+    """
+    total = [jnp.zeros_like(forces.acceleration.x)] * 3
+    some = jnp.zeros_like(total[0], bool)
+    contacts, friction = (*forces.fence, *forces.border), frictions(mechanics)
+    left = zip(before, now, strict=True)
+    for what, parts, has in zip(contacts, forces.touches, friction, strict=True):
+        if has is not None:
+            was, holds = next(left)
+            free = (was > 0) & (holds == 0)
+            by = jnp.where(free, what.sliding / mechanics.lightness(parts), 0.0)
+            way = mechanics.acceleration(*(by * t for t in parts.tangent))
+            total = [q + a for q, a in zip(total, way, strict=True)]
+            some = some | free
+    return some, tuple(total)
+
+
 def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
     """Share t <= 1 at which s - t d is nearest to rest, given s.d and d.d; 1 where that lies
     beyond the step, or behind, or where s is not `sliding` but all but at rest."""
