@@ -49,8 +49,8 @@ def solve(
     - `evaluate(given, x)` returns the residual at x, a matrix close to its derivative in x, the
       size of the residual against what is tolerated (at most 1: good enough), and whatever else is
       wanted at the root.
-    - `amend(given, extra, change, last)` returns what is taken from x instead of Newton's `change`,
-      after the change `last` (0 at the guess), so that no friction force is carried across its jump.
+    - `amend(given, extra, change, last)` returns what is taken from x instead of Newton's `change`
+      after the change `last`, 0 at the guess, so that no friction force is carried across its jump.
     - `wanted(extra)`: what of it is returned, and differentiated.
     - `most` is a traced number (floating-point). The compiler so keeps the loop: one copy of
       `evaluate` in the program, its results in memory.

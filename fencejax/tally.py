@@ -1,5 +1,6 @@
 """What is summed and compared step by step: peaks refined between steps, work, impulse, contact."""
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -252,24 +253,29 @@ def _slip(instant: Instant) -> Slip:
 def _crept(
     before: Slip, now: Slip, instant: Instant, length: Array, scope: Scope, known: Array
 ) -> Array:
-    """How long C_s has crept on the belt under the fence's force [s]: its slip was between 2 eps,
-    at which the belt holds with nine tenths of the largest static friction, and w_s, at which it
-    holds with a third of what static friction has over kinetic. Over a step it is taken to go
+    """How long C_s has crept on the belt under the fence's force [s]: its slip s was above 2 eps,
+    up to which the belt holds with nine tenths of the largest static friction; counted by what
+    static friction still has over kinetic, exp(-(s / w_s)^2). Over a step the slip is taken to go
     straight, its size linearly down to the least and up again."""
     if instant.belt is None:
         return known
-    least, most = 2 * scope.smoothing.slip_speed, scope.smoothing.static_speed
+    least, scale = 2 * scope.smoothing.slip_speed, scope.smoothing.static_speed
     x_change, y_change = now.x - before.x, now.y - before.y
     square = x_change**2 + y_change**2
     where = -(before.x * x_change + before.y * y_change) / jnp.where(square > 0, square, 1.0)
     where = jnp.clip(where, 0.0, 1.0)
     nearest = jnp.sqrt((before.x + where * x_change) ** 2 + (before.y + where * y_change) ** 2)
+
+    def excess(speed):
+        """Its integral over the speed from 0 to `speed`."""
+        held = jax.scipy.special.erf(jnp.maximum(speed, least) / scale)
+        return 0.5 * math.sqrt(math.pi) * scale * held
+
     way = jnp.abs(before.speed - nearest) + jnp.abs(now.speed - nearest)
-    moves = way > 1e-6 * most
-    clipped = jnp.clip(nearest, least, most)
-    within = jnp.abs(jnp.clip(before.speed, least, most) - clipped)
-    within = within + jnp.abs(jnp.clip(now.speed, least, most) - clipped)
-    still = jnp.where((now.speed > least) & (now.speed < most), 1.0, 0.0)
+    moves = way > 1e-3 * scale
+    within = jnp.abs(excess(before.speed) - excess(nearest))
+    within = within + jnp.abs(excess(now.speed) - excess(nearest))
+    still = jnp.where(now.speed > least, jnp.exp(-((now.speed / scale) ** 2)), 0.0)
     share = jnp.where(moves, within / jnp.where(moves, way, 1.0), still)
     pressed = jax.lax.stop_gradient(instant.fence_force) > 0
     return known + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
@@ -289,7 +295,7 @@ def _slewed(before: Slip, now: Slip, instant: Instant, scope: Scope, known: Arra
     """1.0 from when C_s, pressed by the fence, has turned round on the belt from step to step."""
     if instant.belt is None or not instant.fence:
         return known
-    slides = jnp.minimum(before.speed, now.speed) > 2 * scope.smoothing.slip_speed
+    slides = jnp.maximum(before.speed, now.speed) > 2 * scope.smoothing.slip_speed
     turns = (before.x * now.x + before.y * now.y < 0) & slides & (instant.fence_force > 0)
     return jnp.where(turns, 1.0, known)
 
