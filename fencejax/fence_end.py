@@ -126,6 +126,17 @@ class FenceEnd(eqx.Module):
             give, give_rate = both * give, both * give_rate
         return give, give_rate
 
+    def drift(self, k: int, other: int, slope: Array) -> Array:
+        """How fast [m/s/N] a corner slides at place k, of that `slope`, at the step's end for a
+        force at another place there, as the fence moves along itself. To the first order in the
+        bending, and not of chords: for Newton's method alone."""
+        give, give_rate = self.compliance(k, other)
+        rate = slope * give_rate - self.drive.speed * give
+        if self.arcs:
+            along = self.arcs[k][1][other].short_rate
+            rate = rate + (along * self.shares[other] if self.shares else along)
+        return rate
+
     def points(self, normals) -> tuple[FencePoint, ...]:
         """The point of the fence under each corner, or where else it is loaded."""
         if not self.flexible:

@@ -348,25 +348,42 @@ class Mechanics(eqx.Module):
         x, y, turning = parts.tangent
         return (x**2 + y**2) / self.mass + turning**2 / self.inertia
 
+    def drags(
+        self, forces: Forces, step: Array | float, sticking: tuple[Array, ...]
+    ) -> list[Array]:
+        """Slope of each contact's friction with its sliding speed [N s/m], with the weights
+        `sticking` of frictions that held a corner at the step's start.
+
+        Where friction falls so steeply that the parcel's inertia over half the step does not
+        outweigh it, most of the slope is left out: the equations fold there, and an iteration with
+        their own slope would be turned back at the fold instead of going on to the root beyond it.
+        """
+        found = []
+        for what, parts, response, weight in zip(
+            (*forces.fence, *forces.border),
+            forces.touches,
+            forces.responses,
+            stick.spread(self, sticking),
+            strict=True,
+        ):
+            drag = (1 + weight) * what.normal * response.sliding
+            inertia = jnp.maximum(0.5 * step * self.lightness(parts), 1e-30)
+            found.append(jnp.minimum(drag, _MOST_ALONG / inertia))
+        return found
+
     def rate_matrix(
         self,
         forces: Forces,
         step: Array | float,
         unknown_normals: bool,
-        sticking: tuple[Array, ...],
+        shares: list[Array],
+        drags: list[Array],
     ):
         """-d(generalised force)/d(velocities) [N s/m], 3 x 3, at frozen directions and arms, where
-        positions follow the velocities by `step` / 3, with the weights `sticking` of frictions that
-        held a corner at the step's start.
-
-        With `unknown_normals` the normal forces at the fence are held. Where friction falls so
-        steeply with the sliding speed that the parcel's inertia over half the step does not
-        outweigh it, most of the slope is left out: the equations fold there, and an iteration with
-        their own slope would be turned back at the fold instead of going on to the root beyond it.
-        """
+        positions follow the velocities by `step` / 3, with the frictions' `shares` of the normal
+        forces and their slopes `drags`. With `unknown_normals` the normal forces at the fence are
+        held."""
         zero = jnp.zeros_like(forces.acceleration.x)
-        of_contacts = stick.spread(self, sticking)
-        shares = stick.shares(self, forces, sticking)
         matrix = [[zero] * 3 for _ in range(3)]
         if self.belt is not None and forces.belt_slopes is not None and forces.slip is not None:
             grip, bend = forces.belt_slopes
@@ -377,19 +394,13 @@ class Mechanics(eqx.Module):
                 for j in range(3):
                     matrix[i][j] = 2 * bend * slip[i] * slip[j]
                 matrix[i][i] = matrix[i][i] + grip * weights[i]
-        contacts = (*forces.fence, *forces.border)
-        for k, (what, parts, response) in enumerate(
-            zip(contacts, forces.touches, forces.responses, strict=True)
-        ):
+        for k, (parts, response) in enumerate(zip(forces.touches, forces.responses, strict=True)):
             held = unknown_normals and k < len(forces.fence)
-            lightness = self.lightness(parts)
-            slide = (1 + of_contacts[k]) * what.normal * response.sliding
-            slide = jnp.minimum(slide, _MOST_ALONG / jnp.maximum(0.5 * step * lightness, 1e-30))
             press = response.gap * step / 3 + response.gap_rate
             for i in range(3):
                 along = parts.normal[i] + shares[k] * parts.tangent[i]
                 for j in range(3):
-                    change = -slide * parts.tangent[i] * parts.tangent[j]
+                    change = -drags[k] * parts.tangent[i] * parts.tangent[j]
                     if not held:
                         change = change + press * along * parts.normal[j]
                     matrix[i][j] = matrix[i][j] + change

@@ -23,7 +23,7 @@ from .drive import DriveMotion
 from .fence_end import FenceEnd
 from .instant import FenceState, bending_loads, describe
 from .kinematics import Acceleration, Body, Lean
-from .link import Vibration
+from .link import FencePoint, Vibration
 from .mechanics import FenceFrame, Forces, Mechanics
 from .pace import Pace
 
@@ -116,9 +116,11 @@ class _End(eqx.Module):
             for v1, v0, a0, a1 in zip(rates, self.body[3:], begin, end, strict=True)
         ]
         scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
-        block = mechanics.rate_matrix(forces, h, bool(normals), self.sticking)
         shares = stick.shares(mechanics, forces, self.sticking)
+        drags = mechanics.drags(forces, h, self.sticking)
+        block = mechanics.rate_matrix(forces, h, bool(normals), shares, drags)
         matrix = [[float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)]
+        drifts = self.drifts(points)
         for k, normal in enumerate(normals):
             assert self.fence is not None
             parts, response = forces.touches[k], forces.responses[k]
@@ -131,6 +133,8 @@ class _End(eqx.Module):
             matrix.append(row)
             for i in range(3):
                 along = parts.normal[i] + shares[k] * parts.tangent[i]
+                for drag, drift, touch in zip(drags, drifts, forces.touches, strict=False):
+                    along = along + drag * drift[k] * touch.tangent[i]
                 matrix[i].append(-scales[i] * along)
         unbalance = mechanics.mass * jnp.maximum(jnp.abs(residual[0]), jnp.abs(residual[1]))
         turning = mechanics.inertia * jnp.abs(residual[2]) / mechanics.size
@@ -142,7 +146,15 @@ class _End(eqx.Module):
         sticking = stick.weights(mechanics, forces, h)
         holds = stick.held(mechanics, forces, sticking)
         ways = stick.stops(mechanics, forces, sticking)
-        return tuple(residual), matrix, size, (forces, unbalance, sticking, holds, ways)
+        return tuple(residual), matrix, size, (forces, unbalance, sticking, holds, ways, drifts)
+
+    def drifts(self, points: tuple[FencePoint, ...]) -> list[list[Array]]:
+        """How fast each corner slides for each force as the fence moves along itself [m/s/N];
+        empty where no friction minds."""
+        if self.fence is None or not self.fence.flexible or self.mechanics.fence_friction is None:
+            return []
+        places = range(len(points))
+        return [[self.fence.drift(k, j, points[k].slope) for j in places] for k in places]
 
     def surprise(self, guess, root, forces: Forces) -> Array:
         """How far the forces are from those of the guess, relative to their size [1]: each normal
@@ -156,16 +168,19 @@ class _End(eqx.Module):
             off = jnp.maximum(off, jnp.abs(a - b) / (jnp.maximum(a, b) + 0.05 * scale))
         return jax.lax.stop_gradient(off)
 
-    def amend(self, extra, change, last):
+    def amend(self, extra, change, last, count):
         """A Newton step that stops a reversal of sliding, or of slip on the belt, at rest.
 
         The friction force there is a smoothed jump, convex on either side: from rest Newton's
         method climbs to the root without overshooting, from beyond it would jump to and fro. It
         would so too on the slope between static and kinetic friction, which bends both ways: a step
         back by more than half the `last` one goes where the secant through the two points has its
-        root. The first step brings to rest what friction held and the guess has slide.
+        root. The first ones bring to rest what friction held, where the guess has it slide or the
+        fence's force, on its way to the root, moves the fence along itself.
         """
-        share = stick.reversal(self.mechanics, extra[0], change[:3])
+        forces, _, sticking, _, _, drifts = extra
+        carried = stick.carried(drifts, change[3:])
+        share = stick.reversal(self.mechanics, forces, change[:3], carried)
         mass, inertia = self.mechanics.mass, self.mechanics.inertia
         work, square, last_square = (
             mass * (a[0] * b[0] + a[1] * b[1]) + inertia * a[2] * b[2]
@@ -177,10 +192,14 @@ class _End(eqx.Module):
         taken = tuple(share * c for c in change)
         if not self.sticking:
             return taken
-        slid, rest = stick.slid(self.mechanics, extra[0], self.sticking, extra[2])
-        first = slid & (last_square == 0)
+        slid, rest = stick.slid(self.mechanics, forces, self.sticking, sticking, carried)
+        slid = slid & (count < _TO_REST)
         rest = rest + change[3:]
-        return tuple(jnp.where(first, r, c) for r, c in zip(rest, taken, strict=True))
+        return tuple(jnp.where(slid, r, c) for r, c in zip(rest, taken, strict=True))
+
+
+# In so many: where the fence moves along itself by more than is foreseen, one may miss.
+_TO_REST = 2
 
 
 def tolerance(dtype) -> float:
@@ -239,7 +258,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         equations,
         guess,
         clock.iterations,
-        lambda extra: (extra[0].outcome(), *extra[1:]),
+        lambda extra: (extra[0].outcome(), *extra[1:5]),
     )
     after = equations.body_at(root[:3])
     normals = tuple(c.normal for c in forces.fence)

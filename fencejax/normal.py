@@ -69,7 +69,7 @@ class _Blow(NamedTuple):
         size = unbalance / (1e-9 * law.force + 1e-9)
         return (value,), [[slope]], size, (gap, rate, unbalance)
 
-    def amend(self, extra, change, last):
+    def amend(self, extra, change, last, count):
         """Newton's own steps: the residual rises all along."""
         return change
 

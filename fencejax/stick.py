@@ -135,9 +135,11 @@ def slid(
     forces: "Forces",
     before: tuple[Array, ...],
     now: tuple[Array, ...],
+    carried: list[Array],
 ) -> tuple[Array, tuple[Array, ...]]:
     """Whether a corner that friction held by the weights `before` is free by those of `now`, and
-    the velocities of the parcel that such corners slide by: less these, they are at rest.
+    the velocities of the parcel that such corners slide by: less these, they are at rest on a fence
+    that moves along itself less by `carried`.
 
     Under a static friction above the kinetic one a corner that is at rest and one that slides may
     both be roots; the one held stays so.
@@ -145,12 +147,13 @@ def slid(
     total = [jnp.zeros_like(forces.acceleration.x)] * 3
     some = jnp.zeros_like(total[0], bool)
     contacts, friction = (*forces.fence, *forces.border), frictions(mechanics)
-    left = zip(before, now, strict=True)
+    left, moved = zip(before, now, strict=True), iter(carried)
     for what, parts, has in zip(contacts, forces.touches, friction, strict=True):
         if has is not None:
             was, holds = next(left)
             free = (was > 0) & (holds == 0)
-            by = jnp.where(free, what.sliding / mechanics.lightness(parts), 0.0)
+            slides = what.sliding - next(moved, 0.0)
+            by = jnp.where(free, slides / mechanics.lightness(parts), 0.0)
             way = mechanics.acceleration(*(by * t for t in parts.tangent))
             total = [q + a for q, a in zip(total, way, strict=True)]
             some = some | free
@@ -164,14 +167,24 @@ def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
     return jnp.where(turns, ahead / jnp.where(turns, square, 1.0), 1.0)
 
 
-def reversal(mechanics: "Mechanics", forces: "Forces", change) -> Array:
-    """Share of a change of the velocities, `-change`, up to which no friction passes its jump:
-    where a sliding speed, or the slip on the belt, would turn round."""
+def carried(drifts: list[list[Array]], change: tuple[Array, ...]) -> list[Array]:
+    """How much faster [m/s] each corner at the fence slides for the fence's motion along itself
+    under a `change` [N] of the normal forces."""
+    return [jnp.stack([d * c for d, c in zip(row, change, strict=True)]).sum() for row in drifts]
+
+
+def reversal(
+    mechanics: "Mechanics", forces: "Forces", change: tuple[Array, ...], carried: list[Array]
+) -> Array:
+    """Share of a change of the velocities, `-change`, and of the fence's along itself, `-carried`,
+    up to which no friction passes its jump: where a sliding speed, or the slip on the belt, would
+    turn round."""
     share = jnp.ones_like(forces.acceleration.x)
     rest = (0.3 * mechanics.fidelity.slip_speed) ** 2
+    moved = iter(carried)
     for what, parts in zip((*forces.fence, *forces.border), forces.touches, strict=True):
         x, y, turning = (t * c for t, c in zip(parts.tangent, change, strict=True))
-        turn = x + y + turning
+        turn = x + y + turning + next(moved, 0.0)
         share = jnp.minimum(share, _stop(what.sliding * turn, turn**2, what.sliding**2 > rest))
     if mechanics.belt is not None and forces.slip is not None:
         x, y, turning = forces.slip
