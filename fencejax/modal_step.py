@@ -41,7 +41,7 @@ class Memory(NamedTuple):
 
     `fence` holds the vibration, its modal forces, the rates of the loads that the modes left out
     carry and their residual mode, and nothing else; `before` is the acceleration and
-    `normals_before` the forces one step back, for the first guess alone (the former `stick.seen`);
+    `normals_before` the forces one step back, for the first guess alone;
     `held` is the acceleration by the frictions that hold a corner, by the weights `sticking`, both
     absent without friction; `gone` is 1 for a corner that has left over the tip. Where the tip may
     carry a contact, `leans` say how each corner loads the fence.
@@ -94,6 +94,16 @@ class _End(eqx.Module):
         )
         return Body(*moved, *rates)
 
+    def points(self, unknowns) -> tuple[FencePoint, ...]:
+        """The points of the fence at the end."""
+        return () if self.fence is None else self.fence.points(unknowns[3:])
+
+    def forces(self, unknowns, points: tuple[FencePoint, ...]) -> Forces:
+        """The forces at the end."""
+        after = self.body_at(unknowns[:3])
+        arms = {k: _rotated(arm, after.angle - self.predicted) for k, arm in self.arms.items()}
+        return self.mechanics.forces(after, arms, self.frame, points, unknowns[3:] or None)
+
     def evaluate(self, unknowns):
         """Residual of the step's equations, their derivative at frozen directions and arms, the
         largest unbalanced force against what is tolerated, and the forces with that unbalance [N].
@@ -102,10 +112,8 @@ class _End(eqx.Module):
         """
         h, mechanics = self.stride.length, self.mechanics
         rates, normals = unknowns[:3], unknowns[3:]
-        after = self.body_at(rates)
-        arms = {k: _rotated(arm, after.angle - self.predicted) for k, arm in self.arms.items()}
-        points = () if self.fence is None else self.fence.points(normals)
-        forces = mechanics.forces(after, arms, self.frame, points, normals or None)
+        points = self.points(unknowns)
+        forces = self.forces(unknowns, points)
         begin, end = self.acceleration, forces.acceleration
         holds = stick.held(mechanics, forces, self.sticking)
         if holds is not None and self.held is not None:
@@ -145,8 +153,7 @@ class _End(eqx.Module):
         size = unbalance / (tolerance(scale.dtype) * scale)
         sticking = stick.weights(mechanics, forces, h)
         holds = stick.held(mechanics, forces, sticking)
-        ways = stick.stops(mechanics, forces, sticking)
-        return tuple(residual), matrix, size, (forces, unbalance, sticking, holds, ways, drifts)
+        return tuple(residual), matrix, size, (forces, unbalance, sticking, holds, drifts)
 
     def drifts(self, points: tuple[FencePoint, ...]) -> list[list[Array]]:
         """How fast each corner slides for each force as the fence moves along itself [m/s/N];
@@ -168,17 +175,27 @@ class _End(eqx.Module):
             off = jnp.maximum(off, jnp.abs(a - b) / (jnp.maximum(a, b) + 0.05 * scale))
         return jax.lax.stop_gradient(off)
 
-    def amend(self, extra, change, last, count):
-        """A Newton step that stops a reversal of sliding, or of slip on the belt, at rest.
+    def at_rest(self, guess):
+        """The guess with the corners that friction held at rest.
+
+        From there Newton's method finds the root at rest, if there is one: under a static friction
+        above the kinetic one the equations have another beside it, which slides.
+        """
+        forces = self.forces(guess, self.points(guess))
+        slides = stick.slides(self.mechanics, forces, self.sticking)
+        rates = (v - w for v, w in zip(guess[:3], slides, strict=True))
+        return (*rates, *guess[3:])
+
+    def shorten(self, extra, change, last):
+        """Share of a Newton step that stops a reversal of sliding, or of slip on the belt, at rest.
 
         The friction force there is a smoothed jump, convex on either side: from rest Newton's
         method climbs to the root without overshooting, from beyond it would jump to and fro. It
         would so too on the slope between static and kinetic friction, which bends both ways: a step
         back by more than half the `last` one goes where the secant through the two points has its
-        root. The first ones bring to rest what friction held, where the guess has it slide or the
-        fence's force, on its way to the root, moves the fence along itself.
+        root.
         """
-        forces, _, sticking, _, _, drifts = extra
+        forces, drifts = extra[0], extra[-1]
         carried = stick.carried(drifts, change[3:])
         share = stick.reversal(self.mechanics, forces, change[:3], carried)
         mass, inertia = self.mechanics.mass, self.mechanics.inertia
@@ -188,18 +205,7 @@ class _End(eqx.Module):
         )
         back = (work < 0) & (4 * square > last_square)
         ratio = jnp.sqrt(square / jnp.where(back, last_square, 1.0))
-        share = jnp.where(back, jnp.minimum(share, 1 / (1 + ratio)), share)
-        taken = tuple(share * c for c in change)
-        if not self.sticking:
-            return taken
-        slid, rest = stick.slid(self.mechanics, forces, self.sticking, sticking, carried)
-        slid = slid & (count < _TO_REST)
-        rest = rest + change[3:]
-        return tuple(jnp.where(slid, r, c) for r, c in zip(rest, taken, strict=True))
-
-
-# In so many: where the fence moves along itself by more than is foreseen, one may miss.
-_TO_REST = 2
+        return jnp.where(back, jnp.minimum(share, 1 / (1 + ratio)), share)
 
 
 def tolerance(dtype) -> float:
@@ -216,7 +222,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     """
     stride = clock.stride(end - begin)
     h = stride.length
-    body, was = memory.body, memory.acceleration
+    body, now = memory.body, memory.acceleration
     time = clock.time(end)
     drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
     places = tuple(p + h * w for p, w in zip(memory.places, memory.sliding, strict=True))
@@ -241,24 +247,25 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             mechanics.link, stride, drive, memory.fence, loads, shapes, shares, expected
         )
     guess = tuple(
-        rate + h * (now + 0.5 * ratio * (now - before))
-        for rate, now, before in zip(body[3:], was, memory.before, strict=True)
+        rate + h * (a + 0.5 * ratio * (a - before))
+        for rate, a, before in zip(body[3:], now, memory.before, strict=True)
     )
     if fence is not None and fence.flexible:
         guess = guess + expected
     frame = mechanics.frame(drive, places, loaded, memory.gone)
-    predicted = body.angle + h * (body.spin + 0.5 * h * was.angle)
+    predicted = body.angle + h * (body.spin + 0.5 * h * now.angle)
     arms = mechanics.arms(predicted)
     equations = _End(
-        mechanics, body, was, memory.held, memory.sticking, predicted, arms, frame, fence, stride
+        mechanics, body, now, memory.held, memory.sticking, predicted, arms, frame, fence, stride
     )
-    root, (forces, unbalance, sticking, held, ways) = newton.solve(
+    guess = equations.at_rest(jax.lax.stop_gradient(guess))
+    root, (forces, unbalance, sticking, held) = newton.solve(
         _End.evaluate,
-        _End.amend,
+        _End.shorten,
         equations,
         guess,
         clock.iterations,
-        lambda extra: (extra[0].outcome(), *extra[1:5]),
+        lambda extra: (extra[0].outcome(), *extra[1:-1]),
     )
     after = equations.body_at(root[:3])
     normals = tuple(c.normal for c in forces.fence)
@@ -269,19 +276,11 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     state = None if fence is None else fence.state(normals)
     touches = forces.touches[: len(places)]
     sliding = tuple(c.sliding for c in forces.fence)
-    if ways:
-        mean = Acceleration(
-            *(stride.rate * (v1 - v0) for v1, v0 in zip(after[3:], body[3:], strict=True))
-        )
-        slowing = [
-            stride.rate * (w1 - w0) for w1, w0 in zip(sliding, memory.sliding, strict=True)
-        ]
-        was = stick.seen(was, forces.acceleration, mean, slowing, sticking, ways)
     feet = tuple(p + t.foot_offset for p, t in zip(loaded, touches, strict=True))
     memory = Memory(
         body=after,
         acceleration=forces.acceleration,
-        before=was,
+        before=memory.acceleration,
         fence=None if state is None else state.kept(),
         places=feet,
         sliding=sliding,

@@ -38,7 +38,7 @@ def eliminate(matrix: list[list[Array]], right: Unknowns) -> Unknowns:
 
 def solve(
     evaluate: Callable[[Any, Unknowns], tuple[Unknowns, Matrix, Array, Any]],
-    amend: Callable[[Any, Any, Unknowns, Unknowns, Array], Unknowns],
+    shorten: Callable[[Any, Any, Unknowns, Unknowns], Array],
     given: Any,
     guess: Unknowns,
     most: Array,
@@ -49,9 +49,8 @@ def solve(
     - `evaluate(given, x)` returns the residual at x, a matrix close to its derivative in x, the
       size of the residual against what is tolerated (at most 1: good enough), and whatever else is
       wanted at the root.
-    - `amend(given, extra, change, last, count)` returns what is taken from x instead of Newton's
-      `change`, after the change `last` and `count` steps, so that no friction force is carried
-      across its jump.
+    - `shorten(given, extra, change, last)` returns the share of a step x - change that may be
+      taken after the change `last`, so that no friction force is carried across its jump.
     - `wanted(extra)`: what of it is returned, and differentiated.
     - `most` is a traced number (floating-point). The compiler so keeps the loop: one copy of
       `evaluate` in the program, its results in memory.
@@ -67,8 +66,8 @@ def solve(
             residual, matrix, size, extra = evaluate(given, x)
             change = eliminate(matrix, residual)
             last = tuple(a - b for a, b in zip(before, x, strict=True))
-            taken = amend(given, extra, change, last, count)
-            after = tuple(a - b for a, b in zip(x, taken, strict=True))
+            share = shorten(given, extra, change, last)
+            after = tuple(a - share * b for a, b in zip(x, change, strict=True))
             return count + 1, size, after, x, wanted(extra)
 
         def go_on(carry):

@@ -69,9 +69,9 @@ class _Blow(NamedTuple):
         size = unbalance / (1e-9 * law.force + 1e-9)
         return (value,), [[slope]], size, (gap, rate, unbalance)
 
-    def amend(self, extra, change, last, count):
-        """Newton's own steps: the residual rises all along."""
-        return change
+    def shorten(self, extra, change, last):
+        """Whole Newton steps: the residual rises all along."""
+        return jnp.ones_like(self.gap)
 
 
 def run(scene: NormalScene, fidelity: Fidelity, history: bool) -> Result:
@@ -132,7 +132,7 @@ def _step(given, state: _State, begins: Array, ends: Array):
     blow = _Blow(parcel.stiffness, contact.viscosity(parcel), gap, rate, give, give_rate)
     guess = (jnp.maximum(2 * state.force - state.force_before, 0.0),)
     (force,), (gap, rate, unbalance) = newton.solve(
-        _Blow.evaluate, _Blow.amend, blow, guess, clock.iterations
+        _Blow.evaluate, _Blow.shorten, blow, guess, clock.iterations
     )
     held = None if fence is None else fence.state((force,))
     after = _State(

@@ -11,7 +11,6 @@ and the backward Euler rule would be late where a parcel lets go of the belt.
 
 from typing import TYPE_CHECKING
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -89,75 +88,20 @@ def held(
     return mechanics.acceleration(*total)
 
 
-def stops(
+def slides(
     mechanics: "Mechanics", forces: "Forces", sticking: tuple[Array, ...]
-) -> tuple[Acceleration, ...]:
-    """Of each corner at the fence with friction, the acceleration that changes its sliding by
-    1 m/s^2, by its weight."""
-    if mechanics.fence_friction is None:
-        return ()
-    found = []
-    for parts, weight in zip(forces.touches, sticking[: len(forces.fence)], strict=False):
-        share = weight / mechanics.lightness(parts)
-        found.append(mechanics.acceleration(*(share * t for t in parts.tangent)))
-    return tuple(found)
-
-
-def seen(
-    before: Acceleration,
-    now: Acceleration,
-    mean: Acceleration,
-    slowing: list[Array],
-    sticking: tuple[Array, ...],
-    ways: tuple[Acceleration, ...],
-) -> Acceleration:
-    """The acceleration `before` such that a guess now + (now - before) / 2 of the next one holds
-    what friction holds: that goes on as it went, by `mean`, but for the rate `slowing` [m/s^2] at
-    which its sliding went, along `ways`.
-
-    From a guess at rest Newton's method finds the root there, if there is one. Equations with a
-    static friction above the kinetic one have another beside it, which slides.
-    """
-    weight = jnp.zeros_like(now.x)
-    goes_on = mean
-    for change, kind, way in zip(slowing, sticking, ways, strict=False):
-        goes_on = Acceleration(*(a - change * s for a, s in zip(goes_on, way, strict=True)))
-        weight = jnp.maximum(weight, kind)
-    mixed = (
-        b + weight * (3 * a - 2 * g - b)
-        for b, a, g in zip(before, now, goes_on, strict=True)
-    )
-    return Acceleration(*(jax.lax.stop_gradient(q) for q in mixed))
-
-
-def slid(
-    mechanics: "Mechanics",
-    forces: "Forces",
-    before: tuple[Array, ...],
-    now: tuple[Array, ...],
-    carried: list[Array],
-) -> tuple[Array, tuple[Array, ...]]:
-    """Whether a corner that friction held by the weights `before` is free by those of `now`, and
-    the velocities of the parcel that such corners slide by: less these, they are at rest on a fence
-    that moves along itself less by `carried`.
-
-    Under a static friction above the kinetic one a corner that is at rest and one that slides may
-    both be roots; the one held stays so.
-    """
+) -> tuple[Array, Array, Array]:
+    """The velocities of the parcel by which corners slide that friction held by the weights
+    `sticking`: without these they are at rest."""
     total = [jnp.zeros_like(forces.acceleration.x)] * 3
-    some = jnp.zeros_like(total[0], bool)
-    contacts, friction = (*forces.fence, *forces.border), frictions(mechanics)
-    left, moved = zip(before, now, strict=True), iter(carried)
-    for what, parts, has in zip(contacts, forces.touches, friction, strict=True):
-        if has is not None:
-            was, holds = next(left)
-            free = (was > 0) & (holds == 0)
-            slides = what.sliding - next(moved, 0.0)
-            by = jnp.where(free, slides / mechanics.lightness(parts), 0.0)
-            way = mechanics.acceleration(*(by * t for t in parts.tangent))
-            total = [q + a for q, a in zip(total, way, strict=True)]
-            some = some | free
-    return some, tuple(total)
+    for what, parts, weight in zip(
+        (*forces.fence, *forces.border), forces.touches, spread(mechanics, sticking), strict=True
+    ):
+        impulse = weight * what.sliding / mechanics.lightness(parts)
+        change = mechanics.acceleration(*(impulse * t for t in parts.tangent))
+        total = [v + w for v, w in zip(total, change, strict=True)]
+    x, y, angle = total
+    return x, y, angle
 
 
 def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
