@@ -28,6 +28,9 @@ _ROUGH_AGAIN = 0.01
 # The first mode's angular frequency times the step: above it a friction that turns round within a
 # step rings the fence as it would not in time, by little, but the derivative counts its phase.
 _RINGING = 1.5
+# So it does under a contact that is all damper, which holds the fence to the corner: its time of
+# relaxation b_p m_p^0.4 / (k_p D), in steps.
+_PINNED = 1e6
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
 # contact: |N''| G / w^2 with their compliance G and w between the highest frequency kept and the
 # lowest left out.
@@ -135,7 +138,9 @@ def of_tally(
     if mechanics.link is not None and mechanics.link.frequency_squared:
         frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.eigenvalues[0]))
         rings = frequency * mechanics.fidelity.step > _RINGING
-        checks.append((Status.STEP_TOO_COARSE, rings & (tally.at_peak.turned > 0)))
+        relaxed = _PINNED * mechanics.fidelity.step * mechanics.stiffness * tally.deepest
+        pinned = jax.lax.stop_gradient(mechanics.viscosity > relaxed)
+        checks.append((Status.STEP_TOO_COARSE, rings & (pinned | (tally.at_peak.turned > 0))))
         assert scene.fence is not None
         turned = tally.carried > _TURNING * scene.fence.flexible_length
         checks.append((Status.MODES_TOO_FEW, turned))
