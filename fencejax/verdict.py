@@ -35,8 +35,6 @@ _PINNED = 1e6
 # contact: |N''| G / w^2 with their compliance G and w between the highest frequency kept and the
 # lowest left out.
 _LAGGING = 0.0052
-# Of the two limits on the force itself, of how rough it is and of that lag, the shares together.
-_TOGETHER = 1.6
 # What the modes left out may bend the fence statically, as a share of the flexible link's length:
 # their deflection and slope are right, not what these do to the arc's length and to other corners.
 _TURNING = 0.003
@@ -44,9 +42,10 @@ _TURNING = 0.003
 _UNFELT = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing at the peak.
 _SMOOTHED = 0.004
-# Share of it that a parcel may owe to how friction let go of it before; a third of that where
-# friction falls to a third and less when it lets go, nothing where it falls to a tenth and less.
-_CREPT = 0.0005
+# Share of it that a parcel may owe to how friction let go of it before; less where friction falls
+# by more when it lets go, from how many times kinetic friction on, and by how much.
+_CREPT = 0.00105
+_FALLS = ((9.0, 0.0), (2.0, 0.2), (0.7, 0.45))
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
 _CREEP = 0.0082
 # Share of the slip at the peak that the belt's friction may add within a step, of a parcel that
@@ -71,8 +70,8 @@ def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> 
     lost = friction.kinetic * fidelity.slip_speed + jump * fidelity.static_speed
     now = weight * lost > _SMOOTHED * tally.force.value * peak.slip
     held = jump * scene.belt.gravity * peak.crept
-    steep = [jump > 9 * friction.kinetic, jump > 2 * friction.kinetic]
-    allowed = _CREPT * jnp.select(steep, [0.0, 1 / 3], 1.0)
+    steep = [jump > times * friction.kinetic for times, _ in _FALLS]
+    allowed = _CREPT * jnp.select(steep, [share for _, share in _FALLS], 1.0)
     late = jump * weight * held > allowed * tally.force.value * peak.slip
     largest = jnp.maximum(friction.static, friction.kinetic)
     creep = largest * fidelity.slip_speed + jump * fidelity.static_speed
@@ -95,16 +94,13 @@ def unresolved(
 ) -> list[tuple[Status, Array]]:
     """Whether steps do not resolve the fence's force, of which `unfelt` [N] may be rough, or the
     modes kept do not."""
-    limit = _ROUGH * tally.force.value + unfelt
-    checks = [(Status.STEP_TOO_COARSE, tally.rough > limit)]
+    checks = [(Status.STEP_TOO_COARSE, tally.rough > _ROUGH * tally.force.value + unfelt)]
     if link is not None and link.frequency_squared:
         # A clamped beam's n-th frequency goes with (n - 1/2)^2.
         kept = link.eigenvalues.shape[-1]
         square = ((kept + 0.5) / (kept - 0.5)) ** 2 * jax.lax.stop_gradient(link.eigenvalues[-1])
         lag = _LAGGING * square * tally.deepest
         checks.append((Status.MODES_TOO_FEW, tally.hurry > lag))
-        both = tally.rough * lag + tally.hurry * limit
-        checks.append((Status.MODES_TOO_FEW, both > _TOGETHER * lag * limit))
     return checks
 
 
