@@ -181,6 +181,8 @@ class _End(eqx.Module):
         From there Newton's method finds the root at rest, if there is one: under a static friction
         above the kinetic one the equations have another beside it, which slides.
         """
+        if not self.sticking:
+            return guess
         forces = self.forces(guess, self.points(guess))
         slides = stick.slides(self.mechanics, forces, self.sticking)
         rates = (v - w for v, w in zip(guess[:3], slides, strict=True))

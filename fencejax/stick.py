@@ -93,15 +93,22 @@ def slides(
 ) -> tuple[Array, Array, Array]:
     """The velocities of the parcel by which corners slide that friction held by the weights
     `sticking`: without these they are at rest."""
-    total = [jnp.zeros_like(forces.acceleration.x)] * 3
-    for what, parts, weight in zip(
-        (*forces.fence, *forces.border), forces.touches, spread(mechanics, sticking), strict=True
+    x = y = angle = jnp.zeros_like(forces.acceleration.x)
+    contacts, of_contacts = (*forces.fence, *forces.border), spread(mechanics, sticking)
+    for what, parts, weight, friction in zip(
+        contacts, forces.touches, of_contacts, frictions(mechanics), strict=True
     ):
-        impulse = weight * what.sliding / mechanics.lightness(parts)
-        change = mechanics.acceleration(*(impulse * t for t in parts.tangent))
-        total = [v + w for v, w in zip(total, change, strict=True)]
-    x, y, angle = total
+        if friction is not None:
+            impulse = weight * what.sliding / mechanics.lightness(parts)
+            change = mechanics.acceleration(*(impulse * t for t in parts.tangent))
+            x, y, angle = x + change.x, y + change.y, angle + change.angle
     return x, y, angle
+
+
+def carried(drifts: list[list[Array]], change: tuple[Array, ...]) -> list[Array]:
+    """How much faster [m/s] each corner at the fence slides for the fence's motion along itself
+    under a `change` [N] of the normal forces."""
+    return [jnp.stack([d * c for d, c in zip(row, change, strict=True)]).sum() for row in drifts]
 
 
 def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
@@ -109,12 +116,6 @@ def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
     beyond the step, or behind, or where s is not `sliding` but all but at rest."""
     turns = sliding & (ahead > 0) & (ahead < square)
     return jnp.where(turns, ahead / jnp.where(turns, square, 1.0), 1.0)
-
-
-def carried(drifts: list[list[Array]], change: tuple[Array, ...]) -> list[Array]:
-    """How much faster [m/s] each corner at the fence slides for the fence's motion along itself
-    under a `change` [N] of the normal forces."""
-    return [jnp.stack([d * c for d, c in zip(row, change, strict=True)]).sum() for row in drifts]
 
 
 def reversal(
