@@ -13,7 +13,7 @@ from optimize.motion.configuration import CoDesignConfig, configure
 from optimize.motion.problem import ring_amplitude
 
 _SMALL = CoDesignConfig(
-    masses=(15.0,), offsets=(0.05,), controls=4, budget=10, fidelity="fast", verify="fast",
+    masses=(15.0,), offsets=(0.05,), controls=4, budget=10, fidelity="coarse", verify="coarse",
 )  # fmt: skip
 
 
