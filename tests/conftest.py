@@ -1,6 +1,7 @@
 """Settings of the whole test session, made before anything else is imported."""
 
 import atexit
+import gc
 import os
 import shutil
 import sys
@@ -10,6 +11,10 @@ import tempfile
 # measured.
 if not any(argument.startswith("--bench") for argument in sys.argv):
     os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
+
+# Tracing makes millions of objects that stay: to look for garbage among them as often as usual
+# takes a fifth of its time.
+gc.set_threshold(200_000, 50, 100)
 
 import jax  # noqa: E402
 
