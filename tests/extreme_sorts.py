@@ -140,7 +140,7 @@ def lane(kind, name):
 def program(kind, name, gradient=True):
     """Numbers -> status (lanes,), values (lanes, fields) and, with `gradient`, x dN/dx of the peak
     force (lanes, varied)."""
-    fidelity = TRUTH if name == "truth" else getattr(fj.Fidelity, name)()
+    fidelity = TRUTH.replace(step=1e-4) if name == "truth" else getattr(fj.Fidelity, name)()
 
     def values(varied, x):
         # The ledger's status is asked for where no derivative is: it doubles the compiling.

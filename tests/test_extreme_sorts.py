@@ -2,7 +2,7 @@
 a status that says what happened, in value and in gradient.
 
 Every row of `extreme_sorts` is a lane of one compiled program a fidelity. The truth is
-`Fidelity.reference` with steps of 50 us and eight modes. `test_extreme_stages` does the same for
+`Fidelity.reference` with steps of 0.1 ms and eight modes. `test_extreme_stages` does the same for
 the stages.
 """
 

@@ -162,9 +162,8 @@ def test_memory_of_the_reverse_mode_grows_slower_than_the_steps():
         program = jax.jit(jax.grad(peak)).lower(0.045).compile()
         return program.memory_analysis().temp_size_in_bytes
 
-    few, many, more = (memory(duration) for duration in (0.02, 0.08, 0.32))
-    assert many < 3 * few
-    assert more - many < 3 * (many - few)
+    many, more = (memory(duration) for duration in (0.08, 0.32))
+    assert more < 3 * many
 
 
 def test_a_judge_sees_value_and_columns():

@@ -39,10 +39,10 @@ def test_finite_or_flagged(seed, ranges):
 
 @pytest.mark.parametrize("half", HALVES)
 def test_a_good_status_keeps_its_promise(half):
-    """256 real scenes and 512 corners beside those that the offline run compares, in value and in
-    gradient."""
+    """256 real scenes and as many corners beside those that the offline run compares, in value and
+    in gradient."""
     compared = 0
-    for k in range({"usual": 2, "wide": 4}[half]):
+    for k in {"usual": (0, 1), "wide": (2, 5)}[half]:
         numbers = draw([7, k], LANES, HALVES[half])
         outcome = jax.device_get(program()(numbers))
         value, gradient, same, lanes = errors(outcome, jax.device_get(truth()(numbers)))
