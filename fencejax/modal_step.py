@@ -197,9 +197,7 @@ class _End(eqx.Module):
         back by more than half the `last` one goes where the secant through the two points has its
         root.
         """
-        forces, drifts = extra[0], extra[-1]
-        carried = stick.carried(drifts, change[3:])
-        share = stick.reversal(self.mechanics, forces, change[:3], carried)
+        share = stick.reversal(self.mechanics, extra[0], change, extra[-1])
         mass, inertia = self.mechanics.mass, self.mechanics.inertia
         work, square, last_square = (
             mass * (a[0] * b[0] + a[1] * b[1]) + inertia * a[2] * b[2]

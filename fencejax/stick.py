@@ -105,12 +105,6 @@ def slides(
     return x, y, angle
 
 
-def carried(drifts: list[list[Array]], change: tuple[Array, ...]) -> list[Array]:
-    """How much faster [m/s] each corner at the fence slides for the fence's motion along itself
-    under a `change` [N] of the normal forces."""
-    return [jnp.stack([d * c for d, c in zip(row, change, strict=True)]).sum() for row in drifts]
-
-
 def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
     """Share t <= 1 at which s - t d is nearest to rest, given s.d and d.d; 1 where that lies
     beyond the step, or behind, or where s is not `sliding` but all but at rest."""
@@ -119,17 +113,24 @@ def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
 
 
 def reversal(
-    mechanics: "Mechanics", forces: "Forces", change: tuple[Array, ...], carried: list[Array]
+    mechanics: "Mechanics",
+    forces: "Forces",
+    change: tuple[Array, ...],
+    drifts: list[list[Array]],
 ) -> Array:
-    """Share of a change of the velocities, `-change`, and of the fence's along itself, `-carried`,
-    up to which no friction passes its jump: where a sliding speed, or the slip on the belt, would
-    turn round."""
+    """Share of a change of the unknowns, `-change`, up to which no friction passes its jump: where
+    a sliding speed, or the slip on the belt, would turn round. Normal forces at the fence let its
+    corners slide by `drifts` [m/s/N], if these are given."""
     share = jnp.ones_like(forces.acceleration.x)
     rest = (0.3 * mechanics.fidelity.slip_speed) ** 2
-    moved = iter(carried)
-    for what, parts in zip((*forces.fence, *forces.border), forces.touches, strict=True):
-        x, y, turning = (t * c for t, c in zip(parts.tangent, change, strict=True))
-        turn = x + y + turning + next(moved, 0.0)
+    velocities, normals = change[:3], change[3:]
+    contacts = (*forces.fence, *forces.border)
+    for k, (what, parts) in enumerate(zip(contacts, forces.touches, strict=True)):
+        x, y, turning = (t * c for t, c in zip(parts.tangent, velocities, strict=True))
+        turn = x + y + turning
+        if k < len(drifts):
+            for drift, normal in zip(drifts[k], normals, strict=True):
+                turn = turn + drift * normal
         share = jnp.minimum(share, _stop(what.sliding * turn, turn**2, what.sliding**2 > rest))
     if mechanics.belt is not None and forces.slip is not None:
         x, y, turning = forces.slip

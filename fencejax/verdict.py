@@ -135,7 +135,7 @@ def of_tally(
         frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.eigenvalues[0]))
         rings = frequency * mechanics.fidelity.step > _RINGING
         relaxed = _PINNED * mechanics.fidelity.step * mechanics.stiffness * tally.deepest
-        pinned = jax.lax.stop_gradient(mechanics.viscosity > relaxed) & (tally.deepest > 0)
+        pinned = (mechanics.viscosity > relaxed) & (tally.deepest > 0)
         checks.append((Status.STEP_TOO_COARSE, rings & (pinned | (tally.at_peak.turned > 0))))
         assert scene.fence is not None
         turned = tally.carried > _TURNING * scene.fence.flexible_length
