@@ -1,75 +1,172 @@
-"""Differentiable simulation and design of flexible sorting fences, in JAX."""
+"""Differentiable simulation and design of flexible sorting fences, in JAX.
+
+`simulate(scenes.oblique_impact())` runs a scene; the rooms of the package are `parts`, `scenes`,
+`model`, `integrators`, `results`, `design`, `plot` and `study`, each with a page on what it holds.
+"""
+
+from importlib import metadata as _metadata
 
 from . import (
-    identify as identify,
-    objectives as objectives,
+    design as design,
+    integrators as integrators,
+    model as model,
+    parts as parts,
     plot as plot,
-    recording as recording,
-    risk as risk,
-    sampling as sampling,
-    scene_numbers as scene_numbers,
+    results as results,
     scenes as scenes,
-    sensitivity as sensitivity,
-    severity as severity,
+    study as study,
 )
-from .belt import Belt as Belt, Border as Border
-from .choice import (
-    Choice as Choice,
-    NoFidelityError as NoFidelityError,
-    Trial as Trial,
-    choose_fidelity as choose_fidelity,
-)
-from .compiler import tune_compiler as tune_compiler
-from .design import DesignSpace as DesignSpace, DesignVariable as DesignVariable
-from .drive import (
-    AbstractDrive as AbstractDrive,
-    ConstantSpeedDrive as ConstantSpeedDrive,
-    HarmonicDrive as HarmonicDrive,
-    HeldDrive as HeldDrive,
-    SCurveDrive as SCurveDrive,
-    SplineDrive as SplineDrive,
-    TrapezoidDrive as TrapezoidDrive,
-)
-from .error import (
-    ErrorEstimate as ErrorEstimate,
-    GradientEstimate as GradientEstimate,
-    estimate_gradient_error as estimate_gradient_error,
-)
-from .fence import Fence as Fence
-from .fidelity import Fidelity as Fidelity
-from .friction import Friction as Friction
-from .journal import Journal as Journal
-from .material import Material as Material
-from .multistart import minimize_many as minimize_many
-from .objectives import (
+from ._xla import tune_compiler as tune_compiler
+from .design import (
     LIMITS as LIMITS,
     OBJECTIVES as OBJECTIVES,
+    DesignSpace as DesignSpace,
+    DesignVariable as DesignVariable,
+    Journal as Journal,
     Limit as Limit,
-    Quantity as Quantity,
-)
-from .optimizer import (
     Optimum as Optimum,
     Program as Program,
+    Quantity as Quantity,
     Record as Record,
     Stop as Stop,
+    Verification as Verification,
     minimize as minimize,
+    minimize_many as minimize_many,
+    objectives as objectives,
+    risk as risk,
+    shock as shock,
+    verify as verify,
 )
-from .parcel import Parcel as Parcel
-from .response import Response as Response
-from .result import Ledger as Ledger, Result as Result
-from .scene_family import SceneFamily as SceneFamily
-from .scenes import NormalScene as NormalScene, Scene as Scene
-from .simulate import simulate as simulate
-from .status import Status as Status, good as good, holds as holds
-from .sweep import Sweep as Sweep
-from .sweep_run import run_sweep as run_sweep
-from .sweep_table import SweepTable as SweepTable
-from .taper import (
+from .fidelity import Fidelity as Fidelity
+from .parts import (
+    AbstractDrive as AbstractDrive,
     AbstractTaper as AbstractTaper,
+    Belt as Belt,
+    Border as Border,
+    ConstantSpeedDrive as ConstantSpeedDrive,
     ConstantStrength as ConstantStrength,
+    Fence as Fence,
+    Friction as Friction,
+    HarmonicDrive as HarmonicDrive,
+    HeldDrive as HeldDrive,
+    Material as Material,
+    Parcel as Parcel,
     PowerTaper as PowerTaper,
     ProfileTaper as ProfileTaper,
+    SCurveDrive as SCurveDrive,
+    SplineDrive as SplineDrive,
     SteppedTaper as SteppedTaper,
+    TrapezoidDrive as TrapezoidDrive,
     Uniform as Uniform,
 )
-from .verification import Verification as Verification, verify as verify
+from .results import (
+    ErrorEstimate as ErrorEstimate,
+    GradientEstimate as GradientEstimate,
+    Ledger as Ledger,
+    Result as Result,
+    Status as Status,
+    estimate_gradient_error as estimate_gradient_error,
+    good as good,
+    holds as holds,
+)
+from .scenes import NormalScene as NormalScene, Scene as Scene
+from .simulate import simulate as simulate
+from .study import (
+    Choice as Choice,
+    NoFidelityError as NoFidelityError,
+    Response as Response,
+    SceneFamily as SceneFamily,
+    Sweep as Sweep,
+    SweepTable as SweepTable,
+    Trial as Trial,
+    choose_fidelity as choose_fidelity,
+    identify as identify,
+    recording as recording,
+    run_sweep as run_sweep,
+    sampling as sampling,
+    sensitivity as sensitivity,
+)
+
+scene_numbers = scenes.numbers
+severity = shock
+__version__ = _metadata.version("fencejax")
+
+__all__ = [
+    "AbstractDrive",
+    "AbstractTaper",
+    "Belt",
+    "Border",
+    "Choice",
+    "ConstantSpeedDrive",
+    "ConstantStrength",
+    "DesignSpace",
+    "DesignVariable",
+    "ErrorEstimate",
+    "Fence",
+    "Fidelity",
+    "Friction",
+    "GradientEstimate",
+    "HarmonicDrive",
+    "HeldDrive",
+    "Journal",
+    "LIMITS",
+    "Ledger",
+    "Limit",
+    "Material",
+    "NoFidelityError",
+    "NormalScene",
+    "OBJECTIVES",
+    "Optimum",
+    "Parcel",
+    "PowerTaper",
+    "ProfileTaper",
+    "Program",
+    "Quantity",
+    "Record",
+    "Response",
+    "Result",
+    "SCurveDrive",
+    "Scene",
+    "SceneFamily",
+    "SplineDrive",
+    "Status",
+    "SteppedTaper",
+    "Stop",
+    "Sweep",
+    "SweepTable",
+    "TrapezoidDrive",
+    "Trial",
+    "Uniform",
+    "Verification",
+    "choose_fidelity",
+    "design",
+    "estimate_gradient_error",
+    "good",
+    "holds",
+    "identify",
+    "integrators",
+    "minimize",
+    "minimize_many",
+    "model",
+    "objectives",
+    "parts",
+    "plot",
+    "recording",
+    "results",
+    "risk",
+    "run_sweep",
+    "sampling",
+    "scene_numbers",
+    "scenes",
+    "sensitivity",
+    "severity",
+    "shock",
+    "simulate",
+    "study",
+    "tune_compiler",
+    "verify",
+]
+
+
+def __dir__():
+    return [*__all__, "__version__"]

@@ -1,14 +1,23 @@
 """Every knob that trades speed for accuracy, in one place."""
 
 import dataclasses
+from typing import NamedTuple
 
 from . import _check
-from .friction import Smoothing
 
 # A scene is long from here on [s]; strides in it are no longer than this [s].
 _LONG, _STRIDE = 0.5, 2e-3
 
 _INTEGRATORS = ("modal", "kvaerno5", "tsit5")
+
+
+class Smoothing(NamedTuple):
+    """How the jump of dry friction at rest is smoothed: `slip_speed` eps [m/s], below which the
+    force falls off, and `static_speed` w_s [m/s], over which the coefficient goes from static to
+    kinetic. True stick is what eps -> 0, with eps << w_s, tends to."""
+
+    slip_speed: float
+    static_speed: float
 
 
 @dataclasses.dataclass(frozen=True)

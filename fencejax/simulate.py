@@ -11,22 +11,23 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array
 
-from . import _check, error, general, integrate, modal_step, normal, verdict
-from .clock import Clock, stride_counts
-from .drive import AbstractDrive, DriveMotion
+from . import _check
+from ._forward_mode import by_columns
+from ._xla import keep, sound
 from .fidelity import Fidelity
-from .forward import by_columns
-from .keep import keep, sound
-from .kinematics import Body
-from .link import SWING_STEPS, FlexibleLink, Vibration
-from .mechanics import Mechanics
-from .modal_step import Memory
-from .propagation import Propagator
-from .result import Result, gather
-from .scenes import NormalScene, Scene
-from .start import Pose
-from .status import Status
-from .taper import AbstractTaper
+from .integrators import (
+    Clock,
+    Memory,
+    diffrax_reference as general,
+    modal_step,
+    normal_direction as normal,
+    stride_counts,
+    time_loop as integrate,
+)
+from .model import SWING_STEPS, FlexibleLink, Mechanics, Propagator, Vibration
+from .parts import AbstractDrive, AbstractTaper, DriveMotion
+from .results import Result, Status, diagnostics as verdict, error, gather
+from .scenes import Body, NormalScene, Pose, Scene
 
 
 def simulate(

@@ -1,4 +1,4 @@
-"""SciPy's LSODA on the full oblique impact: the NumPy equations of `independent.impact`.
+"""SciPy's LSODA on the full oblique impact: the NumPy equations of `reference.impact`.
 
 Belt and fence friction, sliding, the drive and the parcel's rotation, with as many of the link's
 modes as asked for. Settings found by halving and doubling, for a peak within 1 %:
@@ -13,7 +13,7 @@ modes as asked for. Settings found by halving and doubling, for a peak within 1 
 from dataclasses import replace
 
 import numpy as np
-from independent.impact import Fence, Impact, contact, derivative, initial_state, jacobian
+from reference.impact import Fence, Impact, contact, derivative, initial_state, jacobian
 from scipy.integrate import odeint
 
 from . import race

@@ -3,8 +3,8 @@
     python tests/reference/golden.py           # compares, bit by bit, on one machine
     python tests/reference/golden.py --record  # writes golden.json anew
 
-A change that moves code and no arithmetic leaves every bit as it is. A change of the mechanics moves
-these numbers; then record them anew and say so. `test_golden.py` compares them within what
+A change that moves code and no arithmetic leaves every bit as it is. A change of the mechanics
+moves these numbers; then record them anew and say so. `test_golden.py` compares them within what
 processors and compiler settings differ by.
 """
 

@@ -1,0 +1,110 @@
+"""What XLA is told: its settings for loops over a few small arrays, and a barrier to fusion."""
+
+
+import functools
+import os
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import jaxlib.version
+from equinox.internal import unvmap_any
+from jax._src.xla_bridge import backends_are_initialized
+from jax.extend.core import jaxpr_as_fun
+from jaxtyping import Array
+
+_LARGE = 10**9
+
+# Settings of one backend that another or a later one does not know are passed over by XLA.
+_EXTRA = {
+    # A loop becomes one kernel if it moves fewer bytes than this, instead of one a fusion.
+    "xla_cpu_small_while_loop_byte_threshold": str(_LARGE),
+    # Results that share their arithmetic are computed together.
+    "xla_cpu_use_multi_output_fusion": "true",
+}
+# An unknown flag of this kind stops the process: given only to versions that are known to have it.
+_FLAGS = {"xla_cpu_use_fusion_emitters": "false"}
+_KNOWN = (0, 7, 0), (0, 11, 0)
+
+
+def shares_arithmetic() -> bool:
+    """Whether XLA computes once what several results have in common: on a CPU if told to."""
+    told = "xla_cpu_use_multi_output_fusion=true" in os.environ.get("XLA_FLAGS", "")
+    return told or jax.default_backend() != "cpu"
+
+
+def tune_compiler(devices: int | None = None) -> None:
+    """Set XLA's compiler for the CPU to make one kernel of each loop and to compile sooner.
+
+    Left to itself, XLA runs every piece of a step as a kernel of its own, and most of the time
+    goes into starting them: one impact then takes some eight times as long. The settings go into
+    the environment variable `XLA_FLAGS`, which is read when JAX computes for the first time in a
+    process; what is set there already stays. They change results by rounding only, and hold for
+    everything that the process compiles for a CPU.
+
+    **Arguments:**
+
+    - `devices`: number of devices that JAX shall see on this CPU, for sweeps that use all of its
+      cores (`jax.sharding`, `jax.pmap`). Each loop then runs on one core.
+
+    Raises `ValueError` if `devices` is not at least 1 and `RuntimeError` if JAX has computed
+    already, so that the settings would be ignored.
+    """
+    if devices is not None and devices < 1:
+        raise ValueError(f"Argument `devices` must be at least 1 [1], but is {devices}.")
+    given = os.environ.get("XLA_FLAGS", "")
+    flags = given.split()
+    extra = [f"{key}={value}" for key, value in _EXTRA.items() if key not in given]
+    if extra:
+        # XLA takes the last of several lists: one list, with what was given in it.
+        lead = "--xla_backend_extra_options="
+        listed = [flag.removeprefix(lead) for flag in flags if flag.startswith(lead)]
+        flags = [flag for flag in flags if not flag.startswith(lead)]
+        flags.append(lead + ",".join([*listed, *extra]))
+    if _KNOWN[0] <= jaxlib.version.__version_info__ < _KNOWN[1]:
+        flags += [f"--{key}={value}" for key, value in _FLAGS.items() if key not in given]
+    if devices is not None:
+        lead = "--xla_force_host_platform_device_count="
+        flags = [flag for flag in flags if not flag.startswith(lead)] + [f"{lead}{devices}"]
+    wanted = " ".join(flags)
+    if wanted == given:
+        return
+    if backends_are_initialized():
+        raise RuntimeError(
+            "JAX has computed already in this process, and reads XLA_FLAGS only once. Call "
+            "fj.tune_compiler() right after the imports, before any array is made."
+        )
+    os.environ["XLA_FLAGS"] = wanted
+
+def keep(holds: Array, function: Callable[..., Any], *arguments: Any) -> Any:
+    """`function(*arguments)`, worked out once and put in memory; not a number unless `holds`.
+
+    Left to itself (see `fencejax.tune_compiler`), on a CPU the compiler fuses cheap arithmetic into
+    every place that reads it, over and over: long scalar formulas with many results grow out of
+    hand, in time to compile and to run. A branch keeps it from that, as long as the compiler cannot
+    know that it is always taken: `holds` must be true for every sound input, one for the whole
+    batch, and not a constant. Where the compiler shares arithmetic, this is just
+    `function(*arguments)`.
+    """
+    if shares_arithmetic():
+        return function(*arguments)
+    # Traced once, and from there on taken as it is.
+    traced, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
+    results = jax.tree.structure(shapes)
+
+    def worked_out(leaves):
+        return jaxpr_as_fun(traced)(*leaves)
+
+    def not_numbers(_):
+        return [jnp.full(leaf.shape, jnp.nan, leaf.dtype) for leaf in jax.tree.leaves(shapes)]
+
+    leaves = jax.tree.leaves(arguments)
+    return jax.tree.unflatten(results, jax.lax.cond(holds, worked_out, not_numbers, leaves))
+
+
+def sound(tree: Any) -> Array:
+    """Whether a pytree holds numbers only, in one lane of a batch at least. It is unknown to the
+    compiler as soon as one leaf of the tree is."""
+    sums = [jnp.sum(leaf) for leaf in jax.tree.leaves(tree)]
+    return unvmap_any(jnp.isfinite(functools.reduce(jnp.add, sums)))

@@ -1,0 +1,61 @@
+"""Constrained optimisation: design variables, objectives, limits, risk, and the optimisers.
+
+May import: `results` and what is below it. Nothing here runs a simulation: a problem is a function
+that its caller writes. A new objective or limit is one row of `objectives`.
+"""
+
+from . import (
+    objectives as objectives,
+    quadratic_program as quadratic_program,
+    risk as risk,
+    shock as shock,
+)
+from .evaluator import (
+    Evaluator as Evaluator,
+    Numbers as Numbers,
+    Program as Program,
+    Record as Record,
+)
+from .journal import (
+    Journal as Journal,
+)
+from .lagrangian import (
+    Evaluation as Evaluation,
+    Multipliers as Multipliers,
+    augmented as augmented,
+    onto_simplex as onto_simplex,
+)
+from .multistart import (
+    minimize_many as minimize_many,
+)
+from .objectives import (
+    LIMITS as LIMITS,
+    OBJECTIVES as OBJECTIVES,
+    Limit as Limit,
+    Quantity as Quantity,
+    fields as fields,
+)
+from .optimizer import (
+    Optimum as Optimum,
+    Stop as Stop,
+    minimize as minimize,
+)
+from .risk import quantile as quantile
+from .spline_motion import (
+    extremes as extremes,
+)
+from .sqp import (
+    Sequence as Sequence,
+)
+from .sqp_model import (
+    before as before,
+)
+from .variables import (
+    VARIABLES as VARIABLES,
+    DesignSpace as DesignSpace,
+    DesignVariable as DesignVariable,
+)
+from .verification import (
+    Verification as Verification,
+    verify as verify,
+)

@@ -1,0 +1,260 @@
+"""What a design is judged by: quantities of a result, and limits on them."""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .. import _check
+from ..parts import Fence
+from ..results import Result
+from ..scenes import NormalScene, Scene
+
+AnyScene = NormalScene | Scene
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """A number read from a result, differentiable, that can be an objective or be limited.
+
+    Call it: `quantity(result, scene)`. What the scene has no part for is 0, as in `Result`.
+
+    **Fields:**
+
+    - `name`, `unit`, `meaning`: what it is.
+    - `read`: the function of the result and the scene behind it.
+    - `needs`: the parts of the scene that it cannot do without: `"fence"`, `"belt"`, `"drive"`.
+    - `fields`: the fields of the result that it reads; `None` if that is not known.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    read: Callable[..., Array]
+    needs: tuple[str, ...] = ()
+    fields: tuple[str, ...] | None = None
+
+    def applies_to(self, scene: AnyScene) -> bool:
+        """Whether the scene has the parts that the quantity needs."""
+        return all(getattr(scene, part, None) is not None for part in self.needs)
+
+    def __call__(self, result: Result, scene: AnyScene) -> Array:
+        """The value [`unit`].
+
+        Raises `ValueError` where the scene lacks a part.
+        """
+        if not self.applies_to(scene):
+            raise ValueError(
+                f"Argument `scene` must have {self.needs} for `{self.name}`, but a part of that "
+                "is None."
+            )
+        return self.read(result, scene)
+
+
+PEAK_FORCE = Quantity(
+    "peak_force", "N", "largest normal force of the fence on the parcel",
+    lambda result, scene: result.peak_force,
+    fields=("peak_force",),
+)  # fmt: skip
+TIP_DEFLECTION = Quantity(
+    "tip_deflection", "m", "largest deflection of the tip from the rigid link's line",
+    lambda result, scene: result.tip_deflection,
+    fields=("tip_deflection",),
+)  # fmt: skip
+PEAK_STRESS = Quantity(
+    "peak_stress", "Pa", "largest bending stress in the flexible link",
+    lambda result, scene: result.peak_stress,
+    fields=("peak_stress",),
+)  # fmt: skip
+IMPULSE = Quantity(
+    "impulse", "N s", "integral of the fence's normal force",
+    lambda result, scene: result.impulse,
+    fields=("impulse",),
+)  # fmt: skip
+PEAK_TORQUE = Quantity(
+    "peak_torque", "N m", "largest moment of the drive at the hinge",
+    lambda result, scene: result.peak_torque,
+    fields=("peak_torque",),
+)  # fmt: skip
+BORDER_FORCE = Quantity(
+    "border_force", "N", "largest normal force of the border on the parcel",
+    lambda result, scene: result.peak_border_force,
+    fields=("peak_border_force",),
+)  # fmt: skip
+CONTACT_TIME = Quantity(
+    "contact_time", "s", "time in contact with the fence",
+    lambda result, scene: result.contact_time,
+    fields=("contact_time",),
+)  # fmt: skip
+INDENTATION = Quantity(
+    "indentation", "m", "how far a corner of the parcel is pressed in",
+    lambda result, scene: result.deepest,
+    fields=("deepest",),
+)  # fmt: skip
+CROSSING = Quantity(
+    "crossing", "m", "how far C_s gets beyond the belt's far edge, max y - s",
+    lambda result, scene: result.furthest_y - scene.belt.width,
+    needs=("belt",),
+    fields=("furthest_y",),
+)  # fmt: skip
+TIP_CLEARANCE = Quantity(
+    "tip_clearance", "m", "shortest distance along the fence from a loaded corner to the tip",
+    lambda result, scene: scene.fence.reach - result.largest_place,
+    needs=("fence",),
+    fields=("largest_place",),
+)  # fmt: skip
+
+RING_ENERGY = Quantity(
+    "ring_energy", "J", "what the fence's motion and bending hold at the end, less at the start",
+    lambda result, scene: result.energy.fence_kinetic + result.energy.strain,
+    needs=("fence",),
+    fields=("energy",),
+)  # fmt: skip
+FENCE_MASS = Quantity(
+    "fence_mass", "kg", "mass of the rigid and the flexible link",
+    lambda result, scene: _fence_mass(scene.fence),
+    needs=("fence",),
+    fields=(),
+)  # fmt: skip
+CYCLE_TIME = Quantity(
+    "cycle_time", "s", "time until the drive is home again: the shortest from parcel to parcel",
+    lambda result, scene: scene.drive.cycle,
+    needs=("drive",),
+    fields=(),
+)  # fmt: skip
+
+
+def _fence_mass(fence: Fence) -> Array:
+    """rho z h_1 (l_s + l_p mean of g) [kg], with the taper's mean by Gauss-Legendre quadrature.
+
+    In u, tip_distance = u^2: exact for uniform and constant-strength links.
+    """
+    node, weight = np.polynomial.legendre.leggauss(24)
+    root, weight = 0.5 * (1 + node), 0.5 * weight
+    material = fence.material
+    section = material.density * fence.width * fence.thickness
+    relative = jnp.asarray(fence.taper(1 - root**2, root**2)).astype(section.dtype)
+    mean = jnp.sum(relative * jnp.asarray(2 * weight * root, dtype=section.dtype))
+    return section * (fence.rigid_length + fence.flexible_length * mean)
+
+
+OBJECTIVES: Mapping[str, Quantity] = {
+    quantity.name: quantity
+    for quantity in (
+        PEAK_FORCE, TIP_DEFLECTION, PEAK_STRESS, IMPULSE, PEAK_TORQUE, BORDER_FORCE,
+        CONTACT_TIME, INDENTATION, CROSSING, TIP_CLEARANCE, RING_ENERGY, FENCE_MASS, CYCLE_TIME,
+    )
+}  # fmt: skip
+"""Every quantity by name."""
+
+
+def fields(quantities: Iterable[Quantity]) -> tuple[str, ...] | None:
+    """The fields of a result that some quantities read, for `fencejax.simulate(only=...)`; `None`
+    if that is not known of one of them."""
+    names: set[str] = set()
+    for quantity in quantities:
+        if quantity.fields is None:
+            return None
+        names.update(quantity.fields)
+    return tuple(sorted(names))
+
+
+@dataclasses.dataclass(frozen=True)
+class Limit:
+    """A bound on a quantity: at most, or at least.
+
+    margin = (bound - quantity) / scale (at most) or (quantity - bound) / scale (at least); the
+    limit holds where the margin is 0 or more.
+
+    **Fields:**
+
+    - `quantity`: what is limited.
+    - `bound` [the quantity's unit].
+    - `sense`: `"at most"` or `"at least"`.
+    - `scale` [the quantity's unit], above 0: what the margin is measured in; by default the
+      bound's magnitude.
+
+    Raises `ValueError` where the bound is 0 and no scale is given.
+    """
+
+    quantity: Quantity
+    bound: float
+    sense: str = "at most"
+    scale: float | None = None
+
+    def __post_init__(self):
+        name, unit = self.quantity.name, self.quantity.unit
+        _check.choice("sense", self.sense, ("at most", "at least"))
+        _check.number(f"{name} bound", self.bound, unit=unit)
+        _check.number(
+            f"{name} scale",
+            self.unit_of_margin,
+            above=0,
+            unit=unit,
+            remedy="Give `scale`, what the margin is to be measured in.",
+        )
+
+    @property
+    def name(self) -> str:
+        """The name of what is limited."""
+        return self.quantity.name
+
+    @property
+    def unit_of_margin(self) -> float:
+        """What the margin is measured in [the quantity's unit]."""
+        return abs(self.bound) if self.scale is None else self.scale
+
+    def margin_of(self, value: Any) -> Any:
+        """The margin [1] at a value of the quantity."""
+        left = self.bound - value if self.sense == "at most" else value - self.bound
+        return left / self.unit_of_margin
+
+    def margin(self, result: Result, scene: AnyScene) -> Array:
+        """The margin [1]; 0 or more where the limit holds."""
+        return self.margin_of(self.quantity(result, scene))
+
+
+def tip_deflection_limit(bound: float = 0.08) -> Limit:
+    """The tip deflects by at most `bound` [m]: the paper's fence near the tip."""
+    return Limit(TIP_DEFLECTION, bound)
+
+
+def stress_limit(bound: float = 40e6) -> Limit:
+    """The bending stress is at most `bound` [Pa].
+
+    The default is for polyamide PA6: it yields at about 80 MPa dry and 45 MPa conditioned in
+    humid air (data sheets), so 40 MPa keeps half of the dry strength in reserve for repeated
+    blows and stays below yield in either state.
+    """
+    return Limit(PEAK_STRESS, bound)
+
+
+def diverted_limit(bound: float = 0.0, scale: float = 0.7) -> Limit:
+    """The parcel is diverted: within the scene C_s gets at least `bound` [m] past the belt's far
+    edge, max over t of y_C - s >= `bound`.
+
+    Beyond that edge the parcel's weight rests on the chute. The margin is in belt widths
+    (`scale` [m]).
+    """
+    return Limit(CROSSING, bound, "at least", scale)
+
+
+def tip_clearance_limit(bound: float = 0.02) -> Limit:
+    """The contact stays on the fence: a corner that presses with more than 1 N stays at least
+    `bound` [m] short of the tip.
+
+    The differentiable form of `Status.LEFT_OVER_TIP`. It holds for a single blow; over a whole
+    sort the parcel leaves over the tip by design, once it is diverted. Past the tip the load
+    fades, so that the clearance saturates at a little below 0: start from a design that holds it.
+    """
+    return Limit(TIP_CLEARANCE, bound, "at least")
+
+
+LIMITS: Mapping[str, Limit] = {
+    limit.name: limit
+    for limit in (tip_deflection_limit(), stress_limit(), diverted_limit(), tip_clearance_limit())
+}
+"""The default limits by the name of what they limit."""

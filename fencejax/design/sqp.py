@@ -1,0 +1,262 @@
+"""Sequential quadratic programming for a worst case under limits, in a trust region.
+
+At a point, the worst case and the limits are replaced by their linear parts
+(`fencejax.local_model`) and the curvature of the Lagrangian by a BFGS matrix B. The step is judged
+by the worst case and nu times the largest violation, nu twice the multipliers' sum. One evaluation
+is one step.
+
+Peak forces have kinks, where another blow becomes the largest. There the linear part holds on one
+side alone, and steps would shorten to nothing at what is no optimum. As bundle methods do (Kiwiel
+1985), the program also takes in what other points said, where they lie on another branch; a
+rejected step is then not lost. B takes a kink for a strong curvature, which is what makes BFGS go
+along it (Lewis and Overton 2013). At an optimum on a kink the conditions of Karush, Kuhn and
+Tucker hold for the slopes of points on all its sides.
+
+A point that cannot be evaluated tells no slopes. Steps keep off the plane that separates the point
+from all such points nearby, which turns into the wall's own as more of them are known. So they do
+where numbers are doubtful; but those tell slopes, from which B and the branches of kinks learn.
+
+Where no step is lower, the run starts again from there, with all it knew forgotten, as long as that
+lowers the worst case; only where a kink is judged do all its points count.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from .first_order import Evaluate
+from .lagrangian import Evaluation, Multipliers, Residual, Vector, residual
+from .sqp_model import Chart, LocalModel
+
+_SMALLEST = 1e-9
+_PATIENCE = 12
+_BARREN = 30
+_LITTLE = 8
+_MANY = 60
+# The first radius of a run and of one that starts again, the largest: in shares. Without shares the
+# first is in lengths of the point.
+_FIRST, _AGAIN, _LARGEST = 0.35, 0.1, 0.5
+_BROAD = 0.3
+# Points that tell the slopes of a kink's sides are this near; branches from farther away than so
+# many steps are left out.
+_BESIDE = 1e-2
+_STALE = 30.0
+# Of the length of a step to a point that could not be evaluated, the next radius: the plane before
+# such points already bounds the next step, and points at one distance tell a wall's direction best.
+# Those within so many radii are minded.
+_SHRINK = 0.85
+_MINDED = 8.0
+
+
+def _bfgs(curvature, step: Vector, change: Vector):
+    """Powell's damped update: B stays positive definite."""
+    pressed = curvature @ step
+    along = float(step @ pressed)
+    if along <= 1e-300:
+        return curvature
+    inner = float(step @ change)
+    if inner < 0.2 * along:
+        share = 0.8 * along / (along - inner)
+        change = share * change + (1 - share) * pressed
+        inner = float(step @ change)
+    return curvature - np.outer(pressed, pressed) / along + np.outer(change, change) / inner
+
+
+class _Trail:
+    """Worst case and violation over the last steps, to see that they hardly fall any more."""
+
+    def __init__(self, tolerance: float):
+        self._tolerance = tolerance
+        self._steps: list[tuple[float, float]] = []
+
+    def add(self, at: Evaluation, penalty: float) -> bool:
+        """True where the last steps together lowered the merit by less than the tolerance."""
+        self._steps.append((at.worst, at.violation))
+        if len(self._steps) <= _PATIENCE:
+            return False
+        worst, violation = self._steps[-_PATIENCE - 1]
+        gain = worst - at.worst + penalty * (violation - at.violation)
+        return gain < self._tolerance * max(1.0, abs(at.worst))
+
+
+@dataclasses.dataclass
+class _Region:
+    """What a run knows besides its point, and forgets when it starts again."""
+
+    curvature: np.ndarray
+    radius: float
+    trail: _Trail
+    seen: list[LocalModel]
+    walls: list[Vector] = dataclasses.field(default_factory=list)
+    reach: float = np.inf
+    fresh: bool = True
+    small: int = 0
+    barren: int = 0
+    before_walls: float = 0.0
+
+    def walls_from(self, at: Vector) -> list[Vector]:
+        """The steps to points nearby that could not be evaluated."""
+        steps = [wall - at for wall in self.walls]
+        return [step for step in steps if 0 < np.max(np.abs(step)) < _MINDED * self.radius]
+
+    def blocked(self, wall: Vector, length: float) -> None:
+        """A step of some length went to a point that could not be evaluated."""
+        self.walls.append(wall)
+        self.before_walls = max(self.before_walls, self.radius)
+        self.radius = _SHRINK * length
+        self.barren += 1
+
+    def moved(self, little: bool) -> None:
+        """A step was taken. What walls elsewhere took from the radius is given back: the steps
+        themselves keep off the walls that are known."""
+        self.radius, self.before_walls = max(self.radius, self.before_walls), 0.0
+        self.reach, self.barren = np.inf, 0
+        self.small = self.small + 1 if little else 0
+
+    def learn(self, after: LocalModel, before: LocalModel, held: Multipliers) -> None:
+        """Take an evaluation into B and the branches."""
+        self.seen = [*self.seen[1 - _MANY :], after]
+        change = after.slope(held) - before.slope(held)
+        self.curvature, self.fresh = _bfgs(self.curvature, after.at - before.at, change), False
+
+    def resize(self, share: float, length: float, kink: bool, largest: float) -> None:
+        """A new radius after a step that brought a share of what was expected."""
+        if share > 0.75 and length > 0.8 * self.radius:
+            self.radius = min(2.0 * self.radius, largest)
+        elif share < 0.1:
+            # A step over a kink taught the other branch: the next one knows it.
+            self.radius = (0.8 if kink else 0.4) * min(length, self.radius)
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether steps do not help any more."""
+        return self.radius < _SMALLEST or self.small >= _LITTLE or self.barren >= _BARREN
+
+
+@dataclasses.dataclass
+class Sequence:
+    """A run: what it is asked for, the penalty of the program, nu, the conditions as last seen, and
+    what the points of all its descents told, by which kinks are judged."""
+
+    logits: bool
+    tolerance: float
+    feasibility: float
+    penalty: float
+    nu: float = 0.0
+    left: Residual | None = None
+    told: list[LocalModel] = dataclasses.field(default_factory=list)
+
+    def run(
+        self, evaluate: Evaluate, at: Evaluation, held: Multipliers, latest: list[Multipliers]
+    ) -> tuple[Evaluation, Multipliers, str]:
+        """Step until the conditions of Karush, Kuhn and Tucker hold within the tolerance.
+
+        Gives the last point, its multipliers and the outcome: `"optimal"`, `"spent"` where the
+        budget is, `"stalled"` where no step is lower, `"infeasible"` where the limits' violation
+        cannot be lowered. `latest` holds the multipliers at hand; `left` is what is left of the
+        conditions at the last point.
+        """
+        self.nu = self.penalty
+        size = 1.0 if self.logits else max(1.0, float(np.linalg.norm(at.point)))
+        first, again = (_FIRST, _AGAIN) if self.logits else (_BROAD * size, 0.25 * _BROAD * size)
+        best = np.inf
+        while True:
+            at, held, end = self._descend(evaluate, at, held, latest, first)
+            merit = self._merit(at)
+            if end != "stalled" or merit > best - self.tolerance * max(1.0, abs(best)):
+                return at, held, end
+            best, first = merit, again
+
+    def _descend(
+        self, evaluate: Evaluate, at: Evaluation, held: Multipliers, latest, radius: float
+    ) -> tuple[Evaluation, Multipliers, str]:
+        """Step until there is a reason to stop."""
+        chart = Chart(self.logits)
+        largest = _LARGEST if self.logits else 1e3
+        model = LocalModel.of(at, chart)
+        region = _Region(np.eye(at.point.size), radius, _Trail(self.tolerance), [model])
+        while not region.exhausted:
+            whole = model.with_branches(region.seen, min(region.reach, 2 * region.radius))
+            span = chart.span(model.at, region.radius)
+            walls = region.walls_from(model.at)
+            solved = whole.step(region.curvature, self.penalty, span, walls)
+            if solved is None:
+                if region.fresh:
+                    return at, held, "stalled"
+                region.curvature, region.fresh = np.eye(at.point.size), True
+                continue
+            step, rows = solved
+            new = whole.gathered(rows)
+            if self._too_weak(model, step, new, region.radius):
+                continue
+            held = latest[0] = new
+            # Multipliers that fall let steps along curved limits be longer.
+            needed = 2 * float(np.sum(new.margins)) + 0.1
+            self.nu = min(max(needed, 0.5 * (self.nu + needed)), self.penalty)
+            balanced = self._optimal(at, held, model)
+            if balanced is not None:
+                return at, balanced, "optimal"
+            length, far = float(np.max(np.abs(step))), whole.farthest(rows)
+            merit = self._merit(at)
+            gain = merit - whole.after(step, region.curvature, self.nu)
+            none = gain <= 1e-14 * max(1.0, abs(merit)) or length < _SMALLEST
+            if far > _STALE * length or (none and whole.widest > 0):
+                # What was said far away forbids what is allowed here.
+                region.reach = 0.3 * (far or whole.widest)
+                region.radius = min(region.radius, region.reach)
+                continue
+            if none:
+                stuck = at.violation > self.feasibility and self.penalty >= 1e5
+                return at, held, "infeasible" if stuck else "stalled"
+            trial = evaluate(chart.point(model.at + step))
+            if trial is None:
+                return at, held, "spent"
+            if trial.failed:
+                if trial.doubtful:
+                    region.learn(LocalModel.of(trial, chart), model, held)
+                region.blocked(model.at + step, length)
+                continue
+            after = LocalModel.of(trial, chart)
+            region.learn(after, model, held)
+            self.told = [*self.told[1 - _MANY :], after]
+            reached = merit - self._merit(trial)
+            length = float(np.max(np.abs(after.at - model.at)))
+            region.resize(reached / gain, length, not after.smooth_to(model, held), largest)
+            region.barren += 1
+            if reached > 1e-4 * gain:
+                at, model = trial, after
+                region.moved(reached < 1e-2 * self.tolerance * max(1.0, merit))
+            if region.trail.add(at, self.nu):
+                break
+        return at, held, "stalled"
+
+    def _merit(self, at: Evaluation) -> float:
+        return at.worst + self.nu * at.violation if not at.failed else np.inf
+
+    def _too_weak(self, model: LocalModel, step: Vector, held: Multipliers, radius: float) -> bool:
+        """Raise the penalty where it does not outweigh the multipliers; true where the step has to
+        be made again with the higher one."""
+        needed = 1.5 * float(np.sum(held.margins))
+        left = float(np.max(-(model.margins + model.margin_rows @ step), initial=0.0))
+        now = float(np.max(-model.margins, initial=0.0))
+        at_cap = float(np.sum(held.margins)) >= 0.99 * self.penalty and left > self.feasibility
+        # A step cut off by the region's bound may leave a violation to the next one.
+        cut_off = np.max(np.abs(step)) >= 0.99 * radius and left < 0.9 * now
+        if at_cap and not cut_off and self.penalty < 1e5:
+            self.penalty *= 10
+            return True
+        self.penalty = min(max(self.penalty, needed), 1e6)
+        return False
+
+    def _optimal(self, at: Evaluation, held: Multipliers, model: LocalModel) -> Multipliers | None:
+        """The multipliers with which the conditions hold, at the point or on the sides of its
+        kink; `None` where they do not."""
+        self.left = residual(at, held, self.logits)
+        beside = model.with_branches(self.told, _BESIDE)
+        if max(self.left[:2]) > self.tolerance and beside.widest > 0:
+            rows = beside.balanced(self.logits, self.tolerance)
+            left = beside.residual(rows, at.violation, self.logits)
+            if max(left[:2]) < max(self.left[:2]):
+                self.left, held = left, beside.gathered(rows)
+        within = max(self.left[:2]) <= self.tolerance and at.violation <= self.feasibility
+        return held if within else None

@@ -1,0 +1,84 @@
+"""An optimum looked at again, with a finer fidelity."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import ArrayLike
+
+from .. import _check
+from ..results import Status
+from .lagrangian import Vector
+from .optimizer import Optimum
+
+
+@dataclasses.dataclass(frozen=True)
+class Verification:
+    """What a finer fidelity says of an optimum.
+
+    **Fields:**
+
+    - `objectives`, `margins`: there, at the finer fidelity.
+    - `error`: the optimiser's worst case less the finer one's, relative to the latter [1].
+    - `margin_error`: the largest difference of a margin [1].
+    - `violation`: the largest violation at the finer fidelity [1].
+    - `status`: the largest `Status` of the lanes.
+    - `confirmed`: whether error, violation and status are within what was asked.
+    """
+
+    objectives: Vector
+    margins: Vector
+    error: float
+    margin_error: float
+    violation: float
+    status: int
+    confirmed: bool
+
+    @property
+    def objective(self) -> float:
+        """The worst case at the finer fidelity, in the objective's own unit."""
+        return float(np.max(self.objectives))
+
+
+def verify(
+    problem: Callable[..., tuple[ArrayLike, ArrayLike, ArrayLike]],
+    optimum: Optimum,
+    *,
+    data: tuple[Any, ...] = (),
+    agreement: float = 0.01,
+    feasibility: float = 1e-4,
+    worst_status: int = Status.LEFT_OVER_TIP,
+) -> Verification:
+    """Evaluate the problem at `reference`, or any other fidelity, at an optimum's point.
+
+    **Arguments:**
+
+    - `problem`: as for `minimize`, with another fidelity; give it compiled (`jax.jit`) where
+      several optima are verified. Its value is all that is asked for.
+    - `optimum`, `data`: what `minimize` found, and with what data.
+    - `agreement` [1]: largest relative error of the worst case that confirms the optimum.
+    - `feasibility` [1]: violation that counts as none; asked of optima that were feasible.
+    - `worst_status`: the largest status whose numbers are good.
+    """
+    _check.number("agreement", agreement, above=0)
+    _check.number("feasibility", feasibility, above=0)
+    found = jax.device_get(problem(jnp.asarray(optimum.point), *data))
+    objectives, margins = (np.atleast_1d(np.asarray(part, dtype=float)) for part in found[:2])
+    status = int(np.max(found[2], initial=0))
+    worst = float(np.max(objectives))
+    error = optimum.objective / worst - 1 if worst else float("inf")
+    violation = float(np.max(-margins, initial=0.0))
+    fine = bool(np.isfinite(error) and np.all(np.isfinite(margins))) and status <= worst_status
+    held = violation <= feasibility or not optimum.feasible
+    return Verification(
+        objectives,
+        margins,
+        error,
+        float(np.max(np.abs(margins - optimum.margins), initial=0.0)),
+        violation,
+        status,
+        fine and held and abs(error) <= agreement,
+    )

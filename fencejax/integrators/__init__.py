@@ -1,0 +1,25 @@
+"""Advancing a scene in time: the package's own step and its loop, and diffrax's general solvers
+as a reference.
+
+May import: `model` and what is below it. Nothing here knows what is measured.
+"""
+
+from . import (
+    diffrax_reference as diffrax_reference,
+    modal_step as modal_step,
+    normal_direction as normal_direction,
+    time_loop as time_loop,
+)
+from .modal_step import (
+    Memory as Memory,
+)
+from .newton import (
+    eliminate as eliminate,
+    solve as solve,
+)
+from .step_size import (
+    Clock as Clock,
+    Pace as Pace,
+    next_count as next_count,
+    stride_counts as stride_counts,
+)

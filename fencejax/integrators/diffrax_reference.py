@@ -1,0 +1,150 @@
+"""Integration by a general solver of diffrax: slower by far, and an independent check.
+
+Forces follow from the state alone."""
+
+
+import diffrax
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..model import FenceState, FlexibleLink, Forces, Lean, Mechanics, Vibration
+from ..parts import DriveMotion
+from ..results import Instant, Tally, accumulators as tally, describe
+from ..scenes import Body
+from .step_size import Clock
+from .time_loop import adjoint
+
+
+def foot(
+    link: FlexibleLink, x: Array, y: Array, vibration: Vibration, drive: DriveMotion
+) -> Array:
+    """Arc coordinate [m] of the foot of the perpendicular from the point (x, y) [m] to the fence.
+
+    Newton's method from the foot on the straight fence: sigma += (C - U).t, four times; the error
+    falls by the factor curvature x gap each time. The last two are differentiated, which leaves
+    that factor squared in the derivative.
+    """
+    cosine, sine = jnp.cos(drive.angle), jnp.sin(drive.angle)
+    along, across = x * cosine + y * sine, y * cosine - x * sine
+
+    def closer(given, place):
+        link, vibration, along, across = given
+        point = link.point(link.shape(place), vibration)
+        offset = (along - point.x) * jnp.cos(point.slope)
+        return place + offset + (across - point.y) * jnp.sin(point.slope)
+
+    given = (link, vibration, along, across)
+    fixed = jax.lax.stop_gradient(given)
+    near = jax.lax.fori_loop(0, 2, lambda _, place: closer(fixed, place), fixed[2])
+    return closer(given, closer(given, near))
+
+
+def at_state(
+    mechanics: Mechanics, body: Body, vibration: Vibration | None, drive: DriveMotion | None
+) -> tuple[Forces, FenceState | None]:
+    """Forces on the parcel and the fence's state, every contact force from the contact law.
+
+    The modes left out carry the contact forces without lag.
+    """
+    link, arms = mechanics.link, mechanics.arms(body.angle)
+    if link is None:
+        return mechanics.forces(body, arms, None, ()), None
+    assert vibration is not None
+    assert drive is not None
+    corners = [arms[number] for number in mechanics.fence_corners]
+    places = tuple(foot(link, body.x + x, body.y + y, vibration, drive) for x, y in corners)
+
+    def forces_at(loaded):
+        shapes = tuple(link.shape(place) for place in loaded)
+        points = tuple(link.point(shape, vibration) for shape in shapes)
+        frame = mechanics.frame(drive, places, loaded)
+        return mechanics.forces(body, arms, frame, points), shapes
+
+    forces, shapes = forces_at(places)
+    shares = ()
+    if mechanics.sides:
+        leans = _leans(forces, len(places))
+        forces, shapes = forces_at(tuple(map(mechanics.loaded, places, leans)))
+        shares = tuple(lean.share for lean in _leans(forces, len(places)))
+    still = tuple(jnp.zeros_like(place) for place in places)
+    fence = FenceState(drive, vibration, (), shapes, (), still, (), shares)
+    loads = fence.loads(forces)
+    load = link.loaded(link.inertia_force(drive), shapes, loads)
+    return forces, fence._replace(modal_force=load, lagged=loads)
+
+
+def _leans(forces: Forces, corners: int) -> tuple[Lean, ...]:
+    """How the first `corners` load the fence, where its tip may carry a contact."""
+    return tuple(touch.lean for touch in forces.touches[:corners] if touch.lean is not None)
+
+def run(
+    mechanics: Mechanics,
+    clock: Clock,
+    body: Body,
+    vibration: Vibration | None,
+    steps: int,
+) -> tuple[Tally, Instant, Array]:
+    """Integrate a scene as a plain ordinary differential equation by a solver of diffrax.
+
+    Every mode is a state (all of them: the full finite-element model), the contact force follows
+    from the state, and the foot of each corner is found anew; modes left out do not yield. The
+    samples are those at every
+    `step`; peaks and integrals are taken from them. The last value returned is whether the solver
+    came through.
+    """
+    fidelity = mechanics.fidelity
+    link = mechanics.link
+
+    def drive_at(time):
+        return None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
+
+    # Traced once, however often the stages and their Jacobians look at it.
+    @jax.jit
+    def field(time, y, args):
+        del args
+        body, vibration = y
+        forces, fence = at_state(mechanics, body, vibration, drive_at(time))
+        moved = Body._make((*body[3:], *forces.acceleration))
+        if link is None or fence is None:
+            return moved, None
+        return moved, Vibration(vibration.rate, link.acceleration(vibration, fence.modal_force))
+
+    times = clock.step * jnp.arange(steps + 1, dtype=body.x.dtype)
+    tolerance = fidelity.tolerance
+    solvers = {"kvaerno5": diffrax.Kvaerno5, "tsit5": diffrax.Tsit5}
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(field),
+        solvers[fidelity.integrator](),
+        t0=times[0],
+        t1=times[-1],
+        dt0=1e-6,
+        y0=(body, vibration),
+        saveat=diffrax.SaveAt(ts=times),
+        # A state that is not a number is refused at every length: it ends at the shortest step.
+        stepsize_controller=diffrax.PIDController(
+            rtol=tolerance, atol=1e-3 * tolerance, dtmin=1e-12, force_dtmin=False
+        ),
+        adjoint=adjoint(fidelity),
+        max_steps=500_000,
+        throw=False,
+    )
+
+    def sample(time, y):
+        body, vibration = y
+        forces, fence = at_state(mechanics, body, vibration, drive_at(time))
+        return describe(mechanics, time, body, forces, fence)
+
+    samples = jax.vmap(sample)(times, solution.ys)
+    reach = None if link is None else link.reach
+    scope = tally.Scope(reach, bool(mechanics.sides), fidelity.smoothing)
+    one = jax.tree.map(lambda x: x[0], samples)
+
+    def take(tallied, numbered):
+        instant, length = numbered
+        return tally.add(tallied, instant, length, jnp.zeros_like(length), scope), None
+
+    lengths = jnp.full_like(times, clock.step).at[0].set(0.0)
+    tallied, _ = jax.lax.scan(take, tally.empty(one, body, alike=True), (samples, lengths))
+    done = (solution.result == diffrax.RESULTS.successful).astype(times.dtype)
+    return tallied, samples, done

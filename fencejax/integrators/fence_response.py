@@ -1,0 +1,224 @@
+"""The fence at the end of a step, as a function of the contact forces there."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..model import (
+    Arc,
+    Blocks,
+    FencePoint,
+    FenceState,
+    FlexibleLink,
+    ResidualMode,
+    Shape,
+    Vibration,
+    bending_loads,
+    dot,
+    propagate,
+)
+from ..parts import DriveMotion
+from .step_size import Stride
+
+
+class FenceEnd(eqx.Module):
+    """The fence at the end of a step as a function of the contact forces there.
+
+    The deflection, its rate and the slope at each place are affine in the forces, and Newton's
+    method sees these few numbers instead of the modes. So are the small terms of an arc, about the
+    forces as foreseen. (Taken at these alone they would let a stiff contact or friction ring from
+    step to step, and without end: the forces foreseen lag behind by up to two steps.)
+    """
+
+    link: FlexibleLink
+    stride: Stride
+    drive: DriveMotion
+    normals_before: tuple[Array, ...]
+    lagged_before: tuple[Array, ...]
+    residual_before: tuple[ResidualMode, ...]
+    shares: tuple[Array, ...]
+    shapes: tuple[Shape, ...]
+    inertia: Blocks
+    free: Vibration
+    affine: tuple
+    expected: tuple[Array, ...]
+    arcs: tuple[tuple[Arc, tuple[Arc, ...]], ...]
+
+    def __init__(
+        self,
+        link: FlexibleLink,
+        stride: Stride,
+        drive: DriveMotion,
+        before: FenceState,
+        normals: tuple[Array, ...],
+        shapes: tuple[Shape, ...],
+        shares: tuple[Array, ...] = (),
+        expected: tuple[Array, ...] = (),
+    ):
+        """`before` is the fence at the start of the step, loaded by `normals` [N]; `shapes` are
+        those where it is loaded at its end; `shares` [1], if given, those of the contact forces
+        there that bend it; `expected` [N] these forces as foreseen, for the small terms of the
+        geometry."""
+        self.link, self.stride, self.drive = link, stride, drive
+        self.normals_before, self.lagged_before = normals, before.lagged_rate
+        self.residual_before = before.residual
+        self.shapes, self.shares = shapes, shares
+        self.inertia = link.inertia_force(drive)
+        self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
+        self.affine = tuple(self._affine(k) for k in range(len(shapes)))
+        self.expected = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
+        self.arcs = self._arcs() if self.flexible and link.geometry == "arc" else ()
+
+    @property
+    def flexible(self) -> bool:
+        """Whether there are modes: a rigid fence does not answer to the forces."""
+        return len(self.link.frequency_squared) > 0
+
+    def _affine(self, k: int):
+        """Deflection, its rate and slope at one place: at no contact force, and per newton [1/N]
+        of each contact's force at the step's end."""
+        shape, link = self.shapes[k], self.link
+        free = (
+            dot(shape.deflection, self.free.amplitude),
+            dot(shape.deflection, self.free.rate),
+            dot(shape.slope, self.free.amplitude),
+        )
+        gains = []
+        for other in self.shapes:
+            pushed = [m.q_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
+            struck = [m.v_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
+            gains.append(
+                (
+                    dot(shape.deflection, pushed) / link.mass_scale,
+                    dot(shape.deflection, struck) / link.mass_scale,
+                    dot(shape.slope, pushed) / link.mass_scale,
+                )
+            )
+        return free, tuple(gains)
+
+    def _arcs(self):
+        """The small terms of the arc at each place: as foreseen, and per newton of each force."""
+        units = [
+            tuple(jnp.full_like(n, float(i == j)) for j, n in enumerate(self.expected))
+            for i in range(len(self.expected))
+        ]
+        found = []
+        for shape in self.shapes:
+            arc, along = jax.linearize(
+                lambda loads, shape=shape: self.link.arc(shape, self._vibration(loads)),
+                self.expected,
+            )
+            found.append((arc, tuple(along(unit) for unit in units)))
+        return tuple(found)
+
+    def _arc(self, k: int, normals) -> Arc:
+        """The small terms of the arc at place k."""
+        arc, slopes = self.arcs[k]
+        for normal, foreseen, slope in zip(normals, self.expected, slopes, strict=True):
+            arc = Arc(*(q + (normal - foreseen) * d for q, d in zip(arc, slope, strict=True)))
+        return arc
+
+    def loads(self, normals: tuple[Array, ...]) -> tuple[Array, ...]:
+        """What of the contact forces [N] bends the fence [N]."""
+        return bending_loads(self.shares, normals)
+
+    def compliance(self, k: int, other: int):
+        """How far [m/N] and how fast [m/s/N] the gap at place k gives way at the step's end for a
+        force at another place there."""
+        give, give_rate, _ = self.affine[k][1][other]
+        own = self.shapes[k].residual
+        if own is not None and k == other:
+            by_rate = self.stride.lag_gain
+            give = give + own * (1 - self.link.lag * by_rate)
+            give_rate = give_rate + own * by_rate
+        if self.shares:
+            both = self.shares[k] * self.shares[other]
+            give, give_rate = both * give, both * give_rate
+        return give, give_rate
+
+    def drift(self, k: int, other: int, slope: Array) -> Array:
+        """How fast [m/s/N] a corner slides at place k, of that `slope`, at the step's end for a
+        force at another place there, as the fence moves along itself. To the first order in the
+        bending, and not of chords: for Newton's method alone."""
+        give, give_rate = self.compliance(k, other)
+        rate = slope * give_rate - self.drive.speed * give
+        if self.arcs:
+            along = self.arcs[k][1][other].short_rate
+            rate = rate + (along * self.shares[other] if self.shares else along)
+        return rate
+
+    def points(self, normals) -> tuple[FencePoint, ...]:
+        """The point of the fence under each corner, or where else it is loaded."""
+        if not self.flexible:
+            zero = jnp.zeros_like(self.drive.angle)
+            return tuple(FencePoint(s.place, zero, zero, zero, zero) for s in self.shapes)
+        normals = self.loads(normals)
+        return tuple(self._point(k, normals) for k in range(len(self.shapes)))
+
+    def deflection(self, k: int, normals) -> tuple[Array, Array, Array]:
+        """Deflection [m] at place k, its rate [m/s] and the slope there."""
+        extra, extra_rate, turn = self._residual(k, normals[k])
+        (deflection, rate, slope), gains = self.affine[k]
+        for normal, (give, give_rate, lean) in zip(normals, gains, strict=True):
+            deflection = deflection - give * normal
+            rate = rate - give_rate * normal
+            slope = slope - lean * normal
+        return deflection + extra, rate + extra_rate, slope + turn
+
+    def _point(self, k: int, normals) -> FencePoint:
+        link, shape = self.link, self.shapes[k]
+        if link.geometry == "chord":
+            extra = self._residual(k, normals[k])
+            return link.chord_point(shape, self._vibration(normals), *extra)
+        if link.geometry == "arc":
+            return link.arc_point(shape, self._arc(k, normals), *self.deflection(k, normals))
+        return link.small_point(shape, *self.deflection(k, normals))
+
+    def _residual(self, k: int, normal):
+        """Deflection [m] of the modes left out, its rate [m/s] and their slope."""
+        shape = self.shapes[k].residual_mode
+        if shape is None:
+            return (jnp.zeros_like(normal),) * 3
+        deflection, slope = shape
+        force, rate = self._residual_mode(k, normal)
+        amplitude = force - self.link.lag * rate
+        return -deflection * amplitude, -deflection * rate, -slope * amplitude
+
+    def _residual_mode(self, k: int, normal) -> ResidualMode:
+        """The residual mode under place k at the step's end."""
+        shape = self.shapes[k].residual_mode
+        assert shape is not None
+        force, before = shape[0] * normal, self.residual_before[k]
+        return ResidualMode(force, self._lagged_rate(before.rate, before.force, force))
+
+    def _lagged_rate(self, rate, before, now):
+        """rdot at the step's end where r + beta rdot = f, from its value before and f before and
+        now, exact for f linear over the step; finite as beta -> 0."""
+        return self.stride.lag_decay * rate + self.stride.lag_gain * (now - before)
+
+    def _vibration(self, normals) -> Vibration:
+        """The modes at the step's end."""
+        amplitude, rate = list(self.free.amplitude), list(self.free.rate)
+        for shape, normal in zip(self.shapes, normals, strict=True):
+            share = normal / self.link.mass_scale
+            for i, (phi, m) in enumerate(zip(shape.load, self.stride.maps, strict=True)):
+                amplitude[i] = amplitude[i] - m.q_end * phi * share
+                rate[i] = rate[i] - m.v_end * phi * share
+        return Vibration(tuple(amplitude), tuple(rate))
+
+    def state(self, normals) -> FenceState:
+        """The fence under the solved forces."""
+        normals = self.loads(normals)
+        load = self.link.loaded(self.inertia, self.shapes, normals)
+        lagged, rates, residual = normals, tuple(jnp.zeros_like(n) for n in normals), ()
+        if self.link.table.corrected:
+            rates = tuple(
+                map(self._lagged_rate, self.lagged_before, self.normals_before, normals)
+            )
+            lagged = tuple(n - self.link.lag * r for n, r in zip(normals, rates, strict=True))
+            residual = tuple(self._residual_mode(k, n) for k, n in enumerate(normals))
+        vibration = self._vibration(normals)
+        return FenceState(
+            self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares
+        )

@@ -1,0 +1,136 @@
+"""Friction that holds a corner, and how the equations of a step count it.
+
+Where a corner is all but at rest on a surface, smoothed friction is a stiff damper: its slope with
+the sliding speed outweighs the inertia over half a step, tens of times under a large force. The
+trapezoidal rule would hand a force that stopped the corner within a step on to the next, and the
+sliding speed, or its derivative, would ring from step to step, or turn its sign. So friction that
+holds counts with its value at a step's end alone (the backward Euler rule), and friction that
+slides by the trapezoidal rule. So does all of the belt's: under the weight alone it is soft enough,
+and the backward Euler rule would be late where a parcel lets go of the belt.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..model import Acceleration, Forces, Mechanics
+from ..parts import Friction
+
+# Stiffness of a friction [1], its slope with the motion relative to that of the inertia over half a
+# step, above which it holds: up to there the trapezoidal rule does not ring.
+_STIFF = 1.0
+
+
+def _holds(stiff: Array) -> Array:
+    """1.0 where friction of a stiffness [1] holds a corner, 0.0 where it leaves it free."""
+    return (stiff > _STIFF).astype(stiff.dtype)
+
+
+def frictions(mechanics: Mechanics) -> tuple[Friction | None, ...]:
+    """Of each contact, those at the fence first."""
+    at_fence = (mechanics.fence_friction,) * len(mechanics.fence_corners)
+    return at_fence + (mechanics.border_friction,) * len(mechanics.border_corners)
+
+
+def count(mechanics: Mechanics) -> int:
+    """Number of corners with friction."""
+    return sum(friction is not None for friction in frictions(mechanics))
+
+
+def weights(mechanics: Mechanics, forces: Forces, step: Array) -> tuple[Array, ...]:
+    """Whether friction holds [1], of each corner at the fence and at the border that has any."""
+    found = []
+    contacts = (*forces.fence, *forces.border)
+    for what, parts, response, friction in zip(
+        contacts, forces.touches, forces.responses, frictions(mechanics), strict=True
+    ):
+        if friction is not None:
+            slope = -what.normal * response.sliding * mechanics.lightness(parts)
+            found.append(_holds(0.5 * step * slope))
+    return tuple(found)
+
+
+def spread(mechanics: Mechanics, sticking: tuple[Array, ...]) -> list[Array | float]:
+    """The weights by contact, 0 where there is no friction."""
+    left = iter(sticking)
+    return [0.0 if f is None else next(left) for f in frictions(mechanics)]
+
+
+def shares(
+    mechanics: Mechanics, forces: Forces, sticking: tuple[Array, ...]
+) -> list[Array]:
+    """Of each contact, the friction's share of N as it counts at a step's end."""
+    return [
+        (1 + weight) * response.share
+        for response, weight in zip(forces.responses, spread(mechanics, sticking), strict=True)
+    ]
+
+
+def held(
+    mechanics: Mechanics, forces: Forces, sticking: tuple[Array, ...]
+) -> Acceleration | None:
+    """The acceleration by the frictions that hold; `None` where no corner has friction."""
+    if not sticking:
+        return None
+    total = [jnp.zeros_like(forces.acceleration.x)] * 3
+    contacts, of_contacts = (*forces.fence, *forces.border), spread(mechanics, sticking)
+    for what, parts, weight, friction in zip(
+        contacts, forces.touches, of_contacts, frictions(mechanics), strict=True
+    ):
+        if friction is not None:
+            drag = weight * what.friction
+            total = [q + drag * t for q, t in zip(total, parts.tangent, strict=True)]
+    return mechanics.acceleration(*total)
+
+
+def slides(
+    mechanics: Mechanics, forces: Forces, sticking: tuple[Array, ...]
+) -> tuple[Array, Array, Array]:
+    """The velocities of the parcel by which corners slide that friction held by the weights
+    `sticking`: without these they are at rest."""
+    x = y = angle = jnp.zeros_like(forces.acceleration.x)
+    contacts, of_contacts = (*forces.fence, *forces.border), spread(mechanics, sticking)
+    for what, parts, weight, friction in zip(
+        contacts, forces.touches, of_contacts, frictions(mechanics), strict=True
+    ):
+        if friction is not None:
+            impulse = weight * what.sliding / mechanics.lightness(parts)
+            change = mechanics.acceleration(*(impulse * t for t in parts.tangent))
+            x, y, angle = x + change.x, y + change.y, angle + change.angle
+    return x, y, angle
+
+
+def _stop(ahead: Array, square: Array, sliding: Array) -> Array:
+    """Share t <= 1 at which s - t d is nearest to rest, given s.d and d.d; 1 where that lies
+    beyond the step, or behind, or where s is not `sliding` but all but at rest."""
+    turns = sliding & (ahead > 0) & (ahead < square)
+    return jnp.where(turns, ahead / jnp.where(turns, square, 1.0), 1.0)
+
+
+def reversal(
+    mechanics: Mechanics,
+    forces: Forces,
+    change: tuple[Array, ...],
+    drifts: list[list[Array]],
+) -> Array:
+    """Share of a change of the unknowns, `-change`, up to which no friction passes its jump: where
+    a sliding speed, or the slip on the belt, would turn round. Normal forces at the fence let its
+    corners slide by `drifts` [m/s/N], if these are given."""
+    share = jnp.ones_like(forces.acceleration.x)
+    rest = (0.3 * mechanics.fidelity.slip_speed) ** 2
+    velocities, normals = change[:3], change[3:]
+    contacts = (*forces.fence, *forces.border)
+    for k, (what, parts) in enumerate(zip(contacts, forces.touches, strict=True)):
+        x, y, turning = (t * c for t, c in zip(parts.tangent, velocities, strict=True))
+        turn = x + y + turning
+        if k < len(drifts):
+            for drift, normal in zip(drifts[k], normals, strict=True):
+                turn = turn + drift * normal
+        share = jnp.minimum(share, _stop(what.sliding * turn, turn**2, what.sliding**2 > rest))
+    if mechanics.belt is not None and forces.slip is not None:
+        x, y, turning = forces.slip
+        turned = mechanics.belt.mean_distance * change[2]
+        ahead = x * change[0] + y * change[1] + turning * turned
+        square = change[0] ** 2 + change[1] ** 2 + turned**2
+        slipping = x**2 + y**2 + turning**2 > rest
+        share = jnp.minimum(share, _stop(ahead, square, slipping))
+    return share

@@ -1,0 +1,335 @@
+"""One step of the package's own integrator: exact in the beam, implicit in contact and friction.
+
+Forces are taken to vary linearly over the step. The modes then advance exactly, whatever their
+frequency, and the parcel's motion is a cubic. Unknown at the step's end are the parcel's three
+velocities and one normal force a corner at the fence; everything else follows from these. Newton's
+method finds them, and their derivative comes from the converged equations.
+
+The foot of each corner on the fence is tracked: one Newton step on (C - U).t = 0 from the place
+that the sliding speed predicts. The gap is stationary at the foot, so that the error of that place
+enters it squared. The error of a step is of the third order, that of a solution of the second.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..model import (
+    Acceleration,
+    FenceFrame,
+    FencePoint,
+    FenceState,
+    Forces,
+    Lean,
+    Mechanics,
+    Vibration,
+    bending_loads,
+    force_tolerance,
+)
+from ..parts import DriveMotion
+from ..results import describe
+from ..scenes import Body
+from . import friction_tangent as stick, newton, newton_matrix as tangent
+from .fence_response import FenceEnd
+from .step_size import Clock, Pace, Stride, stride_counts
+
+
+class Leans(NamedTuple):
+    """How a corner loads the fence: now, one step back, and as it was foreseen for now."""
+
+    now: Lean
+    before: Lean
+    foreseen: Lean
+
+
+class Memory(NamedTuple):
+    """The state of the integrator at a sample.
+
+    `fence` holds the vibration, its modal forces, the rates of the loads that the modes left out
+    carry and their residual mode, and nothing else; `before` is the acceleration and
+    `normals_before` the forces one step back, for the first guess alone;
+    `held` is the acceleration by the frictions that hold a corner, by the weights `sticking`, both
+    absent without friction; `gone` is 1 for a corner that has left over the tip. Where the tip may
+    carry a contact, `leans` say how each corner loads the fence.
+    """
+
+    body: Body
+    acceleration: Acceleration
+    before: Acceleration
+    fence: FenceState | None
+    places: tuple[Array, ...]
+    sliding: tuple[Array, ...]
+    normals: tuple[Array, ...]
+    normals_before: tuple[Array, ...]
+    held: Acceleration | None
+    sticking: tuple[Array, ...]
+    gone: tuple[Array, ...]
+    leans: tuple[Leans, ...]
+    pace: Pace | None
+
+
+def _rotated(arm, turn):
+    """An arm turned on by a small angle, to the second order (it is of the third in the step)."""
+    x, y = arm
+    half = 1 - 0.5 * turn * turn
+    return half * x - turn * y, half * y + turn * x
+
+
+class _End(eqx.Module):
+    """What the equations at the end of a step are made of."""
+
+    mechanics: Mechanics
+    body: Body
+    acceleration: Acceleration
+    held: Acceleration | None
+    sticking: tuple[Array, ...]
+    predicted: Array
+    arms: dict[int, tuple[Array, Array]]
+    frame: FenceFrame | None
+    fence: FenceEnd | None
+    stride: Stride
+
+    def body_at(self, rates) -> Body:
+        """The parcel at the end with the velocities `rates`, its acceleration linear between."""
+        h = self.stride.length
+        moved = (
+            q + h * (2 * v0 + v1) / 3 + h * h * a0 / 6
+            for q, v0, v1, a0 in zip(
+                self.body[:3], self.body[3:], rates, self.acceleration, strict=True
+            )
+        )
+        return Body(*moved, *rates)
+
+    def points(self, unknowns) -> tuple[FencePoint, ...]:
+        """The points of the fence at the end."""
+        return () if self.fence is None else self.fence.points(unknowns[3:])
+
+    def forces(self, unknowns, points: tuple[FencePoint, ...]) -> Forces:
+        """The forces at the end."""
+        after = self.body_at(unknowns[:3])
+        arms = {k: _rotated(arm, after.angle - self.predicted) for k, arm in self.arms.items()}
+        return self.mechanics.forces(after, arms, self.frame, points, unknowns[3:] or None)
+
+    def evaluate(self, unknowns):
+        """Residual of the step's equations, their derivative at frozen directions and arms, the
+        largest unbalanced force against what is tolerated, and the forces with that unbalance [N].
+
+        Unknown are three velocities and a normal force a corner at a flexible fence.
+        """
+        h, mechanics = self.stride.length, self.mechanics
+        rates, normals = unknowns[:3], unknowns[3:]
+        points = self.points(unknowns)
+        forces = self.forces(unknowns, points)
+        begin, end = self.acceleration, forces.acceleration
+        holds = stick.held(mechanics, forces, self.sticking)
+        if holds is not None and self.held is not None:
+            begin = [a - f for a, f in zip(begin, self.held, strict=True)]
+            end = [a + f for a, f in zip(end, holds, strict=True)]
+        residual = [
+            v1 - v0 - 0.5 * h * (a0 + a1)
+            for v1, v0, a0, a1 in zip(rates, self.body[3:], begin, end, strict=True)
+        ]
+        scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
+        shares = stick.shares(mechanics, forces, self.sticking)
+        drags = tangent.drags(mechanics, forces, h, self.sticking)
+        block = tangent.rate_matrix(mechanics, forces, h, bool(normals), shares, drags)
+        matrix = [[float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)]
+        drifts = self.drifts(points)
+        for k, normal in enumerate(normals):
+            assert self.fence is not None
+            parts, response = forces.touches[k], forces.responses[k]
+            residual.append(normal - forces.laws[k])
+            press = response.gap * h / 3 + response.gap_rate
+            row = [press * parts.normal[j] for j in range(3)]
+            for other in range(len(normals)):
+                give, give_rate = self.fence.compliance(k, other)
+                row.append(float(k == other) + response.gap * give + response.gap_rate * give_rate)
+            matrix.append(row)
+            for i in range(3):
+                along = parts.normal[i] + shares[k] * parts.tangent[i]
+                for drag, drift, touch in zip(drags, drifts, forces.touches, strict=False):
+                    along = along + drag * drift[k] * touch.tangent[i]
+                matrix[i].append(-scales[i] * along)
+        unbalance = mechanics.mass * jnp.maximum(jnp.abs(residual[0]), jnp.abs(residual[1]))
+        turning = mechanics.inertia * jnp.abs(residual[2]) / mechanics.size
+        unbalance = 2 * self.stride.rate * jnp.maximum(unbalance, turning)
+        scale = mechanics.force_scale(forces)
+        for defect in residual[3:]:
+            unbalance = jnp.maximum(unbalance, jnp.abs(defect))
+        size = unbalance / (force_tolerance(scale.dtype) * scale)
+        sticking = stick.weights(mechanics, forces, h)
+        holds = stick.held(mechanics, forces, sticking)
+        return tuple(residual), matrix, size, (forces, unbalance, sticking, holds, drifts)
+
+    def drifts(self, points: tuple[FencePoint, ...]) -> list[list[Array]]:
+        """How fast each corner slides for each force as the fence moves along itself [m/s/N];
+        empty where no friction minds."""
+        if self.fence is None or not self.fence.flexible or self.mechanics.fence_friction is None:
+            return []
+        places = range(len(points))
+        return [[self.fence.drift(k, j, points[k].slope) for j in places] for k in places]
+
+    def surprise(self, guess, root, forces: Forces) -> Array:
+        """How far the forces are from those of the guess, relative to their size [1]: each normal
+        force to itself and a twentieth of the size of all, the parcel's motion to that size."""
+        mechanics, scale = self.mechanics, self.mechanics.force_scale(forces)
+        x, y, turn = (jnp.abs(a - b) for a, b in zip(guess[:3], root[:3], strict=True))
+        turn = mechanics.inertia * turn / mechanics.size
+        moved = jnp.maximum(mechanics.mass * jnp.maximum(x, y), turn)
+        off = 2 * self.stride.rate * moved / scale
+        for a, b in zip(guess[3:], root[3:], strict=True):
+            off = jnp.maximum(off, jnp.abs(a - b) / (jnp.maximum(a, b) + 0.05 * scale))
+        return jax.lax.stop_gradient(off)
+
+    def at_rest(self, guess):
+        """The guess with the corners that friction held at rest.
+
+        From there Newton's method finds the root at rest, if there is one: under a static friction
+        above the kinetic one the equations have another beside it, which slides.
+        """
+        if not self.sticking:
+            return guess
+        forces = self.forces(guess, self.points(guess))
+        slides = stick.slides(self.mechanics, forces, self.sticking)
+        rates = (v - w for v, w in zip(guess[:3], slides, strict=True))
+        return (*rates, *guess[3:])
+
+    def shorten(self, extra, change, last):
+        """Share of a Newton step that stops a reversal of sliding, or of slip on the belt, at rest.
+
+        The friction force there is a smoothed jump, convex on either side: from rest Newton's
+        method climbs to the root without overshooting, from beyond it would jump to and fro. It
+        would so too on the slope between static and kinetic friction, which bends both ways: a step
+        back by more than half the `last` one goes where the secant through the two points has its
+        root.
+        """
+        share = stick.reversal(self.mechanics, extra[0], change, extra[-1])
+        mass, inertia = self.mechanics.mass, self.mechanics.inertia
+        work, square, last_square = (
+            mass * (a[0] * b[0] + a[1] * b[1]) + inertia * a[2] * b[2]
+            for a, b in ((change, last), (change, change), (last, last))
+        )
+        back = (work < 0) & (4 * square > last_square)
+        ratio = jnp.sqrt(square / jnp.where(back, last_square, 1.0))
+        return jnp.where(back, jnp.minimum(share, 1 / (1 + ratio)), share)
+
+
+def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: Array):
+    """Advance from sample `begin` to sample `end`, counted in the clock's steps.
+
+    Returns the new memory, its sample, the stride and the largest force [N] that the solved
+    equations leave unbalanced.
+    """
+    stride = clock.stride(end - begin)
+    h = stride.length
+    body, now = memory.body, memory.acceleration
+    time = clock.time(end)
+    drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
+    places = tuple(p + h * w for p, w in zip(memory.places, memory.sliding, strict=True))
+    ratio = 1.0
+    if memory.pace is not None:
+        ratio = (end - begin) / jnp.maximum(memory.pace.steps, 1.0)
+    leans = tuple(lean.now.ahead(lean.before, ratio) for lean in memory.leans)
+    expected = tuple(
+        jnp.maximum(now + ratio * (now - before), 0.0)
+        for now, before in zip(memory.normals, memory.normals_before, strict=True)
+    )
+    fence, loaded = None, places
+    if mechanics.link is not None:
+        assert drive is not None
+        assert memory.fence is not None
+        loads = bending_loads(tuple(q.foreseen.share for q in memory.leans), memory.normals)
+        if leans:
+            loaded = tuple(map(mechanics.loaded, places, leans))
+        shapes = tuple(map(mechanics.link.shape, loaded))
+        shares = tuple(lean.share for lean in leans)
+        fence = FenceEnd(
+            mechanics.link, stride, drive, memory.fence, loads, shapes, shares, expected
+        )
+    guess = tuple(
+        rate + h * (a + 0.5 * ratio * (a - before))
+        for rate, a, before in zip(body[3:], now, memory.before, strict=True)
+    )
+    if fence is not None and fence.flexible:
+        guess = guess + expected
+    frame = mechanics.frame(drive, places, loaded, memory.gone)
+    predicted = body.angle + h * (body.spin + 0.5 * h * now.angle)
+    arms = mechanics.arms(predicted)
+    equations = _End(
+        mechanics, body, now, memory.held, memory.sticking, predicted, arms, frame, fence, stride
+    )
+    guess = equations.at_rest(jax.lax.stop_gradient(guess))
+    root, (forces, unbalance, sticking, held) = newton.solve(
+        _End.evaluate,
+        _End.shorten,
+        equations,
+        guess,
+        clock.iterations,
+        lambda extra: (extra[0].outcome(), *extra[1:-1]),
+    )
+    after = equations.body_at(root[:3])
+    normals = tuple(c.normal for c in forces.fence)
+
+    pace = None
+    if memory.pace is not None:
+        pace = Pace(end - begin, equations.surprise(guess, root, forces))
+    state = None if fence is None else fence.state(normals)
+    touches = forces.touches[: len(places)]
+    sliding = tuple(c.sliding for c in forces.fence)
+    feet = tuple(p + t.foot_offset for p, t in zip(loaded, touches, strict=True))
+    memory = Memory(
+        body=after,
+        acceleration=forces.acceleration,
+        before=memory.acceleration,
+        fence=None if state is None else state.kept(),
+        places=feet,
+        sliding=sliding,
+        normals=normals,
+        normals_before=memory.normals,
+        held=held,
+        sticking=sticking,
+        gone=tuple(
+            mechanics.gone(g, p, t) for g, p, t in zip(memory.gone, feet, touches, strict=True)
+        ),
+        leans=tuple(
+            Leans(touch.lean, lean.now, foreseen)
+            for touch, lean, foreseen in zip(touches, memory.leans, leans, strict=False)
+        ),
+        pace=pace,
+    )
+    return memory, describe(mechanics, time, after, forces, state), stride, unbalance
+
+
+def at_rest(
+    mechanics: Mechanics, body: Body, vibration: Vibration | None, drive: DriveMotion | None
+) -> Memory:
+    """The memory before a scene's first step, which has no length and finds the forces.
+
+    The feet of the corners are those on the straight fence: right where a scene begins with a
+    fence at rest, and else wrong by the bending times the gap, which that first step mends.
+    """
+    zero = jnp.zeros_like(body.x)
+    arms = mechanics.arms(body.angle)
+    fence, places = None, ()
+    if mechanics.link is not None:
+        assert vibration is not None
+        assert drive is not None
+        cosine, sine = jnp.cos(drive.angle), jnp.sin(drive.angle)
+        places = tuple(
+            (body.x + arms[k][0]) * cosine + (body.y + arms[k][1]) * sine
+            for k in mechanics.fence_corners
+        )
+        fence = FenceState.unloaded(mechanics.link, vibration, len(places))
+    none = tuple(zero for _ in places)
+    still = Acceleration(zero, zero, zero)
+    upright = Lean(zero + 1, zero)
+    leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
+    pace = Pace(zero, zero) if stride_counts(mechanics.fidelity)[-1] > 1 else None
+    sticking = tuple(zero for _ in range(stick.count(mechanics)))
+    held = still if sticking else None
+    return Memory(
+        body, still, still, fence, places, none, none, none, held, sticking, none, leans, pace
+    )

@@ -1,0 +1,70 @@
+"""How the forces at the end of a step answer to the motion: the blocks of Newton's matrix."""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..model import Forces, Mechanics
+from . import friction_tangent as stick
+
+# Largest slope of friction with the motion, relative to that of the inertia over half a step.
+_MOST_ALONG = 0.7
+
+
+def drags(
+    mechanics: Mechanics, forces: Forces, step: Array | float, sticking: tuple[Array, ...]
+) -> list[Array]:
+    """Slope of each contact's friction with its sliding speed [N s/m], with the weights
+    `sticking` of frictions that held a corner at the step's start.
+
+    Where friction falls so steeply that the parcel's inertia over half the step does not
+    outweigh it, most of the slope is left out: the equations fold there, and an iteration with
+    their own slope would be turned back at the fold instead of going on to the root beyond it.
+    """
+    found = []
+    for what, parts, response, weight in zip(
+        (*forces.fence, *forces.border),
+        forces.touches,
+        forces.responses,
+        stick.spread(mechanics, sticking),
+        strict=True,
+    ):
+        drag = (1 + weight) * what.normal * response.sliding
+        inertia = jnp.maximum(0.5 * step * mechanics.lightness(parts), 1e-30)
+        found.append(jnp.minimum(drag, _MOST_ALONG / inertia))
+    return found
+
+
+def rate_matrix(
+    mechanics: Mechanics,
+    forces: Forces,
+    step: Array | float,
+    unknown_normals: bool,
+    shares: list[Array],
+    drags: list[Array],
+):
+    """-d(generalised force)/d(velocities) [N s/m], 3 x 3, at frozen directions and arms, where
+    positions follow the velocities by `step` / 3, with the frictions' `shares` of the normal
+    forces and their slopes `drags`. With `unknown_normals` the normal forces at the fence are
+    held."""
+    zero = jnp.zeros_like(forces.acceleration.x)
+    matrix = [[zero] * 3 for _ in range(3)]
+    if mechanics.belt is not None and forces.belt_slopes is not None and forces.slip is not None:
+        grip, bend = forces.belt_slopes
+        arm = mechanics.belt.mean_distance
+        x, y, turning = forces.slip
+        slip, weights = (x, y, arm * turning), (1.0, 1.0, arm**2)
+        for i in range(3):
+            for j in range(3):
+                matrix[i][j] = 2 * bend * slip[i] * slip[j]
+            matrix[i][i] = matrix[i][i] + grip * weights[i]
+    for k, (parts, response) in enumerate(zip(forces.touches, forces.responses, strict=True)):
+        held = unknown_normals and k < len(forces.fence)
+        press = response.gap * step / 3 + response.gap_rate
+        for i in range(3):
+            along = parts.normal[i] + shares[k] * parts.tangent[i]
+            for j in range(3):
+                change = -drags[k] * parts.tangent[i] * parts.tangent[j]
+                if not held:
+                    change = change + press * along * parts.normal[j]
+                matrix[i][j] = matrix[i][j] + change
+    return matrix

@@ -1,0 +1,212 @@
+"""Integration by this package's own solver: a solver of diffrax, stepped by hand.
+
+Its clock counts steps, so that it is exact and the same for every lane of a batch whatever the
+lane's own start time. Where all steps are of one length their number is known beforehand, and a
+plain scan runs them; where free flight is taken in longer ones, a loop that ends when the last
+sample is reached. The private types that diffrax asks of a solver are met here and nowhere else.
+"""
+
+import itertools
+from collections.abc import Callable
+from functools import partial
+from typing import Any, ClassVar
+
+import diffrax
+import equinox.internal as eqxi
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..fidelity import Fidelity
+from ..model import Mechanics
+from ..results import Instant, Tally, accumulators as tally
+from . import modal_step, step_size as pace
+from .modal_step import Memory
+from .step_size import Clock
+
+
+class Scene(diffrax.AbstractTerm):
+    """The scene as a whole. The solver knows its structure and asks for no vector field: what
+    diffrax wants to see of one is the state itself."""
+
+    def vf(self, t, y, args):
+        return y
+
+    def contr(self, t0, t1, **kwargs):
+        return t1 - t0
+
+    def prod(self, vf, control):
+        return vf
+
+
+class Stepper(diffrax.AbstractSolver):
+    """Wraps a one-step map `advance(args, y, t0, t1) -> y` as a diffrax solver of second order;
+    times are counted in steps."""
+
+    advance: Callable[[Any, Any, Any, Any], Any]
+    term_structure: ClassVar = Scene
+    interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
+
+    def order(self, terms):
+        return 2
+
+    def init(self, terms, t0, t1, y0, args):
+        return None
+
+    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+        y1 = self.advance(args, y0, t0, t1)
+        return y1, None, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
+
+    def func(self, terms, t0, y0, args):
+        return terms.vf(t0, y0, args)
+
+
+def adjoint(fidelity: Fidelity) -> diffrax.AbstractAdjoint:
+    """How diffrax's own loop is to be differentiated."""
+    if fidelity.gradient == "reverse":
+        return diffrax.RecursiveCheckpointAdjoint()
+    return diffrax.ForwardMode()
+
+
+def count_steps(duration: float, step: float) -> int:
+    """Number of steps over `duration` [s], none longer than `step` [s]."""
+    return max(1, round(duration / step + 0.5 - 1e-9))
+
+
+def run_steps(solver: Stepper, begin, args, sample, steps: int, fidelity: Fidelity, ahead=None):
+    """Run a solver over `steps` steps, from a first one of no length.
+
+    **Arguments:**
+
+    - `begin`: the state before anything; all its leaves are floating-point scalars or vectors.
+    - `sample`: what of a state to keep at each step, or `None`.
+    - `ahead(y, t)`: how many steps [1] the next one from `y` is to stand for, at most up to the
+      last sample; by default always 1.
+
+    Returns the last state and the samples: `steps` + 1 of them, the last one repeated where longer
+    steps have left room.
+    """
+    precision = jax.tree.leaves(begin)[0].dtype
+
+    def strict(tree):
+        return jax.tree.map(lambda leaf: leaf.astype(precision), tree)
+
+    def step(y, begins, ends):
+        return strict(solver.step(Scene(), begins, ends, y, args, None, False)[0])
+
+    # One row of numbers a step: XLA fuses several buffers into one kernel, which then writes all of
+    # them out anew at every step.
+    def row(y):
+        leaves = [] if sample is None else jax.tree.leaves(sample(y))
+        return jnp.concatenate([jnp.ravel(leaf) for leaf in leaves]) if leaves else None
+
+    reverse = fidelity.gradient == "reverse"
+    if ahead is None:
+        ends = jnp.arange(steps + 1, dtype=precision)
+
+        def advance(y, end):
+            y = step(y, jnp.maximum(end - 1, 0.0), end)
+            return y, row(y)
+
+        scan = partial(eqxi.scan, kind="checkpointed") if reverse else jax.lax.scan
+        y, rows = scan(advance, strict(begin), ends)
+    else:
+        y, rows = _run_adaptively(step, strict(begin), ahead, row, steps, reverse)
+    if sample is None or rows is None:
+        return y, None
+    return y, _unpacked(rows, sample(strict(begin)))
+
+
+def _unpacked(rows: Array, like):
+    """Columns of `rows`, of the structure and shapes of `like` at every row."""
+    leaves, structure = jax.tree.flatten(like)
+    ends = itertools.accumulate(leaf.size for leaf in leaves)
+    parts = [
+        rows[:, end - leaf.size : end].reshape(-1, *leaf.shape)
+        for leaf, end in zip(leaves, ends, strict=True)
+    ]
+    return jax.tree.unflatten(structure, parts)
+
+
+def _run_adaptively(step, begin, ahead, row, steps: int, reverse: bool):
+    zero = jnp.zeros_like(jax.tree.leaves(begin)[0])
+
+    def go_on(carry):
+        return carry[1] < steps
+
+    def trip(carry):
+        y, now, taken, saved = carry
+        end = jnp.minimum(now + ahead(y, now), steps)
+        y = step(y, jnp.maximum(now, 0.0), end)
+        if saved is not None:
+            saved = saved.at[taken.astype(jnp.int32)].set(row(y))
+        return y, end, taken + 1, saved
+
+    like = row(begin)
+    saved = None if like is None else jnp.zeros((steps + 1, like.size), like.dtype)
+    carry = (begin, zero - 1, zero, saved)
+    if saved is None and not reverse:
+        return jax.lax.while_loop(go_on, trip, carry)[0], None
+    y, _, taken, saved = eqxi.while_loop(
+        go_on,
+        trip,
+        carry,
+        max_steps=steps + 1,
+        buffers=lambda carry: carry[3],
+        kind="checkpointed" if reverse else "lax",
+    )
+    if saved is None:
+        return y, None
+    places = jnp.minimum(jnp.arange(steps + 1, dtype=jnp.int32), taken.astype(jnp.int32) - 1)
+    return y, saved[places]
+
+
+def modal(
+    mechanics: Mechanics, clock: Clock, begin: Memory, steps: int, history: bool
+) -> tuple[Tally, Instant | None]:
+    """Integrate a scene by the package's own solver."""
+    fidelity = mechanics.fidelity
+    reach = None if mechanics.link is None else mechanics.link.reach
+    scope = tally.Scope(reach, bool(mechanics.sides), fidelity.smoothing)
+    longest = clock.counts[-1]
+    # Traced once, however often the loop and the transformations around it look at the step.
+    step = jax.jit(modal_step.step)
+
+    def advance(args, y, begins, ends):
+        mechanics, clock = args
+        memory, tallied = y
+        memory, instant, stride, defect = step(mechanics, clock, memory, begins, ends)
+        return memory, tally.add(tallied, instant, stride.length, defect, scope)
+
+    # A corner further beyond the tip than its side is long cannot have the tip on that side.
+    ends, off = (), fidelity.tip_fade
+    if reach is not None:
+        beyond = [mechanics.sides.get(number, 0.0) for number in mechanics.fence_corners]
+        ends = tuple((-off, reach + off + length) for length in beyond)
+
+    def ahead(y, now):
+        memory, tallied = y
+        count = pace.next_count(
+            memory.pace,
+            tallied.last,
+            memory.normals_before,
+            clock.counts[2:],
+            clock.step,
+            fidelity.stride_tolerance,
+            ends,
+        )
+        return jnp.where((now >= 0) & (now + count <= steps), count, 1.0)
+
+    zero = jnp.zeros_like(clock.start)
+    _, like, _, _ = jax.eval_shape(step, mechanics, clock, begin, zero, zero)
+    nothing = tally.empty(like, begin.body, alike=longest == 1)
+    (_, tallied), samples = run_steps(
+        Stepper(advance),
+        (begin, nothing),
+        (mechanics, clock),
+        (lambda y: y[1].last) if history else None,
+        steps,
+        fidelity,
+        ahead if longest > 1 else None,
+    )
+    return tallied, samples

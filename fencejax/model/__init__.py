@@ -1,0 +1,70 @@
+"""The equations (2.1)-(2.34) at one instant, each in one place: beam, modes, geometry of the bent
+fence, kinematics of the corners, contact and friction laws, and the balance of forces.
+
+May import: `scenes`, `parts`, `fidelity`. Nothing here advances in time.
+"""
+
+from . import (
+    beam as beam,
+    contact as contact,
+)
+from .beam import (
+    hermite as hermite,
+    hermite_slope as hermite_slope,
+)
+from .belt_contact import (
+    BeltForce as BeltForce,
+)
+from .contact import (
+    fade as fade,
+    kelvin as kelvin,
+    stored_energy as stored_energy,
+    viscosity as viscosity,
+)
+from .fence_state import (
+    FenceState as FenceState,
+    ResidualMode as ResidualMode,
+    bending_loads as bending_loads,
+)
+from .flexible_link import (
+    SWING_STEPS as SWING_STEPS,
+    Arc as Arc,
+    FencePoint as FencePoint,
+    FlexibleLink as FlexibleLink,
+    Shape as Shape,
+    Vibration as Vibration,
+    blocks as blocks,
+    dot as dot,
+    propagate as propagate,
+    total as total,
+)
+from .friction import (
+    belt_grip as belt_grip,
+    coefficient as coefficient,
+    corner_share as corner_share,
+)
+from .kinematics import (
+    Acceleration as Acceleration,
+    Lean as Lean,
+    corner_from_arm as corner_from_arm,
+    fence_touch as fence_touch,
+)
+from .mechanics import (
+    Contact as Contact,
+    FenceFrame as FenceFrame,
+    Forces as Forces,
+    Mechanics as Mechanics,
+    force_tolerance as force_tolerance,
+)
+from .mode_shapes import (
+    Blocks as Blocks,
+)
+from .propagation import (
+    Propagator as Propagator,
+    propagator as propagator,
+    relaxation as relaxation,
+)
+from .tip import (
+    Side as Side,
+    around as around,
+)

@@ -1,0 +1,66 @@
+"""The fence at an instant: its vibration, the loads on it, and what the modes left out carry."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..parts import DriveMotion
+from .flexible_link import FlexibleLink, Shape, Vibration
+from .mechanics import Forces
+from .mode_shapes import Blocks
+
+
+def bending_loads(shares: tuple[Array, ...], normals: tuple[Array, ...]) -> tuple[Array, ...]:
+    """What of the contact forces [N] bends the fence [N]: their `shares` [1]; without any, all."""
+    if not shares:
+        return normals
+    return tuple(share * n for share, n in zip(shares, normals, strict=True))
+
+
+class ResidualMode(NamedTuple):
+    """The modes left out as one load sees them: a massless mode of the shape lambda = sqrt(G), with
+    G the static compliance [m/N] under the load that they lack. Its amplitude q [J^0.5] follows
+    q + beta qdot = lambda N, beta the lag of all modes.
+
+    A load that moves along the fence so finds their deflection lambda q, its rate lambda qdot and
+    their slope q dlambda/dsigma, and no energy is gained or lost on the way. `force` is lambda N
+    [J^0.5], `rate` qdot [J^0.5/s].
+    """
+
+    force: Array
+    rate: Array
+
+
+class FenceState(NamedTuple):
+    """The fence at an instant: the drive's motion (`None` where it is not kept), the vibration with
+    its modal forces, the shapes where it is loaded, the contact loads as the modes left out carry
+    them (lagged force r [N] and its rate [N/s]), their residual mode under each, and the `shares`
+    [1] of the contact forces that bend it (empty where they do so whole)."""
+
+    drive: DriveMotion | None
+    vibration: Vibration
+    modal_force: Blocks
+    shapes: tuple[Shape, ...]
+    lagged: tuple[Array, ...]
+    lagged_rate: tuple[Array, ...]
+    residual: tuple[ResidualMode, ...] = ()
+    shares: tuple[Array, ...] = ()
+
+    @classmethod
+    def unloaded(cls, link: FlexibleLink, vibration: Vibration, places: int) -> "FenceState":
+        """What a first step needs to know of a fence without a load at any of its `places`."""
+        zero = jnp.zeros_like(link.mass_scale)
+        rates = (zero,) * places if link.table.corrected else ()
+        residual = tuple(ResidualMode(zero, zero) for _ in rates)
+        still = tuple(jnp.zeros_like(q) for q in vibration.amplitude)
+        return cls(None, vibration, still, (), (), rates, residual)
+
+    def loads(self, forces: Forces) -> tuple[Array, ...]:
+        """What of the contact forces bends the fence [N]."""
+        return bending_loads(self.shares, tuple(c.normal for c in forces.fence))
+
+    def kept(self) -> "FenceState":
+        """What the next step needs to know."""
+        rates = self.lagged_rate if self.residual else ()
+        return self._replace(drive=None, shapes=(), lagged=(), lagged_rate=rates, shares=())

@@ -1,0 +1,411 @@
+"""The flexible link in clamped-root modes, in SI units, and the point of it that a corner meets.
+
+Arrays of modes come as *blocks*: a tuple with one scalar a mode where the modes are few, which the
+compiler fuses and `vmap` turns into arrays with the batch last, or one array for all where they
+are many.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..fidelity import Fidelity
+from ..parts import AbstractDrive, DriveMotion, Fence
+from . import beam
+from .mode_shapes import MOST_SCALAR_MODES, Blocks, ShapeTable
+from .propagation import Propagator, propagator
+
+SWING_STEPS = 64
+
+
+def blocks(values) -> Blocks:
+    """Split (..., m) into blocks, the modes first gone or last kept."""
+    modes = values.shape[-1]
+    if modes > MOST_SCALAR_MODES:
+        return (jnp.asarray(values),)
+    return tuple(jnp.asarray(values[..., i]) for i in range(modes))
+
+
+def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
+    """Sum over the modes of the product of two blocks."""
+    return total(a * b for a, b in zip(left, right, strict=True))
+
+
+def total(blocks) -> Array:
+    """Sum over the modes."""
+    result = 0.0
+    for block in blocks:
+        result = result + (jnp.sum(block) if jnp.ndim(block) else block)
+    return jnp.asarray(result)
+
+
+class Vibration(NamedTuple):
+    """Modal amplitudes [m] and their rates [m/s], as blocks."""
+
+    amplitude: Blocks
+    rate: Blocks
+
+
+class Shape(NamedTuple):
+    """The mode shapes at one arc coordinate: deflection [1] and slope [1/m], as blocks; `load` [1],
+    the share of a force there that each mode gets; of the modes left out (`None` where there are
+    none) the compliance G at the place itself [m/N], deflection sqrt(G) [m/J^0.5] and slope
+    [rad/J^0.5] of the residual mode, and the compliance at the tip [m/N]; the `arc` integrals
+    (`None` unless the geometry needs them)."""
+
+    deflection: Blocks
+    slope: Blocks
+    load: Blocks
+    residual: Array | None
+    residual_mode: tuple[Array, Array] | None
+    residual_tip: Array | None
+    arc: tuple[tuple[Array, ...], Array] | None
+    place: Array
+
+
+class FencePoint(NamedTuple):
+    """A point of the fence in the frame that turns with the rigid link: position (x, y) [m],
+    velocity (x_rate, y_rate) [m/s] relative to that frame, slope [rad]."""
+
+    x: Array
+    y: Array
+    x_rate: Array
+    y_rate: Array
+    slope: Array
+
+
+class Arc(NamedTuple):
+    """What the small-deflection geometry leaves out: points of a bent fence are nearer to the hinge
+    by `short` [m] and lower by `lower` [m], and their rates [m/s]."""
+
+    short: Array
+    lower: Array
+    short_rate: Array
+    lower_rate: Array
+
+
+class FlexibleLink(eqx.Module):
+    """M u'' + B u' + K u = Q - M Phi alpha'' in modes: eta'' + c eta' + w^2 eta = f.
+
+    w = sum phi_i eta_i with phi_i dimensionless, mass-normalised by rho z h_1 l_p = m_0, so that
+    eta is in metres and f_i = phi_i(sigma) Q / m_0 - p_i alpha''.
+    """
+
+    rigid_length: Array
+    length: Array
+    mass_scale: Array
+    eigenvalues: Array
+    frequency_squared: Blocks
+    lag: Array
+    deflection: Blocks
+    slope: Blocks
+    table: ShapeTable
+    flexibility: Array
+    swing: Blocks
+    bending: Blocks
+    bending_flexibility: Blocks
+    stress_scale: Array
+    stations: Array
+    swing_inertia: Array
+    root_inertia: Array
+    elements: int = eqx.field(static=True)
+    geometry: str = eqx.field(static=True)
+
+    def __init__(self, fence: Fence, fidelity: Fidelity):
+        precision = fence.mass_scale.dtype
+        tables = beam.tables(fence.taper, fidelity.elements, fidelity.mode_count)
+        tables = jax.tree.map(lambda table: table.astype(precision), tables)
+        self.elements = fidelity.elements
+        self.geometry = fidelity.geometry
+        self.rigid_length = fence.rigid_length
+        self.length = fence.flexible_length
+        self.mass_scale = fence.mass_scale
+        rate = fence.stiffness_scale / fence.mass_scale
+        self.eigenvalues = rate * jnp.asarray(tables.eigenvalues)
+        self.frequency_squared = blocks(self.eigenvalues)
+        self.lag = jnp.zeros_like(rate)
+        if self.frequency_squared:
+            self.lag = 2 * fence.material.damping_ratio / jnp.sqrt(self.eigenvalues[0])
+        self.deflection = blocks(tables.deflection)
+        self.slope = blocks(tables.slope)
+        self.table = ShapeTable(tables, fidelity)
+        self.flexibility = 1 / fence.stiffness_scale
+        self.swing = tuple(
+            self.rigid_length * a + self.length * b
+            for a, b in zip(blocks(tables.swing_root), blocks(tables.swing_tip), strict=True)
+        )
+        # Bending stress at the nodes: E (h / 2) |w''| = M (h / 2) / I.
+        self.bending = tuple(
+            fence.stiffness_scale * self.length * block for block in blocks(tables.moment)
+        )
+        self.bending_flexibility = tuple(
+            block / (self.mass_scale * (value[None] if value.ndim else value))
+            for block, value in zip(self.bending, self.frequency_squared, strict=True)
+        )
+        thickness = fence.thickness * jnp.asarray(tables.relative_thickness)
+        self.stress_scale = 6 / (fence.width * thickness**2)
+        nodes = np.arange(self.elements) / self.elements
+        self.stations = self.length * jnp.asarray(nodes, dtype=precision)
+        mass, first_moment, second_moment = self.mass_scale * jnp.asarray(tables.mass)
+        arm = self.rigid_length
+        self.swing_inertia = (
+            mass * arm**2 + 2 * first_moment * arm * self.length + second_moment * self.length**2
+        )
+        rigid_mass = fence.material.density * fence.width * fence.thickness * arm
+        self.root_inertia = rigid_mass * arm**2 / 3
+
+    @property
+    def reach(self) -> Array:
+        """R_z [m]."""
+        return self.rigid_length + self.length
+
+    @property
+    def damping(self) -> Blocks:
+        """c_i = (2 zeta / omega_1) omega_i^2 [1/s]."""
+        return tuple(self.lag * value for value in self.frequency_squared)
+
+    def rest(self) -> Vibration:
+        """No deflection, no motion."""
+        zero = tuple(jnp.zeros_like(value) for value in self.frequency_squared)
+        return Vibration(zero, zero)
+
+    def propagators(self, lengths: list[Array]) -> Propagator:
+        """The exact maps of all modes over steps of the given lengths [s], (lengths, m) each."""
+        shape = (len(lengths), self.eigenvalues.size)
+        stiffness = jnp.broadcast_to(self.eigenvalues, shape)
+        steps = jnp.broadcast_to(jnp.stack(lengths)[:, None], shape)
+        return propagator(stiffness, self.lag * stiffness, steps)
+
+    def inertia_force(self, drive: DriveMotion) -> Blocks:
+        """-p_i alpha'' [m/s^2]: what the swing of the root does to each mode."""
+        return tuple(-p * drive.acceleration for p in self.swing)
+
+    def loaded(self, inertia: Blocks, shapes: tuple["Shape", ...], normals) -> Blocks:
+        """Modal forces [m/s^2]: those of the swing, less the contact forces [N] at the shapes."""
+        force = list(inertia)
+        for shape, normal in zip(shapes, normals, strict=True):
+            share = normal / self.mass_scale
+            force = [f - phi * share for f, phi in zip(force, shape.load, strict=True)]
+        return tuple(force)
+
+    def acceleration(self, state: Vibration, force: Blocks) -> Blocks:
+        """eta'' = f - c eta' - w^2 eta [m/s^2]."""
+        return tuple(
+            f - c * v - k * q
+            for f, c, v, k, q in zip(
+                force, self.damping, state.rate, self.frequency_squared, state.amplitude,
+                strict=True,
+            )
+        )
+
+    def swung(self, drive: AbstractDrive, step: Array, maps: Propagator) -> Vibration:
+        """The state after `SWING_STEPS` steps of a fence that has swung free of contact from rest
+        at t = 0; `maps` are those of all modes over one of them, (m,).
+
+        Each step takes the linear acceleration that has the drive's own change of speed and of
+        angle over it, so that the error is of the fourth order and jumps of the acceleration do
+        no harm.
+        """
+        if not self.swing:
+            return self.rest()
+        swing = jnp.concatenate([jnp.atleast_1d(p) for p in self.swing])
+
+        def advance(carry, index):
+            state, before = carry
+            after = drive.motion((index + 1) * step)
+            mean = (after.speed - before.speed) / step
+            moment = (after.angle - before.angle - step * before.speed) / step**2
+            start, end = 6 * moment - 2 * mean, 4 * mean - 6 * moment
+            forces = (-swing * start,), (-swing * end,)
+            return (propagate((maps,), state, *forces), after), None
+
+        zero = (jnp.zeros_like(self.eigenvalues),)
+        indices = jnp.arange(SWING_STEPS, dtype=step.dtype)
+        begin = (Vibration(zero, zero), drive.motion(jnp.zeros_like(step)))
+        (state, _), _ = jax.lax.scan(advance, begin, indices)
+        return Vibration(blocks(state.amplitude[0]), blocks(state.rate[0]))
+
+    def shape(self, place: Array) -> Shape:
+        """The shapes at the arc coordinate `place` = sigma [m].
+
+        Zero on the rigid link; beyond the tip continued along the tangent there.
+        """
+        index, s = self._element(place)
+        beyond = jnp.maximum(place - self.reach, 0.0)
+        sampled = self.table.at(index, s)
+        scale = self.elements / self.length
+        slope = tuple(scale * d for d in sampled.slope)
+        deflection = tuple(
+            v + d * beyond for v, d in zip(sampled.deflection, slope, strict=True)
+        )
+        residual = residual_mode = residual_tip = arc = None
+        if sampled.residual is not None:
+            assert sampled.residual_rise is not None
+            assert sampled.residual_tip is not None
+            residual = self.flexibility * sampled.residual
+            # As far as round-off it may be negative, and the root of 0 has no derivative.
+            kept = jnp.maximum(sampled.residual, 0.0) + jnp.finfo(place.dtype).eps
+            mode = jnp.sqrt(self.flexibility * kept)
+            residual_mode = mode, 0.5 * self.flexibility * scale * sampled.residual_rise / mode
+            residual_tip = self.flexibility * sampled.residual_tip
+        if sampled.pairs is not None and sampled.cube is not None:
+            pairs = tuple(pair / self.length for pair in sampled.pairs)
+            arc = (pairs, sampled.cube / self.length**2)
+        load = sampled.load if self.table.shared else deflection
+        return Shape(
+            deflection, slope, load, residual, residual_mode, residual_tip, arc, place
+        )
+
+    def _element(self, place):
+        """Element [0, n) and local coordinate in [0, 1] of an arc coordinate."""
+        position = jnp.clip((place - self.rigid_length) / self.length, 0.0, 1.0) * self.elements
+        floor = jnp.floor(jax.lax.stop_gradient(position))
+        floor = jnp.clip(floor, 0.0, self.elements - 1.0)
+        # Unsigned, so that no test for a negative index is compiled.
+        return floor.astype(jnp.uint32), position - floor
+
+    def tip_deflection(
+        self, amplitude: Blocks, loads: tuple[Array, ...], shapes: tuple[Shape, ...]
+    ) -> Array:
+        """Deflection of the tip [m] from the straight line of the rigid link, that of the modes
+        left out under the lagged contact forces `loads` [N] included."""
+        deflection = jnp.zeros_like(self.length)
+        deflection = deflection + dot(tuple(block[-1] for block in self.deflection), amplitude)
+        for load, shape in zip(loads, shapes, strict=True):
+            if shape.residual_tip is not None:
+                deflection = deflection - shape.residual_tip * load
+        return deflection
+
+    def point(self, shape: Shape, state: Vibration) -> FencePoint:
+        """The point of the fence at a shape's place, in the geometry of the fidelity."""
+        zero = jnp.zeros_like(shape.place)
+        if not self.frequency_squared:
+            return self.small_point(shape, zero, zero, zero)
+        if self.geometry == "chord":
+            return self.chord_point(shape, state, zero, zero, zero)
+        deflection = dot(shape.deflection, state.amplitude)
+        rate = dot(shape.deflection, state.rate)
+        slope = dot(shape.slope, state.amplitude)
+        if self.geometry == "arc":
+            return self.arc_point(shape, self.arc(shape, state), deflection, rate, slope)
+        return self.small_point(shape, deflection, rate, slope)
+
+    def arc(self, shape: Shape, state: Vibration) -> Arc:
+        """How far an arc brings a point back and down, and how fast.
+
+        The first three modes count in the second order and the first one in the third.
+        """
+        assert shape.arc is not None
+        pairs, cube = shape.arc
+        q = _flat(state.amplitude)[: self.table.arc_modes]
+        v = _flat(state.rate)[: self.table.arc_modes]
+        short = short_rate = jnp.zeros_like(shape.place)
+        at = 0
+        for i in range(self.table.arc_modes):
+            for j in range(i, self.table.arc_modes):
+                short = short + pairs[at] * q[i] * q[j]
+                short_rate = short_rate + pairs[at] * (q[i] * v[j] + v[i] * q[j])
+                at += 1
+        lower, lower_rate = cube * q[0] ** 3, 3 * cube * q[0] ** 2 * v[0]
+        return Arc(short, lower, short_rate, lower_rate)
+
+    def arc_point(
+        self, shape: Shape, arc: Arc, y: Array, y_rate: Array, slope: Array
+    ) -> FencePoint:
+        """The chords' geometry in the limit of many elements, to the third order in the slope:
+        U = (sigma - integral of w'^2 / 2, w - integral of w'^3 / 6), the integrals as `arc`; `y`
+        and `y_rate` are the deflection [m] and its rate."""
+        return FencePoint(
+            shape.place - arc.short, y - arc.lower, -arc.short_rate, y_rate - arc.lower_rate, slope
+        )
+
+    def small_point(self, shape: Shape, deflection: Array, rate: Array, slope: Array) -> FencePoint:
+        """U = sigma t_alpha + w n_alpha: a small deflection normal to the straight line."""
+        return FencePoint(shape.place, deflection, jnp.zeros_like(rate), rate, slope)
+
+    def chord_point(
+        self, shape: Shape, state: Vibration, extra: Array, extra_rate: Array, turn: Array
+    ) -> FencePoint:
+        """(2.14)-(2.17): the chords of the elements, each turned by its angle.
+
+        `extra` [m] is the deflection of the modes left out at this point, `extra_rate` its rate and
+        `turn` [rad] their slope.
+        """
+        (x, y), (x_rate, y_rate) = jax.jvp(
+            lambda amplitude: self._chain(shape.place, amplitude),
+            (state.amplitude,),
+            (state.rate,),
+        )
+        slope = dot(shape.slope, state.amplitude) + turn
+        return FencePoint(x, y + extra, x_rate, y_rate + extra_rate, slope)
+
+    def _chain(self, place, amplitude):
+        """Position in the turning frame of the point at `place` on the chain of chords."""
+        index, s = self._element(place)
+        size = self.length / self.elements
+        deflection = _combined(self.deflection, amplitude)
+        slope = _combined(self.slope, amplitude)
+        angles = jnp.diff(deflection) / size
+        whole = jnp.arange(self.elements, dtype=index.dtype) < index
+        x = self.rigid_length + size * jnp.sum(jnp.where(whole, jnp.cos(angles), 0.0))
+        y = size * jnp.sum(jnp.where(whole, jnp.sin(angles), 0.0))
+        # The partial chord's angle, (w(d) - w_i) / d, by the cubic divided by d: free of 0 / 0.
+        a, c = deflection[index], deflection[index + 1]
+        b, d = slope[index] / self.elements, slope[index + 1] / self.elements
+        angle = (b + s * (3 * (c - a) - 2 * b - d) + s**2 * (2 * (a - c) + b + d)) / size
+        # On the rigid link and beyond the tip the line goes on straight.
+        before = jnp.minimum(place - self.rigid_length, 0.0)
+        beyond = jnp.maximum(place - self.reach, 0.0)
+        end_slope = d / size
+        return (
+            x + s * size * jnp.cos(angle) + before + beyond * jnp.cos(end_slope),
+            y + s * size * jnp.sin(angle) + beyond * jnp.sin(end_slope),
+        )
+
+    def bending_stress(self, amplitude: Blocks, loads, shapes) -> Array:
+        """|sigma_b| [Pa] at the nodes 0 ... n - 1 of the link.
+
+        Moment of the modes kept plus that of the contact loads carried statically by the modes
+        left out: M = sum EI phi_i'' eta_i - sum_j r_j [(sigma_j - x)_+ - sum EI phi_i''
+        phi_i(sigma_j) / (m_0 w_i^2)]. It is exact in the static limit with any number of modes.
+        `loads` are the lagged contact forces r_j [N].
+        """
+        if not self.bending:
+            return jnp.zeros_like(self.stations)
+        moment = _combined(self.bending, amplitude)
+        for load, shape in zip(loads, shapes, strict=True):
+            reached = jnp.minimum(shape.place, self.reach)
+            moment = moment - load * jnp.maximum(reached - self.rigid_length - self.stations, 0.0)
+            moment = moment + load * _combined(self.bending_flexibility, shape.load)
+        return jnp.abs(moment) * self.stress_scale
+
+
+def _combined(tables: Blocks, values: Blocks) -> Array:
+    """Sum over the modes of a table over the nodes (first axis) times the modes' values."""
+    parts = [
+        table @ value if jnp.ndim(value) else table * value
+        for table, value in zip(tables, values, strict=True)
+    ]
+    return sum(parts[1:], parts[0])
+
+
+def _flat(blocks: Blocks) -> list[Array]:
+    """The modes one by one."""
+    flat = []
+    for block in blocks:
+        flat.extend(block[i] for i in range(block.shape[0])) if block.ndim else flat.append(block)
+    return flat
+
+
+def propagate(maps, state: Vibration, start: Blocks, end: Blocks) -> Vibration:
+    """One exact step under modal forces [m/s^2] that vary linearly from `start` to `end`."""
+    amplitude, rate = [], []
+    for m, q, v, f0, f1 in zip(maps, state.amplitude, state.rate, start, end, strict=True):
+        amplitude.append(m.qq * q + m.qv * v + m.q_start * f0 + m.q_end * f1)
+        rate.append(m.vq * q + m.vv * v + m.v_start * f0 + m.v_end * f1)
+    return Vibration(tuple(amplitude), tuple(rate))

@@ -1,0 +1,127 @@
+"""Motion of the parcel and of its corners, and how a corner meets the fence or the border."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..scenes import Body
+from .flexible_link import FencePoint
+
+
+class Acceleration(NamedTuple):
+    """Acceleration of C_s [m/s^2] and angular acceleration [rad/s^2]."""
+
+    x: Array
+    y: Array
+    angle: Array
+
+
+class Corner(NamedTuple):
+    """A corner's place from C_s [m], its position [m] and its velocity [m/s], in fixed axes."""
+
+    arm_x: Array
+    arm_y: Array
+    x: Array
+    y: Array
+    x_rate: Array
+    y_rate: Array
+
+
+class Lean(NamedTuple):
+    """How a contact near the tip loads the fence: the `share` [1] of its force that bends it, and
+    by how much [m] the line of that force meets the fence nearer to the tip than the corner's
+    foot."""
+
+    share: Array
+    shift: Array
+
+    def ahead(self, before: "Lean", ratio) -> "Lean":
+        """Continued in a straight line over the next step, `ratio` times as long as the last."""
+        share = self.share + ratio * (self.share - before.share)
+        shift = self.shift + ratio * (self.shift - before.shift)
+        return Lean(jnp.clip(share, 0.0, 1.0), shift)
+
+
+class Touch(NamedTuple):
+    """Kinematics of a corner at a surface, with the surface's axes there in fixed axes.
+
+    `foot_offset` [m] is how far along the surface the foot of the corner lies from the point U;
+    `normal` and `tangent` are the directions (x, y, moment) in which a unit force acts on the
+    parcel; `rates` is the velocity of U along the normal and the tangent [m/s]. Where the tip may
+    carry the contact, `lean` says how it loads the fence, and `lasting` [1] are the shares of the
+    contact law that have not ended at the far end of the parcel's side, and under a side that
+    stands upright.
+    """
+
+    gap: Array
+    gap_rate: Array
+    sliding: Array
+    foot_offset: Array
+    normal: tuple[Array, Array, Array]
+    tangent: tuple[Array, Array, Array]
+    rates: tuple[Array, Array]
+    lean: Lean | None = None
+    lasting: tuple[Array, Array] | None = None
+
+    def remaining(self, share):
+        """What has not ended near the tip of a `share` [1] of the contact law."""
+        if self.lasting is None:
+            return share
+        return share * self.lasting[0] * self.lasting[1]
+
+
+def corner_from_arm(body: Body, arm_x: Array, arm_y: Array) -> Corner:
+    """Position and velocity of the point of the parcel at `arm` from C_s, in fixed axes."""
+    return Corner(
+        arm_x,
+        arm_y,
+        body.x + arm_x,
+        body.y + arm_y,
+        body.x_rate - body.spin * arm_y,
+        body.y_rate + body.spin * arm_x,
+    )
+
+
+def fence_touch(
+    corner: Corner, point: FencePoint, turn: tuple[Array, Array], speed: Array
+) -> Touch:
+    """Gap (2.13), its rate (2.18) and sliding speed of a corner at a point U of the fence.
+
+    D = -(C - U).n, Ddot = -(v_C - v_U).n, w = (v_C - v_U).t; `turn` is (cos, sin) of alpha_w and
+    `speed` its rate [rad/s].
+    """
+    cosine, sine = turn
+    # U and its velocity in fixed axes.
+    across_x = point.x_rate - speed * point.y
+    across_y = point.y_rate + speed * point.x
+    offset_x = corner.x - (cosine * point.x - sine * point.y)
+    offset_y = corner.y - (sine * point.x + cosine * point.y)
+    fence_x, fence_y = cosine * across_x - sine * across_y, sine * across_x + cosine * across_y
+    bend_cosine, bend_sine = jnp.cos(point.slope), jnp.sin(point.slope)
+    x = cosine * bend_cosine - sine * bend_sine
+    y = sine * bend_cosine + cosine * bend_sine
+    slip_x, slip_y = corner.x_rate - fence_x, corner.y_rate - fence_y
+    return Touch(
+        gap=y * offset_x - x * offset_y,
+        gap_rate=y * slip_x - x * slip_y,
+        sliding=x * slip_x + y * slip_y,
+        foot_offset=x * offset_x + y * offset_y,
+        normal=(-y, x, corner.arm_x * x + corner.arm_y * y),
+        tangent=(x, y, corner.arm_x * y - corner.arm_y * x),
+        rates=(x * fence_y - y * fence_x, x * fence_x + y * fence_y),
+    )
+
+
+def border_touch(corner: Corner) -> Touch:
+    """The same at the border y = 0: D = -y_C, Ddot = -v_C.(0, 1), w = v_C.(1, 0)."""
+    zero, one = jnp.zeros_like(corner.x), jnp.ones_like(corner.x)
+    return Touch(
+        gap=-corner.y,
+        gap_rate=-corner.y_rate,
+        sliding=corner.x_rate,
+        foot_offset=zero,
+        normal=(zero, one, corner.arm_x),
+        tangent=(one, zero, -corner.arm_y),
+        rates=(zero, zero),
+    )

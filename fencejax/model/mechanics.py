@@ -1,0 +1,310 @@
+"""Newton-Euler for a parcel on the belt, at the fence and at the border: the forces at an instant,
+and how they answer to a small change.
+
+Everything a scene does not hold is `None` or an empty tuple here, and traces to nothing.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..fidelity import Fidelity
+from ..parts import SIDES, AbstractDrive, DriveMotion, Friction
+from ..scenes import Body, Scene
+from . import contact
+from .belt_contact import BeltContact, BeltForce
+from .flexible_link import FencePoint, FlexibleLink
+from .friction import corner_share
+from .kinematics import Acceleration, Lean, Touch, border_touch, corner_from_arm, fence_touch
+from .tip import Side, around
+
+
+class Contact(NamedTuple):
+    """What happens at one corner, against the fence or the border.
+
+    `normal` N [N]; `friction` F [N] along the tangent; `gap` D [m], positive inside; `gap_rate`
+    [m/s]; `place` [m], the arc coordinate on the fence or x on the border; `sliding` w [m/s].
+    """
+
+    normal: Array
+    friction: Array
+    gap: Array
+    gap_rate: Array
+    place: Array
+    sliding: Array
+
+
+class Response(NamedTuple):
+    """How a contact answers to a small change: the law's derivatives in D [N/m] and in Ddot
+    [N s/m], and that of the friction's share of N in the sliding speed [s/m]."""
+
+    gap: Array
+    gap_rate: Array
+    sliding: Array
+    share: Array
+
+
+class Forces(NamedTuple):
+    """Everything that acts on the parcel at an instant, and its acceleration.
+
+    `laws` are the normal forces [N] that the contact law gives at the fence.
+    """
+
+    acceleration: Acceleration
+    fence: tuple[Contact, ...]
+    touches: tuple[Touch, ...]
+    laws: tuple[Array, ...]
+    border: tuple[Contact, ...]
+    belt: BeltForce | None
+    responses: tuple[Response, ...]
+    belt_slopes: tuple[Array, Array] | None
+    slip: tuple[Array, Array, Array] | None
+
+    def outcome(self) -> "Forces":
+        """What counts of them once the motion is found: not how they answer to a change, and
+        directions where the fence's slope does not tell them."""
+        touches = tuple(
+            touch._replace(normal=() if touch.lean is None else touch.normal, tangent=())
+            for touch in self.touches
+        )
+        return self._replace(touches=touches, laws=(), responses=(), belt_slopes=None, slip=None)
+
+
+class FenceFrame(NamedTuple):
+    """What the contacts need of the fence at an instant: (cos, sin) of alpha_w, its rate [rad/s],
+    and for each of `fence_corners` the arc coordinate under it [m], the share of the contact law
+    that acts there [1] and, where the tip may carry the contact, the arc [m] from the point where
+    the fence is loaded to the tip."""
+
+    turn: tuple[Array, Array]
+    speed: Array
+    places: tuple[Array, ...]
+    shares: tuple[Array, ...]
+    edges: tuple[Array, ...]
+
+
+class Mechanics(eqx.Module):
+    """The parts of a scene, made ready for one fidelity: what the forces need, worked out once."""
+
+    mass: Array
+    inertia: Array
+    corners: dict[int, tuple[Array, Array]]
+    sides: dict[int, Array]
+    stiffness: Array
+    viscosity: Array
+    belt: BeltContact | None
+    size: Array
+    link: FlexibleLink | None
+    drive: AbstractDrive | None
+    fence_friction: Friction | None
+    border_friction: Friction | None
+    fence_corners: tuple[int, ...] = eqx.field(static=True)
+    border_corners: tuple[int, ...] = eqx.field(static=True)
+    fidelity: Fidelity = eqx.field(static=True)
+
+    def __init__(self, scene: Scene, fidelity: Fidelity):
+        parcel, belt = scene.parcel, scene.belt
+        self.mass, self.inertia = parcel.mass, parcel.inertia
+        self.fence_corners, self.border_corners = scene.fence_corners, scene.border_corners
+        self.sides = {}
+        if scene.tip_contact:
+            self.sides = {number: parcel.side(number) for number in self.fence_corners}
+        behind = {SIDES[number] for number in self.sides}
+        touching = sorted({*self.fence_corners, *self.border_corners, *behind})
+        self.corners = {number: parcel.corner(number) for number in touching}
+        self.stiffness, self.viscosity = parcel.stiffness, contact.viscosity(parcel)
+        self.belt = None
+        if belt is not None:
+            weight = parcel.mass * belt.gravity
+            self.belt = BeltContact(belt.speed, belt.friction, weight, parcel.mean_distance)
+        self.size = jnp.sqrt(self.inertia / self.mass)
+        self.link = None if scene.fence is None else FlexibleLink(scene.fence, fidelity)
+        self.drive = scene.drive
+        self.fence_friction = scene.fence_friction
+        self.border_friction = None if scene.border is None else scene.border.friction
+        self.fidelity = fidelity
+
+    def arms(self, angle: Array) -> dict[int, tuple[Array, Array]]:
+        """The corners that can touch, from C_s in fixed axes [m], at the parcel's `angle`."""
+        if not self.corners:
+            return {}
+        cosine, sine = jnp.cos(angle), jnp.sin(angle)
+        return {
+            number: (cosine * x - sine * y, sine * x + cosine * y)
+            for number, (x, y) in self.corners.items()
+        }
+
+    def fade(self, place: Array) -> Array:
+        """Share of the contact law [1] that acts at an arc coordinate: 1 on the fence, 0 off it.
+        Where the tip may carry the contact, it does not end there."""
+        assert self.link is not None
+        length = self.fidelity.tip_fade
+        on_link = contact.fade(-place, length)
+        if self.sides:
+            return on_link
+        return contact.fade(place - self.link.reach, length) * on_link
+
+    def frame(
+        self,
+        drive: DriveMotion | None,
+        places: tuple[Array, ...],
+        loaded: tuple[Array, ...] | None = None,
+        gone: tuple[Array, ...] = (),
+    ) -> FenceFrame | None:
+        """The fence's frame at the drive's motion, with the corners' feet at `places`.
+
+        The fence is loaded there or, where the tip may carry a contact, at the places `loaded`.
+        `gone`, if given, is 1 for a corner that has left over the tip and does not meet the fence
+        from behind, else 0.
+        """
+        if drive is None:
+            return None
+        turn = (jnp.cos(drive.angle), jnp.sin(drive.angle))
+        shares = tuple(self.fade(p) for p in places)
+        if gone:
+            shares = tuple(share * (1 - g) for share, g in zip(shares, gone, strict=True))
+        edges = ()
+        if self.sides:
+            assert self.link is not None
+            edges = tuple(self.link.reach - p for p in (places if loaded is None else loaded))
+        return FenceFrame(turn, drive.speed, places, shares, edges)
+
+    def loaded(self, place: Array, lean: Lean) -> Array:
+        """Arc coordinate [m] at which a contact loads the fence, of a corner's foot at `place`."""
+        assert self.link is not None
+        return jnp.minimum(place + lean.shift, self.link.reach)
+
+    def gone(self, before: Array, place: Array, touch: Touch) -> Array:
+        """Whether a corner has left over the tip: from where its force has faded, until it is clear
+        of the fence's line again."""
+        assert self.link is not None
+        over = place > self.link.reach + self.fidelity.tip_fade
+        if touch.lasting is not None:
+            over = touch.remaining(1.0) <= 0
+        return jnp.where(touch.gap <= 0, 0.0, jnp.where(over, 1.0, before))
+
+    def ends(self, k: int, what: Contact, touch: Touch) -> Array:
+        """Whether the force of the k-th corner at the fence is being ended beyond the tip, with
+        nothing in the scene to take over from it."""
+        assert self.link is not None
+        if touch.lasting is None:
+            return (what.place > self.link.reach) & (what.gap > 0) & (what.normal > 0)
+        number, pressed = self.fence_corners[k], what.normal > 0
+        on_side, facing = touch.lasting
+        follows = SIDES[number] in self.fence_corners
+        leads = number in {SIDES[other] for other in self.fence_corners}
+        return pressed & ((on_side < 1) & (not follows) | (facing < 1) & (not leads))
+
+    def _side(self, number: int, arms: dict[int, tuple[Array, Array]]) -> Side:
+        (x, y), (far_x, far_y) = arms[number], arms[SIDES[number]]
+        length = self.sides[number]
+        return Side((far_x - x) / length, (far_y - y) / length, length)
+
+    def _contact(self, touch: Touch, friction: Friction | None, place, normal, share):
+        """One contact: what it does, the law's normal force and its response.
+
+        `normal` is the force where it is an unknown of its own, else `None`.
+        """
+        law = contact.kelvin(self.stiffness, self.viscosity, touch.gap, touch.gap_rate)
+        if share is not None:
+            law = contact.Kelvin(*(share * value for value in law))
+        normal = law.force if normal is None else normal
+        drag = by_sliding = jnp.zeros_like(normal)
+        if friction is not None:
+            drag, by_sliding = corner_share(friction, touch.sliding, self.fidelity.smoothing)
+        what = Contact(normal, normal * drag, touch.gap, touch.gap_rate, place, touch.sliding)
+        return what, law.force, Response(law.by_gap, law.by_rate, by_sliding, drag)
+
+    def forces(
+        self,
+        body: Body,
+        arms: dict[int, tuple[Array, Array]],
+        frame: FenceFrame | None,
+        points: tuple[FencePoint, ...],
+        normals: tuple[Array, ...] | None = None,
+    ) -> Forces:
+        """Forces and acceleration at an instant.
+
+        `points` are those of the fence under each of `fence_corners`. With `normals` the forces
+        [N] of the fence are taken from there instead of from the contact law.
+        """
+        total = [jnp.zeros_like(body.x)] * 3
+        touches, fence, border, laws, responses = [], [], [], [], []
+
+        for k, number in enumerate(self.fence_corners):
+            assert frame is not None
+            corner = corner_from_arm(body, *arms[number])
+            parts = fence_touch(corner, points[k], frame.turn, frame.speed)
+            share = frame.shares[k]
+            if self.sides:
+                side, fade = self._side(number, arms), self.fidelity.tip_fade
+                parts = around(parts, body.spin, side, frame.edges[k], fade)
+                share = parts.remaining(share)
+            given = None if normals is None else normals[k]
+            what, law, response = self._contact(
+                parts, self.fence_friction, frame.places[k], given, share
+            )
+            touches.append(parts)
+            fence.append(what)
+            laws.append(law)
+            responses.append(response)
+
+        for number in self.border_corners:
+            corner = corner_from_arm(body, *arms[number])
+            parts = border_touch(corner)
+            what, _, response = self._contact(parts, self.border_friction, corner.x, None, None)
+            touches.append(parts)
+            border.append(what)
+            responses.append(response)
+
+        for what, parts in zip((*fence, *border), touches, strict=True):
+            total = [
+                q + what.normal * n + what.friction * t
+                for q, n, t in zip(total, parts.normal, parts.tangent, strict=True)
+            ]
+
+        belt, belt_slopes, slip = None, None, None
+        if self.belt is not None:
+            belt, belt_slopes = self.belt.force(body, self.fidelity.smoothing)
+            slip = self.belt.slip(body)
+            total = [q + f for q, f in zip(total, belt[:3], strict=True)]
+
+        return Forces(
+            self.acceleration(*total),
+            tuple(fence),
+            tuple(touches),
+            tuple(laws),
+            tuple(border),
+            belt,
+            tuple(responses),
+            belt_slopes,
+            slip,
+        )
+
+    def acceleration(self, x: Array, y: Array, moment: Array) -> Acceleration:
+        """What a force [N] and its moment about C_s [N m] give the parcel."""
+        return Acceleration(x / self.mass, y / self.mass, moment / self.inertia)
+
+    def force_scale(self, forces: Forces) -> Array:
+        """Size of the forces at play [N]: the normal ones, and the weight on a belt."""
+        scale = jnp.full_like(forces.acceleration.x, 1e-6)
+        if self.belt is not None:
+            scale = scale + self.belt.weight
+        for what in (*forces.fence, *forces.border):
+            scale = scale + jnp.abs(what.normal)
+        for law in forces.laws:
+            scale = scale + law
+        return scale
+
+    def lightness(self, parts: Touch) -> Array:
+        """How much a unit force along the surface accelerates the corner there [1/kg]."""
+        x, y, turning = parts.tangent
+        return (x**2 + y**2) / self.mass + turning**2 / self.inertia
+
+
+def force_tolerance(dtype) -> float:
+    """Unbalanced force that is let be, relative to the forces: 5e-7 in double precision, 2e-3 in
+    single precision."""
+    return float(jnp.finfo(dtype).eps) ** 0.4

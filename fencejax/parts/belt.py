@@ -1,0 +1,54 @@
+"""The belt the parcel lies on, and the border beside it."""
+
+from typing import ClassVar, Literal
+
+import equinox as eqx
+from jaxtyping import Array, ArrayLike
+
+from .. import _check
+from .._check import Bounds
+from .friction import Friction
+
+
+class Belt(eqx.Module):
+    """A belt that runs along +x and carries the parcel by friction."""
+
+    speed: Array
+    width: Array
+    friction: Friction
+    gravity: Array
+
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "speed": Bounds("m/s", least=0, size=1.0),
+        "width": Bounds("m", above=0, size=1.0),
+        "gravity": Bounds("m/s^2", least=0, size=10.0),
+    }
+
+    def __init__(
+        self,
+        speed: ArrayLike = 2.0,
+        width: ArrayLike = 0.7,
+        friction: Friction | None = None,
+        gravity: ArrayLike = 9.81,
+    ):
+        """**Arguments:**
+
+        - `speed`: v [m/s], at least 0.
+        - `width`: s [m] from the border to the chute, above 0.
+        - `friction`: default kinetic 0.65, static 0.85.
+        - `gravity`: g [m/s^2], at least 0.
+        """
+        self.speed = _check.field(self, "speed", speed)
+        self.width = _check.field(self, "width", width)
+        self.friction = Friction(kinetic=0.65, static=0.85) if friction is None else friction
+        self.gravity = _check.field(self, "gravity", gravity)
+
+
+class Border(eqx.Module):
+    """The conveyor border: a still wall along y = 0 with the normal (0, 1)."""
+
+    friction: Friction | None
+
+    def __init__(self, friction: Friction | None | Literal["default"] = "default"):
+        """**Arguments:** `friction`: default kinetic 0.35, static 0.5; `None` for none."""
+        self.friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction

@@ -1,0 +1,41 @@
+"""Constant speed up to an end angle."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
+from ... import _check
+from ..._check import Bounds
+from .abstract import AbstractDrive
+
+
+class ConstantSpeedDrive(AbstractDrive):
+    """alpha_w = alphadot t, up to an end angle, where the drive stops dead.
+
+    The fence is taken to move at that speed from the start, undeformed.
+    """
+
+    speed: Array
+    end_angle: Array
+
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "speed": Bounds("rad/s", above=0, size=1.0),
+        "end_angle": Bounds("rad", above=0, most=3.1, size=1.0),
+    }
+
+    def __init__(self, speed: ArrayLike = 1.53, end_angle: ArrayLike = 0.6623):
+        """**Arguments:** `speed` [rad/s], above 0. `end_angle` [rad], above 0."""
+        self.speed = _check.field(self, "speed", speed)
+        self.end_angle = _check.field(self, "end_angle", end_angle)
+
+    def angle(self, time: Array) -> Array:
+        return jnp.minimum(self.speed * time, self.end_angle)
+
+    @property
+    def cycle(self) -> Array:
+        return self.end_angle / self.speed
+
+    @property
+    def turning_time(self) -> Array:
+        return self.end_angle / self.speed

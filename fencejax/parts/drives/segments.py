@@ -1,0 +1,21 @@
+"""Motions made of polynomial segments, out and back, and the limits of a phase."""
+
+import jax.numpy as jnp
+
+ROUNDING = 1e-6
+
+
+def out_and_back(time, dwell, stroke, impulses, power):
+    """Sum of c (t - t_k)_+^power over the knots of the way out, and the same reversed for the way
+    back after the dwell."""
+    total = jnp.zeros_like(time)
+    for start, sign in ((0.0, 1.0), (stroke + dwell, -1.0)):
+        for knot, weight in impulses:
+            since = time - start - knot
+            total = total + sign * weight * jnp.where(since < 0, 0.0, since) ** power
+    return total
+
+
+def within(phase):
+    """Clip to [0, 1] with the derivative from within at both ends (`jnp.clip` halves it there)."""
+    return jnp.where(phase < 0, 0.0, jnp.where(phase > 1, 1.0, phase))

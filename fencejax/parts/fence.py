@@ -1,0 +1,81 @@
+"""The fence: a rigid link hinged to the border, followed by a flexible one."""
+
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, ArrayLike
+
+from .. import _check
+from .._check import Bounds
+from .material import Material
+from .taper import AbstractTaper, ConstantStrength
+
+
+class Fence(eqx.Module):
+    """A rigid link of length l_s and a flexible link of length l_p, both of width z.
+
+    The thickness of the flexible link is h(x) = h_1 g(x / l_p); the rigid link is h_1 thick
+    throughout, which matters for the drive torque alone. The defaults are the two-link fence of
+    Piatkowski (2010).
+    """
+
+    rigid_length: Array
+    flexible_length: Array
+    width: Array
+    thickness: Array
+    material: Material
+    taper: AbstractTaper
+
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "rigid_length": Bounds("m", least=0, size=1.0),
+        "flexible_length": Bounds("m", above=0, size=1.0),
+        "width": Bounds("m", above=0, size=0.1),
+        "thickness": Bounds("m", above=0, size=0.05),
+    }
+
+    def __init__(
+        self,
+        rigid_length: ArrayLike = 0.45,
+        flexible_length: ArrayLike = 0.75,
+        width: ArrayLike = 0.132,
+        thickness: ArrayLike = 0.045,
+        material: Material | None = None,
+        taper: AbstractTaper | None = None,
+    ):
+        """**Arguments:**
+
+        - `rigid_length`: l_s [m], at least 0 (0: the one-link fence).
+        - `flexible_length`: l_p [m], above 0.
+        - `width`: z [m], above 0.
+        - `thickness`: h_1 [m] of the flexible link at its root, above 0.
+        - `material`: default `Material()`.
+        - `taper`: the profile of the thickness, default `ConstantStrength()`.
+        """
+        self.rigid_length = _check.field(self, "rigid_length", rigid_length)
+        self.flexible_length = _check.field(self, "flexible_length", flexible_length)
+        self.width = _check.field(self, "width", width)
+        self.thickness = _check.field(self, "thickness", thickness)
+        self.material = Material() if material is None else material
+        self.taper = ConstantStrength() if taper is None else taper
+
+    @classmethod
+    def one_link(cls, **changes) -> "Fence":
+        """The paper's one-link fence: l_s = 0, l_p = 1.2 m, h_1 = 0.073 m."""
+        numbers = dict(rigid_length=0.0, flexible_length=1.2, thickness=0.073)
+        return cls(**{**numbers, **changes})
+
+    @property
+    def reach(self) -> Array:
+        """R_z = l_s + l_p [m], from the hinge to the tip."""
+        return self.rigid_length + self.flexible_length
+
+    @property
+    def mass_scale(self) -> Array:
+        """rho z h_1 l_p [kg]: the mass of a flexible link of uniform thickness h_1."""
+        return self.material.density * self.width * self.thickness * self.flexible_length
+
+    @property
+    def stiffness_scale(self) -> Array:
+        """E I_1 / l_p^3 [N/m], with I_1 = z h_1^3 / 12 the second moment at the root."""
+        second_moment = self.width * self.thickness**3 / 12
+        return self.material.youngs_modulus * second_moment / self.flexible_length**3

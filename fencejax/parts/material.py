@@ -1,0 +1,43 @@
+"""The material of the fence."""
+
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, ArrayLike
+
+from .. import _check
+from .._check import Bounds
+
+
+class Material(eqx.Module):
+    """A linear elastic material with stiffness-proportional (Kelvin-Voigt) damping.
+
+    The defaults are those of dry polyamide PA6 (data sheets).
+    """
+
+    youngs_modulus: Array
+    density: Array
+    damping_ratio: Array
+
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "youngs_modulus": Bounds("Pa", above=0, size=3e9),
+        "density": Bounds("kg/m^3", above=0, size=1e3),
+        "damping_ratio": Bounds(least=0, size=0.05),
+    }
+
+    def __init__(
+        self,
+        youngs_modulus: ArrayLike = 3.0e9,
+        density: ArrayLike = 1130.0,
+        damping_ratio: ArrayLike = 0.05,
+    ):
+        """**Arguments:**
+
+        - `youngs_modulus`: E [Pa], above 0.
+        - `density`: rho [kg/m^3], above 0.
+        - `damping_ratio`: zeta [1] of the first bending mode, at least 0. The damping matrix is
+          B = (2 zeta / omega_1) K, so that mode i has the ratio zeta omega_i / omega_1.
+        """
+        self.youngs_modulus = _check.field(self, "youngs_modulus", youngs_modulus)
+        self.density = _check.field(self, "density", density)
+        self.damping_ratio = _check.field(self, "damping_ratio", damping_ratio)

@@ -1,0 +1,124 @@
+"""The parcel: a rigid rectangle with compliant corners."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
+from .. import _check
+from .._check import Bounds
+
+SIDES = {1: 2, 2: 3, 3: 4, 4: 1}
+"""The other corner of the side behind each corner, clockwise."""
+
+
+class Parcel(eqx.Module):
+    """A rigid rectangle A x B, with A along x at phi = 0, that touches with its corners.
+
+    Corners, seen from the centre of gravity C_s in the parcel's frame: 1 leading lower,
+    2 trailing lower, 3 trailing upper, 4 leading upper.
+    """
+
+    mass: Array
+    length: Array
+    breadth: Array
+    center_x: Array
+    center_y: Array
+    given_inertia: Array | None
+    stiffness: Array
+    damping: Array
+
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "mass": Bounds("kg", above=0, size=10.0),
+        "length": Bounds("m", above=0, size=0.4),
+        "breadth": Bounds("m", above=0, size=0.4),
+        "center_x": Bounds("m", size=0.4),
+        "center_y": Bounds("m", size=0.4),
+        "inertia": Bounds("kg m^2", above=0, size=0.3),
+        "stiffness": Bounds("N/m^4", least=0, size=1e9),
+        "damping": Bounds("N s kg^-0.4 m^-3", least=0, size=1e5),
+    }
+
+    def __init__(
+        self,
+        mass: ArrayLike = 15.0,
+        length: ArrayLike = 0.4,
+        breadth: ArrayLike = 0.3,
+        center_x: ArrayLike = 0.0,
+        center_y: ArrayLike = 0.0,
+        inertia: ArrayLike | None = None,
+        stiffness: ArrayLike = 1.72e9,
+        damping: ArrayLike = 3.3e5,
+    ):
+        """**Arguments:**
+
+        - `mass`: m_p [kg], above 0.
+        - `length`, `breadth`: A and B [m], above 0.
+        - `center_x`, `center_y`: (x_p, y_p) [m], the centre of gravity from the geometric centre,
+          inside the rectangle.
+        - `inertia`: I_p about C_s [kg m^2]; by default m_p (A^2 + B^2) / 12, and it then follows
+          the mass and the size.
+        - `stiffness`: k_p [N/m^4], at least 0. `damping`: b_p [N s kg^-0.4 m^-3], at least 0.
+        """
+        self.mass = _check.field(self, "mass", mass)
+        self.length = _check.field(self, "length", length)
+        self.breadth = _check.field(self, "breadth", breadth)
+        self.center_x = _check.field(self, "center_x", center_x)
+        self.center_y = _check.field(self, "center_y", center_y)
+        inside = "The centre of gravity lies inside the rectangle."
+        for name, offset, side in (
+            ("center_x", self.center_x, self.length),
+            ("center_y", self.center_y, self.breadth),
+        ):
+            _check.scalar(
+                f"|{name}| / half side", 2 * jnp.abs(offset) / side, most=1, remedy=inside
+            )
+        self.given_inertia = None if inertia is None else _check.field(self, "inertia", inertia)
+        self.stiffness = _check.field(self, "stiffness", stiffness)
+        self.damping = _check.field(self, "damping", damping)
+
+    @property
+    def inertia(self) -> Array:
+        """I_p [kg m^2] about the centre of gravity."""
+        if self.given_inertia is None:
+            return self.mass * (self.length**2 + self.breadth**2) / 12
+        return self.given_inertia
+
+    def corner(self, number: int) -> tuple[Array, Array]:
+        """Corner 1 ... 4 in the parcel's frame, from C_s [m]."""
+        side = 0.5 if number in (1, 4) else -0.5
+        height = 0.5 if number in (3, 4) else -0.5
+        return side * self.length - self.center_x, height * self.breadth - self.center_y
+
+    def side(self, number: int) -> Array:
+        """Length [m] of the side from corner 1 ... 4 to the next one clockwise."""
+        return self.length if number in (1, 3) else self.breadth
+
+    @property
+    def mean_distance(self) -> Array:
+        """c [m], the mean distance of the rectangle's points from C_s, in closed form.
+
+        The rectangle is cut into four at C_s. For a rectangle a x b seen from its corner, with
+        d = sqrt(a^2 + b^2), the integral of the distance is
+        a b d / 3 + (a^3 asinh(b / a) + b^3 asinh(a / b)) / 6.
+        """
+        total = 0.0
+        for a in (self.length / 2 - self.center_x, self.length / 2 + self.center_x):
+            for b in (self.breadth / 2 - self.center_y, self.breadth / 2 + self.center_y):
+                total = total + _corner_integral(a, b)
+        return total / (self.length * self.breadth)
+
+
+def _corner_integral(a, b):
+    """Integral of the distance from a corner over the rectangle a x b [m^3]; smooth where one of
+    the sides is 0."""
+    corner = (a == 0) & (b == 0)
+    diagonal = jnp.sqrt(jnp.where(corner, 1.0, a**2 + b**2))
+    return a * b * jnp.where(corner, 0.0, diagonal) / 3 + (_wing(a, b) + _wing(b, a)) / 6
+
+
+def _wing(a, b):
+    """a^3 asinh(b / |a|), 0 with its derivatives at a = 0."""
+    flat = a == 0
+    return a**3 * jnp.arcsinh(b / jnp.where(flat, 1.0, jnp.abs(a)))

@@ -1,0 +1,93 @@
+"""The thickness of the flexible link along its length, h(x) = h_1 g(x / l_p)."""
+
+import abc
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike
+
+from .. import _check
+from .._check import Bounds
+
+
+class AbstractTaper(eqx.Module):
+    """A profile g of the thickness over the relative position x / l_p in [0, 1].
+
+    Any fixed g is self-similar: the mass and stiffness matrices of the link scale with
+    rho z h_1 l_p and E z h_1^3 / l_p^3, so one dimensionless eigen-solve, done before the program
+    is traced, serves every design. A profile with parameters of its own (array leaves) puts the
+    eigen-solve into the program, where it is differentiated.
+    """
+
+    @abc.abstractmethod
+    def __call__(self, position: Any, tip_distance: Any) -> Any:
+        """g(x / l_p) [1] at `position` = x / l_p, of any shape.
+
+        `tip_distance` = 1 - x / l_p is given beside it, free of cancellation. The array functions
+        used are those that NumPy and JAX share.
+        """
+
+
+class ConstantStrength(AbstractTaper):
+    """g = sqrt(1 - x / l_p), equation (2.1): under a force at the tip every section carries the
+    same bending stress. The thickness at the tip is zero."""
+
+    def __call__(self, position, tip_distance):
+        return tip_distance**0.5
+
+
+class Uniform(AbstractTaper):
+    """g = 1: a plain strip."""
+
+    def __call__(self, position, tip_distance):
+        return tip_distance**0
+
+
+class PowerTaper(AbstractTaper):
+    """g = (1 - x / l_p)^p with a traced exponent p [1], 0 <= p < 1.
+
+    Above p = 1 the tip is so slender that its curvature is no longer square integrable.
+    """
+
+    exponent: Array
+
+    bounds: ClassVar[dict[str, Bounds]] = {"exponent": Bounds(least=0, most=0.99)}
+
+    def __init__(self, exponent: ArrayLike):
+        self.exponent = _check.field(self, "exponent", exponent)
+
+    def __call__(self, position, tip_distance):
+        return tip_distance**self.exponent
+
+
+class ProfileTaper(AbstractTaper):
+    """g by linear interpolation of traced `ratios` [1] at equally spaced stations, root to tip."""
+
+    ratios: Array
+
+    bounds: ClassVar[dict[str, Bounds]] = {"ratios": Bounds(above=0, size=1.0)}
+
+    def __init__(self, ratios: ArrayLike):
+        self.ratios = _check.vector("ratios", ratios, size_least=2, above=0, size=1.0)
+
+    def __call__(self, position, tip_distance):
+        stations = jnp.linspace(0.0, 1.0, self.ratios.shape[-1])
+        return jnp.interp(position, stations, self.ratios)
+
+
+class SteppedTaper(AbstractTaper):
+    """Another profile milled in `steps` equal steps, each as thick as the profile at its middle."""
+
+    profile: AbstractTaper
+    steps: int = eqx.field(static=True)
+
+    def __init__(self, profile: AbstractTaper, steps: int):
+        self.profile = profile
+        self.steps = _check.count("steps", steps, least=1)
+
+    def __call__(self, position, tip_distance):
+        step = np.minimum(np.floor(position * self.steps), self.steps - 1)
+        middle = (step + 0.5) / self.steps
+        return self.profile(middle, 1 - middle)

@@ -1,0 +1,52 @@
+"""Figures and films of results, studies and optimisations: each function draws on axes and returns
+them.
+
+- a scene from above at an instant, and as moving pictures: `draw_scene`, `animate`;
+- signals over time: `histories`, `energies`, `force`, `tip_deflection`;
+- charts: `heat_map`, `front`, `convergence`, `gradient_bars`.
+
+matplotlib is imported where it is first used, and its global state is left alone: a figure is made
+where no axes are given, and belongs to them (`axes.figure`).
+
+May import: `results` and what is below it.
+"""
+
+from . import (
+    style as style,
+)
+from .animation import (
+    Film as Film,
+    animate as animate,
+)
+from .charts import (
+    convergence as convergence,
+    front as front,
+    gradient_bars as gradient_bars,
+    heat_map as heat_map,
+    non_dominated as non_dominated,
+)
+from .fence_shape import (
+    FORCES as FORCES,
+    outline as outline,
+)
+from .scene_drawing import (
+    draw_scene as draw_scene,
+    reference_force as reference_force,
+)
+from .style import (
+    COLORS as COLORS,
+    figure as figure,
+    legend as legend,
+    legend_above as legend_above,
+    panel as panel,
+    prepared as prepared,
+)
+from .time_series import (
+    SIGNALS as SIGNALS,
+    Signals as Signals,
+    Trace as Trace,
+    energies as energies,
+    force as force,
+    histories as histories,
+    tip_deflection as tip_deflection,
+)

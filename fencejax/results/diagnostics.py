@@ -1,0 +1,215 @@
+"""Whether the numbers of a simulation can be relied on: what its running sums, its result and its
+derivatives say."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..fidelity import Fidelity
+from ..model import FlexibleLink, Mechanics, force_tolerance
+from ..scenes import NormalScene, Scene, consistent
+from .accumulators import Tally
+from .result import Result
+from .status import Status, worst
+
+# A force whose second difference from step to step is a larger share of its peak than this is not
+# resolved: the peak is off by up to a sixth of that share, its gradient by up to twice of it.
+_ROUGH = 0.14
+# The same where parcel and fence had parted before the peak: a blow depends on when the one before
+# it ended, and its derivative far more so.
+_ROUGH_AGAIN = 0.01
+# The first mode's angular frequency times the step: above it a friction that turns round within a
+# step rings the fence as it would not in time, by little, but the derivative counts its phase.
+_RINGING = 1.5
+# So it does under a contact that is all damper, which holds the fence to the corner: its time of
+# relaxation b_p m_p^0.4 / (k_p D), in steps.
+_PINNED = 1e6
+# What the modes left out may lag behind their static deflection, as a share of the depth of the
+# contact: |N''| G / w^2 with their compliance G and w between the highest frequency kept and the
+# lowest left out.
+_LAGGING = 0.0052
+# What the modes left out may bend the fence statically, as a share of the flexible link's length:
+# their deflection and slope are right, not what these do to the arc's length and to other corners.
+_TURNING = 0.003
+# A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
+_UNFELT = 5e-3
+# Share of the peak force that the belt's friction may lose to its smoothing at the peak.
+_SMOOTHED = 0.004
+# Share of it that a parcel may owe to how friction let go of it before; less where friction falls
+# by more when it lets go, from how many times kinetic friction on, and by how much.
+_CREPT = 0.00105
+_FALLS = ((9.0, 0.0), (2.0, 0.2), (0.7, 0.45))
+# Share of the slip at the peak that may be the creep of a parcel that stuck before.
+_CREEP = 0.0082
+# Share of the slip at the peak that the belt's friction may add within a step, of a parcel that
+# turned round on it before: when in the step it did so counts.
+_JOLT = 0.015
+# Tip deflection that only a motion out of control has, in limits of the linear beam [1].
+_LOST = 40.0
+
+
+def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> Array:
+    """Whether the smoothing of the belt's friction may move the peak force by more than a share.
+
+    At the peak it takes m_p g (mu_k eps + |mu_s - mu_k| w_s) / s of the force, with s the slip
+    there. A parcel that stuck to the belt and let go before creeps meanwhile, for a time T: it has
+    a head start of eps, and of w_s as far as static and kinetic friction differ; and it is held by
+    up to |mu_s - mu_k| m_p g, as it is not by dry friction: a share of the peak force, times the
+    share |mu_s - mu_k| g T / s of the slip.
+    """
+    assert scene.belt is not None
+    friction, peak = scene.belt.friction, tally.at_peak
+    jump = jnp.abs(friction.static - friction.kinetic)
+    lost = friction.kinetic * fidelity.slip_speed + jump * fidelity.static_speed
+    now = weight * lost > _SMOOTHED * tally.force.value * peak.slip
+    held = jump * scene.belt.gravity * peak.crept
+    steep = [jump > times * friction.kinetic for times, _ in _FALLS]
+    allowed = _CREPT * jnp.select(steep, [share for _, share in _FALLS], 1.0)
+    late = jump * weight * held > allowed * tally.force.value * peak.slip
+    largest = jnp.maximum(friction.static, friction.kinetic)
+    creep = largest * fidelity.slip_speed + jump * fidelity.static_speed
+    early = (peak.crept > 0.25 * fidelity.step) & (creep > _CREEP * largest * peak.slip)
+    return (tally.force.value > 0) & (now | late | early)
+
+
+def _jolted(scene: Scene, fidelity: Fidelity, tally: Tally) -> Array:
+    """Whether it is too much beside the slip at the peak what friction adds in a step's length h,
+    mu g h, of a parcel that turned round on the belt before."""
+    assert scene.belt is not None
+    friction, peak = scene.belt.friction, tally.at_peak
+    largest = jnp.maximum(friction.static, friction.kinetic)
+    jump = largest * scene.belt.gravity * fidelity.step
+    return (peak.slewed > 0) & (jump > _JOLT * peak.slip)
+
+
+def unresolved(
+    link: FlexibleLink | None, tally: Tally, unfelt: Array | float = 0.0
+) -> list[tuple[Status, Array]]:
+    """Whether steps do not resolve the fence's force, of which `unfelt` [N] may be rough, or the
+    modes kept do not."""
+    checks = [(Status.STEP_TOO_COARSE, tally.rough > _ROUGH * tally.force.value + unfelt)]
+    if link is not None and link.frequency_squared:
+        # A clamped beam's n-th frequency goes with (n - 1/2)^2.
+        kept = link.eigenvalues.shape[-1]
+        square = ((kept + 0.5) / (kept - 0.5)) ** 2 * jax.lax.stop_gradient(link.eigenvalues[-1])
+        lag = _LAGGING * square * tally.deepest
+        checks.append((Status.MODES_TOO_FEW, tally.hurry > lag))
+    return checks
+
+
+def of_tally(
+    scene: Scene, mechanics: Mechanics, tally: Tally, done: Array | float, start_time: Array
+) -> Array:
+    """The largest status that applies, as a floating-point number."""
+    tally = jax.lax.stop_gradient(tally)
+    scene = jax.lax.stop_gradient(scene)
+    parcel = scene.parcel
+    side = jnp.minimum(parcel.length, parcel.breadth)
+    checks = [(Status.DEEP_PENETRATION, tally.deepest > side / 2)]
+    forces = jnp.maximum(tally.force.value, tally.border.value)
+    weight = parcel.mass * (0.0 if scene.belt is None else scene.belt.gravity)
+    # Where the fence is touched its force must be right beside a large weight, too.
+    share = max(1e-3, 4 * force_tolerance(parcel.mass.dtype))
+    allowed = share * (forces + jnp.where(tally.stay.touched > 0, 0.0, weight))
+    checks.append((Status.STEP_TOO_COARSE, tally.defect > allowed + 1e-9))
+    at_border = _ROUGH * tally.border.value + _UNFELT * forces
+    checks.append((Status.STEP_TOO_COARSE, tally.rough_border > at_border))
+    again = tally.at_peak.again > _ROUGH_AGAIN * tally.force.value
+    checks.append((Status.STEP_TOO_COARSE, again))
+    checks += unresolved(mechanics.link, tally, _UNFELT * forces)
+    checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
+    checks.append((Status.INCONSISTENT, ~consistent(scene, start_time)))
+    if scene.belt is not None and scene.fence_corners:
+        lost = _smoothed(scene, mechanics.fidelity, tally, weight)
+        checks.append((Status.FRICTION_SMOOTHED, lost))
+        jolted = _jolted(scene, mechanics.fidelity, tally)
+        checks.append((Status.STEP_TOO_COARSE, jolted))
+    if mechanics.link is not None and mechanics.link.frequency_squared:
+        frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.eigenvalues[0]))
+        rings = frequency * mechanics.fidelity.step > _RINGING
+        relaxed = _PINNED * mechanics.fidelity.step * mechanics.stiffness * tally.deepest
+        pinned = (mechanics.viscosity > relaxed) & (tally.deepest > 0)
+        checks.append((Status.STEP_TOO_COARSE, rings & (pinned | (tally.at_peak.turned > 0))))
+        assert scene.fence is not None
+        turned = tally.carried > _TURNING * scene.fence.flexible_length
+        checks.append((Status.MODES_TOO_FEW, turned))
+    if scene.fence is not None:
+        limit = scene.fence.flexible_length / 4
+        checks.append((Status.LARGE_DEFLECTION, tally.tip.value > limit))
+        # It runs away: finite still, but its derivatives may be so no more.
+        checks.append((Status.NON_FINITE, tally.tip.value > _LOST * limit))
+    if scene.fence_corners:
+        checks.append((Status.NEVER_TOUCHED, tally.stay.touched == 0))
+        checks.append((Status.IN_CONTACT_AT_END, tally.last.fence_force > 0))
+        checks.append((Status.LEFT_OVER_TIP, tally.over_tip > 0))
+        checks.append((Status.PEAK_AT_TIP, tally.at_peak.cut > 0))
+    body = tally.last.body
+    finite = jnp.isfinite(sum(body) + tally.force.value + tally.tip.value)
+    checks.append((Status.NON_FINITE, ~finite))
+    return worst(checks, body.x)
+
+
+# --- Of a result ----------------------------------------------------------------------------------
+
+# Not a number where there was no contact.
+_MAY_BE_NAN = ("first_contact", "last_contact", "leave_x", "leave_y", "status")
+# Of a whole result, what shows that derivatives were lost on the way.
+_TELLING = ("final", "tip_deflection")
+
+
+def _finite(fields: Mapping[str, Any]) -> Array:
+    """Whether all numbers of a result's fields are finite that have to be."""
+    finite = jnp.asarray(True)
+    for leaf in jax.tree.leaves({f: v for f, v in fields.items() if f not in _MAY_BE_NAN}):
+        finite = finite & jnp.all(jnp.isfinite(leaf))
+    return finite
+
+
+# Share of the energy turned over that a ledger may gain.
+_GAIN = 0.05
+
+
+def _gained(scene: NormalScene | Scene, result: Result) -> Array:
+    """Whether the energy ledger ends with more than the work done accounts for: a residual above
+    5 % of what was turned over, the parcel's kinetic energy at the end and the sizes of the
+    ledger's terms together."""
+    parcel, final = scene.parcel, result.final
+    held = 0.5 * parcel.mass * (final.x_rate**2 + final.y_rate**2)
+    held = held + 0.5 * parcel.inertia * final.spin**2
+    turned = held + sum(jnp.abs(term) for term in jax.tree.leaves(result.energy))
+    return result.energy.residual > _GAIN * turned
+
+
+def of_result(scene: NormalScene | Scene, result: Result) -> Result:
+    """The same with the status `ENERGY_GAINED` where the ledger is wanted and says so, and
+    `NON_FINITE` where a number is not finite, and then without derivatives: a lane whose value is
+    taken out of a sum is out of the sum's gradient too."""
+    status = jax.lax.stop_gradient(result.status)
+    if result.energy is not None and result.final is not None:
+        gain = _gained(*jax.lax.stop_gradient((scene, result)))
+        status = jnp.where(gain, jnp.maximum(status, float(Status.ENERGY_GAINED)), status)
+    finite = jax.lax.stop_gradient(_finite(vars(result)))
+    status = jnp.where(finite, status, float(Status.NON_FINITE))
+    lost = status >= Status.NON_FINITE
+    result = jax.tree.map(
+        lambda leaf: jnp.where(lost, jax.lax.stop_gradient(leaf), leaf), result
+    )
+    return eqx.tree_at(lambda r: r.status, result, status)
+
+
+def of_derivatives(result: Result, columns: Result) -> tuple[Result, Result]:
+    """The same with the status `NON_FINITE` and derivatives of 0 where a derivative is not finite,
+    as of a state that runs away and is finite still.
+
+    A motion whose derivative is lost ends without one. So in a whole result the end and the tip
+    tell: looking at all of it would cost the derivatives that nobody reads.
+    """
+    whole = columns.final is not None
+    finite = _finite({f: c for f, c in vars(columns).items() if not whole or f in _TELLING})
+    status = jnp.where(finite, result.status, float(Status.NON_FINITE))
+    columns = jax.tree.map(lambda leaf: jnp.where(finite, leaf, jnp.zeros_like(leaf)), columns)
+    return eqx.tree_at(lambda r: r.status, result, status), columns

@@ -1,0 +1,221 @@
+"""Everything a scene is doing at one instant: what a history is made of."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..model import (
+    Acceleration,
+    BeltForce,
+    Contact,
+    FenceState,
+    FlexibleLink,
+    Forces,
+    Mechanics,
+    Vibration,
+    contact,
+    dot,
+    total,
+)
+from ..parts import DriveMotion
+from ..scenes import Body
+
+
+class Energy(NamedTuple):
+    """Energies held at an instant [J]: of the parcel's motion, of the fence's motion, of its
+    bending, and of the elastic part of the contacts."""
+
+    parcel: Array
+    fence: Array
+    strain: Array
+    contact: Array
+
+
+class Power(NamedTuple):
+    """Rates of work [W], positive where the name says it: done by `drive`, `belt` and `geometry`;
+    taken up by `contact` (stored and dissipated); dissipated by the others.
+
+    `geometry` is what small-deflection beam theory leaves out: the contact forces act along the
+    bent fence's normal and tangent at the point U, while the beam is loaded with N along the
+    undeflected normal (2.8) and with no tangential force.
+    """
+
+    drive: Array
+    belt: Array
+    geometry: Array
+    contact: Array
+    fence_friction: Array
+    border_friction: Array
+    belt_friction: Array
+    beam_damping: Array
+
+
+class Instant(NamedTuple):
+    """A sample of a scene. Parts that the scene does not hold are `None` or empty."""
+
+    time: Array
+    body: Body
+    acceleration: Acceleration
+    drive: DriveMotion | None
+    vibration: Vibration | None
+    fence: tuple[Contact, ...]
+    border: tuple[Contact, ...]
+    belt: BeltForce | None
+    fence_force: Array
+    over_tip: Array
+    tip_deflection: Array
+    stress: Array
+    stress_place: Array
+    torque: Array
+    energy: Energy
+    power: Power
+    carried: tuple[tuple[Array, Array], ...]
+    """For each load of the fence: the compliance [m/N] of the modes left out, and the load [N]
+    that they carry; empty without them."""
+    directions: tuple[tuple[Array, Array, Array], ...] = ()
+    """For each corner at the fence: the direction (x, y) of the normal force and its moment about
+    C_s [m]; empty where the tip carries none, as they follow from the fence's slope then."""
+
+
+def describe(
+    mechanics: Mechanics, time: Array, body: Body, forces: Forces, fence: FenceState | None
+) -> Instant:
+    """Gather a sample from the motion, the forces and the fence's state."""
+    zero = jnp.zeros_like(body.x)
+    fence_force = sum((c.normal for c in forces.fence), zero)
+    kinetic = 0.5 * mechanics.mass * (body.x_rate**2 + body.y_rate**2)
+    kinetic = kinetic + 0.5 * mechanics.inertia * body.spin**2
+    contacts = [*forces.fence, *forces.border]
+    stored = sum((contact.stored_energy(mechanics.stiffness, c.gap) for c in forces.border), zero)
+    over_tip = zero
+    for k, c in enumerate(forces.fence):
+        share, touch = mechanics.fade(c.place), forces.touches[k]
+        stored = stored + touch.remaining(share) * contact.stored_energy(mechanics.stiffness, c.gap)
+        over_tip = jnp.where(mechanics.ends(k, c, touch), 1.0, over_tip)
+    tip, stress, place, torque = zero, zero, zero, zero
+    energy = Energy(kinetic, zero, zero, stored)
+    power = Power(
+        drive=zero,
+        belt=zero,
+        geometry=zero,
+        contact=sum((c.normal * c.gap_rate for c in contacts), zero),
+        fence_friction=sum((-c.friction * c.sliding for c in forces.fence), zero),
+        border_friction=sum((-c.friction * c.sliding for c in forces.border), zero),
+        belt_friction=zero,
+        beam_damping=zero,
+    )
+    if forces.belt is not None:
+        assert mechanics.belt is not None
+        power = power._replace(
+            belt=forces.belt.x * mechanics.belt.speed, belt_friction=forces.belt.dissipated
+        )
+    if fence is not None:
+        link = mechanics.link
+        assert link is not None
+        tip, stress, place = bent(link, fence)
+        torque = _torque(link, fence, forces)
+        energy = _fence_energy(link, fence, energy)
+        power = _fence_power(link, fence, forces, torque, power)
+    return Instant(
+        time=time,
+        body=body,
+        acceleration=forces.acceleration,
+        drive=None if fence is None else fence.drive,
+        vibration=None if fence is None else fence.vibration,
+        fence=forces.fence,
+        border=forces.border,
+        belt=forces.belt,
+        fence_force=fence_force,
+        over_tip=over_tip,
+        tip_deflection=tip,
+        stress=stress,
+        stress_place=place,
+        torque=torque,
+        energy=energy,
+        power=power,
+        carried=() if fence is None else carried(fence),
+        directions=tuple(touch.normal for touch in forces.touches if touch.lean is not None),
+    )
+
+
+def carried(fence: FenceState) -> tuple[tuple[Array, Array], ...]:
+    """Compliance [m/N] of the modes left out and the load [N] that they carry, at each corner."""
+    return tuple(
+        (shape.residual, load)
+        for shape, load in zip(fence.shapes, fence.lagged, strict=True)
+        if shape.residual is not None
+    )
+
+
+def bent(link: FlexibleLink, fence: FenceState) -> tuple[Array, Array, Array]:
+    """Deflection of the tip [m], the largest bending stress [Pa] and its arc coordinate [m]."""
+    amplitude = fence.vibration.amplitude
+    tip = link.tip_deflection(amplitude, fence.lagged, fence.shapes)
+    stresses = link.bending_stress(amplitude, fence.lagged, fence.shapes)
+    worst = jnp.argmax(stresses)
+    return tip, stresses[worst], link.rigid_length + link.stations[worst]
+
+
+def strain_energy(link: FlexibleLink, fence: FenceState) -> Array:
+    """Of the modes and of the modes left out [J]."""
+    strain = 0.5 * link.mass_scale * total(
+        k * q * q for k, q in zip(link.frequency_squared, fence.vibration.amplitude, strict=True)
+    )
+    for force, rate in fence.residual:
+        strain = strain + 0.5 * (force - link.lag * rate) ** 2
+    return strain
+
+
+def damping_power(link: FlexibleLink, fence: FenceState) -> Array:
+    """Dissipated by the modes and by the modes left out [W]."""
+    damped = link.mass_scale * total(
+        c * v * v for c, v in zip(link.damping, fence.vibration.rate, strict=True)
+    )
+    for _, rate in fence.residual:
+        damped = damped + link.lag * rate**2
+    return damped
+
+
+def _torque(link: FlexibleLink, fence: FenceState, forces: Forces) -> Array:
+    """Moment of the drive [N m]: the generalised force on alpha_w,
+    (I_root + Phi^T M Phi) alpha'' + Phi^T M u'' + sum N sigma over the loads of the fence."""
+    assert fence.drive is not None
+    accelerations = link.acceleration(fence.vibration, fence.modal_force)
+    torque = (link.root_inertia + link.swing_inertia) * fence.drive.acceleration
+    torque = torque + link.mass_scale * dot(link.swing, accelerations)
+    for load, shape in zip(fence.loads(forces), fence.shapes, strict=True):
+        torque = torque + load * shape.place
+    return torque
+
+
+def _fence_energy(link: FlexibleLink, fence: FenceState, energy: Energy) -> Energy:
+    assert fence.drive is not None
+    rate, speed = fence.vibration.rate, fence.drive.speed
+    kinetic = 0.5 * (link.root_inertia + link.swing_inertia) * speed**2
+    kinetic = kinetic + link.mass_scale * (
+        speed * dot(link.swing, rate) + 0.5 * total(v * v for v in rate)
+    )
+    return energy._replace(fence=kinetic, strain=strain_energy(link, fence))
+
+
+def _fence_power(
+    link: FlexibleLink, fence: FenceState, forces: Forces, torque: Array, power: Power
+) -> Power:
+    assert fence.drive is not None
+    geometry = jnp.zeros_like(torque)
+    touches = forces.touches[: len(forces.fence)]
+    loads = fence.loads(forces)
+    for k, (c, load, parts, shape) in enumerate(
+        zip(forces.fence, loads, touches, fence.shapes, strict=True)
+    ):
+        transverse = shape.place * fence.drive.speed + dot(shape.load, fence.vibration.rate)
+        if fence.residual and shape.residual_mode is not None:
+            transverse = transverse - shape.residual_mode[0] * fence.residual[k].rate
+        across, along = parts.rates
+        geometry = geometry + c.normal * across - load * transverse + c.friction * along
+    return power._replace(
+        drive=torque * fence.drive.speed,
+        geometry=geometry,
+        beam_damping=damping_power(link, fence),
+    )

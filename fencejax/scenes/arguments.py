@@ -1,0 +1,126 @@
+"""Arguments that several scenes share: their defaults and checks, on the host."""
+
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike
+
+from .. import _check
+from ..parts import AbstractDrive, Belt, Fence, Friction, Parcel
+
+_CORNERS = (1, 2, 3, 4)
+Default = Literal["default"]
+
+
+def corners_of(name: str, corners: tuple[int, ...]) -> tuple[int, ...]:
+    for corner in corners:
+        if corner not in _CORNERS:
+            raise ValueError(
+                f"Argument `{name}` must hold corners 1 ... 4 (1 leading lower, 2 trailing lower, "
+                f"3 trailing upper, 4 leading upper), but holds {corner!r}."
+            )
+    return tuple(sorted(set(corners)))
+
+
+def fence_friction_of(friction: Friction | None | Default) -> Friction | None:
+    return Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
+
+
+def belt_of(belt: Belt | None | Default) -> Belt | None:
+    return Belt() if belt == "default" else belt
+
+
+def place_of(distance: ArrayLike, fence: Fence) -> Array:
+    place = _check.scalar("distance", distance, least=0, size=1.0, unit="m")
+    if not isinstance(place + fence.reach, Tracer):
+        _check.scalar(
+            "distance",
+            place,
+            most=float(jnp.min(fence.reach)),
+            unit="m",
+            remedy="The fence ends at rigid_length + flexible_length.",
+        )
+    return place
+
+
+def drive_angle_of(angle: ArrayLike, drive: AbstractDrive) -> Array:
+    checked = _check.scalar("drive_angle", angle, least=-1.5, most=1.5, unit="rad")
+    check_motion(drive)
+    furthest = drive.angle(drive.turning_time)
+    nearest = drive.angle(jnp.zeros_like(drive.turning_time))
+    if not isinstance(checked + furthest, Tracer):
+        _check.scalar(
+            "drive_angle",
+            checked,
+            most=float(jnp.min(furthest)) + 1e-9,
+            unit="rad",
+            remedy="The drive turns back there.",
+        )
+        _check.scalar(
+            "drive_angle",
+            checked,
+            least=float(jnp.max(nearest)) - 1e-9,
+            unit="rad",
+            remedy="The drive begins there.",
+        )
+    return checked
+
+
+def check_motion(drive: AbstractDrive) -> None:
+    """Refuse a drive whose speed or acceleration is not the derivative of its angle, where a class
+    gives `motion` in its own way."""
+    if type(drive).motion is AbstractDrive.motion or traced(drive):
+        return
+    # Off the whole fractions of a cycle, at which laws have their kinks.
+    for share in (0.137, 0.371, 0.613, 0.859):
+        time = share * drive.cycle
+        given, derived = drive.motion(time), AbstractDrive.motion(drive, time)
+        for name, a, b in zip(derived._fields, given, derived, strict=True):
+            if not np.allclose(a, b, rtol=1e-6, atol=1e-9):
+                raise ValueError(
+                    f"Argument `drive` must move by its own angle, but its {name} at "
+                    f"{float(time):g} [s] is {float(a):g}, the derivative of its angle "
+                    f"{float(b):g}. Leave `motion` to AbstractDrive, which differentiates `angle`."
+                )
+
+
+def traced(*parts) -> bool:
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(parts))
+
+
+def check_clear_of_fence(parcel: Parcel, position, angle, fence: Fence, tilt, remedy: str) -> None:
+    """Refuse a parcel of which a corner lies beyond the straight fence, at the angle `tilt` [rad],
+    by more than rounding. `position` is that of C_s [m]."""
+    if traced(parcel, position, angle, fence, tilt):
+        return
+    turn, tilt = np.asarray(angle), np.asarray(tilt)
+    for number in _CORNERS:
+        x, y = (np.asarray(q) for q in parcel.corner(number))
+        place_x = position[0] + np.cos(turn) * x - np.sin(turn) * y
+        place_y = position[1] + np.sin(turn) * x + np.cos(turn) * y
+        along = place_x * np.cos(tilt) + place_y * np.sin(tilt)
+        beyond = place_x * np.sin(tilt) - place_y * np.cos(tilt)
+        over = (along >= 0) & (along <= np.asarray(fence.reach))
+        size = np.asarray(parcel.length + parcel.breadth)
+        if np.any(over & (beyond > 1e-6 * size)):
+            raise ValueError(
+                f"The parcel must be clear of the fence at the start, but corner {number} is "
+                f"{float(np.max(np.where(over, beyond, -np.inf))):g} [m] beyond it. {remedy}"
+            )
+
+
+def duration_of(duration: float | None, default: float) -> float:
+    return _check.number("duration", default if duration is None else duration, above=0, unit="s")
+
+
+def cycle_of(drive: AbstractDrive) -> float:
+    cycle = drive.cycle
+    if isinstance(cycle, Tracer) or cycle.ndim > 0:
+        raise ValueError(
+            "Argument `duration` [s] must be given where the drive's cycle time is traced, but is "
+            "None. Write, for example, duration=1.36: it sets the number of steps."
+        )
+    return float(cycle)

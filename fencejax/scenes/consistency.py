@@ -1,0 +1,82 @@
+"""Whether the numbers of a scene are within their bounds and fit together, in the program: traced
+numbers cannot be refused beforehand."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .._check import Bounds
+from .scene import NormalScene, Scene
+from .start import AsGiven, AtTouch, OnBelt
+
+_ROUNDING = 1e-6
+
+
+def _bounded(part: Any):
+    """Whether each field is within the `bounds` of its class, of a part and of the parts in it."""
+    if not isinstance(part, eqx.Module):
+        return
+    for name, bounds in getattr(type(part), "bounds", {}).items():
+        yield jnp.all(bounds.holds(getattr(part, name)))
+    for inner in vars(part).values():
+        yield from _bounded(inner)
+
+
+def _within(value: Array, least: Array | float, most: Array) -> Array:
+    """Within bounds, but for rounding."""
+    slack = _ROUNDING * (jnp.abs(most) + 1e-9)
+    return (value >= least - slack) & (value <= most + slack)
+
+
+def _numbers_of(start: Any) -> list[tuple[Array, Bounds]]:
+    """A start's own numbers, with their bounds."""
+    length, angle, speed = Bounds("m", size=1.0), Bounds("rad", size=10.0), Bounds(size=1.0)
+    if isinstance(start, AsGiven):
+        *places, turn = start.motion[:3]
+        numbers = [(q, length) for q in places] + [(turn, angle)]
+        return numbers + [(v, speed) for v in start.motion[3:]]
+    if isinstance(start, OnBelt):
+        offset = Bounds("m", least=0, size=1.0)
+        return [(start.front, length), (start.offset, offset), (start.angle, angle)]
+    if isinstance(start, AtTouch):
+        numbers = [] if start.parcel_angle is None else [(start.parcel_angle, angle)]
+        return numbers + [(v, speed) for v in start.velocity or ()]
+    return []
+
+
+def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> Array:
+    """Whether the numbers of a scene are within their bounds and fit together.
+
+    - every field of parcel, belt, friction, fence, material, taper and drive, and the start's;
+    - the centre of gravity inside the rectangle, the drive's stroke long enough;
+    - the place of the touch on the fence, and its angle one that the drive has at `start_time` [s].
+    """
+    parcel = scene.parcel
+    checks = list(_bounded(scene))
+    for offset, side in ((parcel.center_x, parcel.length), (parcel.center_y, parcel.breadth)):
+        checks.append(2 * jnp.abs(offset) <= side * (1 + _ROUNDING))
+    if isinstance(scene, NormalScene):
+        checks.append(Bounds(size=1.0).holds(scene.speed))
+        place = scene.distance
+    else:
+        checks += [bounds.holds(q) for q, bounds in _numbers_of(scene.start)]
+        place = scene.start.distance()
+        wanted = getattr(scene.start, "drive_angle", None)
+        if scene.drive is not None:
+            feasible = scene.drive.feasible
+            checks += [] if feasible is None else [feasible]
+            if wanted is not None and start_time is not None:
+                reached = scene.drive.angle(start_time)
+                checks.append(jnp.abs(reached - wanted) <= _ROUNDING * (1 + jnp.abs(wanted)))
+        if isinstance(scene.start, AtTouch) and scene.start.parcel_angle is None:
+            x, y = parcel.corner(scene.start.corner)
+            checks.append((x != 0) | (y != 0))
+    if place is not None and scene.fence is not None:
+        checks.append(_within(place, 0.0, scene.fence.reach))
+    every = checks[0]
+    for check in checks[1:]:
+        every = every & check
+    return jax.lax.stop_gradient(every)

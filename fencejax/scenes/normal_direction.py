@@ -1,0 +1,56 @@
+"""The normal direction alone: fence held still, or a rigid wall."""
+
+
+from jaxtyping import ArrayLike
+
+from .. import _check
+from ..parts import Fence, Parcel
+from .arguments import duration_of, place_of
+from .scene import NormalScene
+
+
+def normal_impact(
+    *,
+    fence: Fence | None = None,
+    distance: ArrayLike | None = None,
+    speed: ArrayLike = 2.426,
+    parcel: Parcel | None = None,
+    duration: float | None = None,
+) -> NormalScene:
+    """A parcel strikes the fence held still, along its normal: the smallest scene with a fence.
+
+    **Arguments:**
+
+    - `distance`: arc coordinate [m] from the hinge where it strikes, by default R_z - 0.2 l_p.
+    - `speed`: the normal approach speed v_n [m/s].
+    - `fence`, `parcel`: by default the paper's.
+    - `duration` [s], static, default 0.25.
+
+    Raises `ValueError` where the distance is out of the fence's reach.
+    """
+    fence = Fence() if fence is None else fence
+    if distance is None:
+        distance = fence.reach - 0.2 * fence.flexible_length
+    return NormalScene(
+        Parcel() if parcel is None else parcel,
+        _check.scalar("speed", speed, size=1.0, unit="m/s"),
+        fence,
+        place_of(distance, fence),
+        duration_of(duration, 0.25),
+    )
+
+
+def rigid_wall(
+    *, speed: ArrayLike = 2.426, parcel: Parcel | None = None, duration: float | None = None
+) -> NormalScene:
+    """A parcel strikes an undeformable wall of infinite mass: N_stiff, one coordinate.
+
+    `speed` is the normal approach speed v_n [m/s]; `duration` [s] is static, default 0.1.
+    """
+    return NormalScene(
+        Parcel() if parcel is None else parcel,
+        _check.scalar("speed", speed, size=1.0, unit="m/s"),
+        None,
+        None,
+        duration_of(duration, 0.1),
+    )

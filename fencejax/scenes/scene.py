@@ -1,0 +1,38 @@
+"""A scene: which parts act, and how it begins."""
+
+
+import equinox as eqx
+from jaxtyping import Array
+
+from ..parts import AbstractDrive, Belt, Border, Fence, Friction, Parcel
+from .start import AbstractStart
+
+
+class Scene(eqx.Module):
+    """A parcel and the parts that act on it. A part that is `None` costs nothing.
+
+    Made by the functions of this module; a field is changed with `equinox.tree_at`.
+    """
+
+    parcel: Parcel
+    start: AbstractStart
+    belt: Belt | None
+    fence: Fence | None
+    drive: AbstractDrive | None
+    fence_friction: Friction | None
+    border: Border | None
+    fence_corners: tuple[int, ...] = eqx.field(static=True)
+    border_corners: tuple[int, ...] = eqx.field(static=True)
+    duration: float = eqx.field(static=True)
+    tip_contact: bool = eqx.field(static=True, default=False)
+
+
+class NormalScene(eqx.Module):
+    """A parcel with one coordinate, against the fence held still or, without one, against an
+    undeformable wall of infinite mass; no belt, no friction."""
+
+    parcel: Parcel
+    speed: Array
+    fence: Fence | None
+    distance: Array | None
+    duration: float = eqx.field(static=True)

@@ -1,0 +1,203 @@
+"""The stages of a sort, one by one: (2.3)-(2.34)."""
+
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import ArrayLike
+
+from .. import _check
+from ..parts import AbstractDrive, Belt, Border, Fence, Friction, HarmonicDrive, Parcel
+from .arguments import (
+    Default,
+    belt_of,
+    check_clear_of_fence,
+    corners_of,
+    drive_angle_of,
+    duration_of,
+    fence_friction_of,
+    place_of,
+    traced,
+)
+from .scene import Scene
+from .start import AtTouch, BetweenBorderAndFence, FlushOnFence
+
+
+def oblique_impact(
+    *,
+    fence: Fence | None = None,
+    distance: ArrayLike = 1.0,
+    drive_angle: ArrayLike = 0.30,
+    corner: int = 1,
+    parcel_angle: ArrayLike | None = None,
+    velocity: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
+    parcel: Parcel | None = None,
+    belt: Belt | None | Default = "default",
+    drive: AbstractDrive | None = None,
+    fence_friction: Friction | None | Default = "default",
+    tip_contact: bool = False,
+    duration: float | None = None,
+) -> Scene:
+    """A corner strikes the fence: stage (2.3)-(2.26), fence, one corner and belt.
+
+    **Arguments:**
+
+    - `distance`: R [m], arc coordinate of the first touch, from the hinge.
+    - `drive_angle`: alpha_w [rad] at that moment, on the way out.
+    - `corner`: 1 ... 4.
+    - `parcel_angle`: phi [rad]; by default such that C_s lies on the fence's normal through the
+      corner.
+    - `velocity`: (xdot, ydot, phidot) at that moment [m/s, m/s, rad/s]; by default the belt's.
+    - `fence`, `parcel`, `belt`, `drive`, `fence_friction`: the parts, by default the paper's;
+      `None` for `belt` or `fence_friction` leaves the part out.
+    - `tip_contact`: whether the fence's tip carries the contact on, against the parcel's side,
+      where the corner runs over it (`fencejax.model.tip`); static. By default it does not: the paper's
+      contact ends there, over `Fidelity.tip_fade`, and `Status.LEFT_OVER_TIP` says so, or
+      `PEAK_AT_TIP` where the force was largest then.
+    - `duration` [s], static, default 0.25.
+
+    Raises `ValueError` where the distance or the angle is out of the fence's or drive's reach, or
+    where the parcel, turned by `parcel_angle`, lies beyond the fence with another corner.
+    """
+    fence = Fence() if fence is None else fence
+    drive = HarmonicDrive() if drive is None else drive
+    if parcel_angle is not None:
+        parcel_angle = _check.scalar("parcel_angle", parcel_angle, size=10.0, unit="rad")
+    moving = None
+    if velocity is not None:
+        x, y, spin = (_check.scalar("velocity", v, size=1.0, unit="m/s") for v in velocity)
+        moving = (x, y, spin)
+    (number,) = corners_of("corner", (corner,))
+    parcel = Parcel() if parcel is None else parcel
+    start = AtTouch(
+        place_of(distance, fence), drive_angle_of(drive_angle, drive), parcel_angle, moving, number
+    )
+    _turned_clear(parcel, start, fence)
+    return Scene(
+        parcel,
+        start,
+        belt_of(belt),
+        fence,
+        drive,
+        fence_friction_of(fence_friction),
+        None,
+        (number,),
+        (),
+        duration_of(duration, 0.25),
+        _check.flag("tip_contact", tip_contact),
+    )
+
+
+def _turned_clear(parcel: Parcel, start: AtTouch, fence: Fence) -> None:
+    """Refuse a parcel that touches with one corner and lies beyond the fence with another one, or
+    has no direction from C_s to the corner."""
+    x, y = parcel.corner(start.corner)
+    if traced(x, y):
+        return
+    if start.parcel_angle is None:
+        if np.any((np.asarray(x) == 0) & (np.asarray(y) == 0)):
+            raise ValueError(
+                f"Argument `parcel_angle` must be given where the centre of gravity is corner "
+                f"{start.corner}, but is None: no line goes from one to the other."
+            )
+        return
+    if traced(start, fence):
+        return
+    turn, tilt = start.parcel_angle, start.drive_angle
+    position = (
+        start.place * jnp.cos(tilt) - (jnp.cos(turn) * x - jnp.sin(turn) * y),
+        start.place * jnp.sin(tilt) - (jnp.sin(turn) * x + jnp.cos(turn) * y),
+    )
+    remedy = "Change `parcel_angle`, or name that corner in `corner`."
+    check_clear_of_fence(parcel, position, turn, fence, tilt, remedy)
+
+
+def along_fence(
+    *,
+    fence: Fence | None = None,
+    distance: ArrayLike = 0.8,
+    drive_angle: ArrayLike = 0.25,
+    parcel: Parcel | None = None,
+    belt: Belt | None | Default = "default",
+    drive: AbstractDrive | None = None,
+    fence_friction: Friction | None | Default = "default",
+    tip_contact: bool = False,
+    duration: float | None = None,
+) -> Scene:
+    """The parcel's lower wall lies on the fence and slides along it: stage (2.27)-(2.30).
+
+    The two corners of that wall carry the contact, so that the rotation is free and follows the
+    fence by their forces; the paper ties it to the fence. `distance` [m] is the arc coordinate
+    under C_s; the other arguments are those of `oblique_impact`; `duration` is 0.25 s by default.
+    """
+    fence = Fence() if fence is None else fence
+    drive = HarmonicDrive() if drive is None else drive
+    start = FlushOnFence(place_of(distance, fence), drive_angle_of(drive_angle, drive))
+    return Scene(
+        Parcel() if parcel is None else parcel,
+        start,
+        belt_of(belt),
+        fence,
+        drive,
+        fence_friction_of(fence_friction),
+        None,
+        (1, 2),
+        (),
+        duration_of(duration, 0.25),
+        _check.flag("tip_contact", tip_contact),
+    )
+
+
+def border_and_fence(
+    *,
+    fence: Fence | None = None,
+    distance: ArrayLike = 1.0,
+    drive_angle: ArrayLike = 0.10,
+    fence_corner: int = 1,
+    border_corner: int = 2,
+    parcel: Parcel | None = None,
+    belt: Belt | None | Default = "default",
+    drive: AbstractDrive | None = None,
+    fence_friction: Friction | None | Default = "default",
+    border: Border | None = None,
+    tip_contact: bool = False,
+    duration: float | None = None,
+) -> Scene:
+    """One corner on the fence and another on the border: stage (2.31)-(2.34).
+
+    `distance` [m] is the arc coordinate of the corner on the fence, at the angle `drive_angle`
+    [rad]; the other arguments are those of `oblique_impact`; `duration` is 0.25 s by default.
+
+    Raises `ValueError` where the two corners are closer together than the fence is high there.
+    """
+    fence = Fence() if fence is None else fence
+    drive = HarmonicDrive() if drive is None else drive
+    parcel = Parcel() if parcel is None else parcel
+    (first,) = corners_of("fence_corner", (fence_corner,))
+    (second,) = corners_of("border_corner", (border_corner,))
+    if first == second:
+        raise ValueError(
+            f"Arguments `fence_corner` and `border_corner` must differ, but both are {first}."
+        )
+    place = place_of(distance, fence)
+    angle = drive_angle_of(drive_angle, drive)
+    ax, ay = parcel.corner(first)
+    bx, by = parcel.corner(second)
+    _check.scalar(
+        "distance x sin(drive_angle) / distance of the corners",
+        place * jnp.sin(angle) / jnp.sqrt((ax - bx) ** 2 + (ay - by) ** 2),
+        most=1,
+        remedy="The parcel does not span from the border to that point of the fence.",
+    )
+    return Scene(
+        parcel,
+        BetweenBorderAndFence(place, angle, first, second),
+        belt_of(belt),
+        fence,
+        drive,
+        fence_friction_of(fence_friction),
+        Border() if border is None else border,
+        (first,),
+        (second,),
+        duration_of(duration, 0.25),
+        _check.flag("tip_contact", tip_contact),
+    )

@@ -1,0 +1,85 @@
+"""Many simulations: sweeps, sensitivity, identification from recordings, choice of a fidelity.
+
+May import: everything below it. A study takes named numbers of scenes (`SceneFamily`,
+`fencejax.scene_numbers`) and gives a table.
+"""
+
+from . import (
+    identify as identify,
+    recording as recording,
+    sampling as sampling,
+    scene_family as scene_family,
+    scene_groups as scene_groups,
+    sensitivity as sensitivity,
+)
+from .candidates import (
+    as_fine as as_fine,
+    describe as describe,
+    expected_cost as expected_cost,
+    ladder as ladder,
+)
+from .choice import (
+    Choice as Choice,
+    NoFidelityError as NoFidelityError,
+    choose_fidelity as choose_fidelity,
+)
+from .fit_judgement import (
+    Fit as Fit,
+)
+from .fit_problem import (
+    OFFSET as OFFSET,
+    PARAMETERS as PARAMETERS,
+    Experiment as Experiment,
+)
+from .fit_signals import (
+    interpolate as interpolate,
+)
+from .identify import (
+    fit as fit,
+)
+from .recording import (
+    SIGNALS as SIGNALS,
+    Recording as Recording,
+    read_recording as read_recording,
+    write_recording as write_recording,
+)
+from .response import (
+    CountProgress as CountProgress,
+    CountProgress as CountProgress,
+    Response as Response,
+    quantities_of as quantities_of,
+)
+from .sampling import (
+    Samples as Samples,
+)
+from .scene_family import (
+    KINDS as KINDS,
+    VARIABLES as VARIABLES,
+    SceneFamily as SceneFamily,
+)
+from .sensitivity import (
+    UNITS_OF_RULES as UNITS_OF_RULES,
+    DerivativeMeasures as DerivativeMeasures,
+    Design as Design,
+    SobolIndices as SobolIndices,
+)
+from .sweep import (
+    OUTPUTS as OUTPUTS,
+    Sweep as Sweep,
+)
+from .sweep_run import (
+    FILE as FILE,
+    Plan as Plan,
+    Progress as Progress,
+    run_sweep as run_sweep,
+)
+from .sweep_store import (
+    Store as Store,
+)
+from .sweep_table import (
+    IMPOSSIBLE as IMPOSSIBLE,
+    SweepTable as SweepTable,
+)
+from .trial import (
+    Trial as Trial,
+)

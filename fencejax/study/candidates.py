@@ -1,0 +1,85 @@
+"""Fidelities to be tried: the ladder, what each is expected to cost, which of two is finer."""
+
+from collections.abc import Iterable, Sequence
+
+from ..fidelity import Fidelity
+from ..scenes import NormalScene, Scene
+
+# Work of a step by geometry, from the coarsest to the finest.
+_GEOMETRY_WORK = {"small": 1.0, "arc": 1.1, "chord": 1.3}
+_INTEGRATOR_WORK = {"modal": 1.0, "tsit5": 100.0, "kvaerno5": 300.0}
+
+
+def ladder() -> tuple[Fidelity, ...]:
+    """The candidates that are tried if none are named: steps of 1 ms to 62.5 us, each with more or
+    fewer modes, cheaper and dearer geometry, and friction smoothed more and less."""
+    rungs = (
+        # step [s], modes, geometry, slip_speed [m/s]
+        (1e-3, 0, "small", 2e-2),
+        (1e-3, 2, "small", 2e-2),
+        (1e-3, 4, "arc", 2e-2),
+        (5e-4, 2, "small", 2e-2),
+        (5e-4, 3, "arc", 2e-2),
+        (5e-4, 4, "arc", 5e-3),
+        (2.5e-4, 3, "arc", 2e-2),
+        (2.5e-4, 4, "arc", 5e-3),
+        (2.5e-4, 6, "chord", 2e-3),
+        (1.25e-4, 6, "arc", 2e-3),
+        (1.25e-4, 8, "chord", 1e-3),
+        (6.25e-5, 8, "chord", 1e-3),
+    )
+    return tuple(
+        Fidelity(modes=modes, geometry=geometry, step=step, slip_speed=slip, static_speed=5 * slip)
+        for step, modes, geometry, slip in rungs
+    )
+
+
+def expected_cost(fidelity: Fidelity) -> float:
+    """Work a second of simulated time of a few runs, in steps of one mode; orders what is tried
+    first."""
+    work = _GEOMETRY_WORK[fidelity.geometry] * _INTEGRATOR_WORK[fidelity.integrator]
+    return work * (1 + 0.05 * fidelity.mode_count) / fidelity.step
+
+
+def as_fine(one: Fidelity, other: Fidelity) -> bool:
+    """Whether `one` is at least as fine as `other` in every knob."""
+
+    def key(f: Fidelity):
+        finer_above = (f.mode_count, f.elements, f.iterations, _GEOMETRY_WORK[f.geometry])
+        finer_below = (f.step, f.slip_speed, f.static_speed, f.tip_fade, f.tolerance)
+        precise = f.precision != "float32"
+        return (*finer_above, f.static_correction, precise, *(-x for x in finer_below))
+
+    same = (one.integrator, one.load) == (other.integrator, other.load)
+    return same and all(a >= b for a, b in zip(key(one), key(other), strict=True))
+
+
+def distinct(
+    candidates: Iterable[Fidelity], scenes: Sequence[NormalScene | Scene]
+) -> list[Fidelity]:
+    """Candidates that differ in what the scenes hold, cheapest first."""
+    fence = any(scene.fence is not None for scene in scenes)
+    full = any(isinstance(scene, Scene) for scene in scenes)
+    seen, kept = set(), []
+    for candidate in sorted(dict.fromkeys(candidates), key=expected_cost):
+        same = {}
+        if not full:
+            same |= dict(geometry="small", slip_speed=1.0, static_speed=1.0)
+        if not fence:
+            same |= dict(geometry="small", modes=0, elements=1, static_correction=True)
+        key = candidate.replace(**same)
+        if key not in seen:
+            seen.add(key)
+            kept.append(candidate)
+    return kept
+
+
+def describe(fidelity: Fidelity) -> str:
+    """A fidelity's main knobs in one line."""
+    modes = f"{'all' if fidelity.modes is None else fidelity.modes} modes"
+    if fidelity.modes == 1:
+        modes = "1 mode"
+    step = f"{1e3 * fidelity.step:g} ms"
+    if fidelity.integrator != "modal":
+        step = f"{fidelity.integrator} {fidelity.tolerance:g}"
+    return f"{step}, {modes}, {fidelity.geometry}, eps {fidelity.slip_speed:g} m/s"

@@ -1,0 +1,150 @@
+"""Parameters from recordings: nonlinear least squares with derivatives through the simulation."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from .. import _check
+from ..design import DesignVariable
+from ..fidelity import Fidelity
+from ..results import Status
+from .fit_judgement import Fit, judged
+from .fit_problem import (
+    OFFSET,
+    PARAMETERS as PARAMETERS,
+    Experiment,
+    Problem,
+    parameters_of,
+    starting_shares,
+)
+from .fit_search import first_scales, search, starts_from
+from .fit_signals import interpolate as interpolate
+from .recording import SIGNALS
+
+# A recording this much larger or smaller than the model is in another unit.
+_SUSPICIOUS = 100.0
+
+
+def fit(
+    experiments: Experiment | Sequence[Experiment],
+    parameters: Sequence[str | DesignVariable],
+    *,
+    fidelity: Fidelity | None = None,
+    noise: Mapping[str, float] | None = None,
+    starts: int = 1,
+    confidence: float = 0.95,
+    seed: int = 0,
+    most: int = 100,
+    progress: Callable[[int, float], None] | None = None,
+) -> Fit:
+    """Find parameters p such that scenes do what was recorded of them:
+
+    minimise 1/2 sum_j ((s_j(p) - y_j) / sigma_j)^2 within bounds,
+
+    with y_j the recorded numbers, s_j(p) the simulated signals at the same times, and sigma_j the
+    noise of the signal. The search is a trust-region Gauss-Newton method (`scipy.optimize.
+    least_squares`, Branch, Coleman and Li 1999) with derivatives through the simulation, in
+    u = ln(p / a) / ln(b / a) of the bounds a, b (or linear in p, see `DesignVariable`).
+
+    The covariance of the estimates is that of the linearised problem,
+    C = s^2 (J^T J)^-1 with s^2 = sum of weighted squares / (N - n): right for independent noise of
+    constant size, a model that is true, and errors small enough for straight lines. Standard errors
+    do not hold what the model or the fidelity leave out: see `Fit.warnings`.
+
+    **Arguments:**
+
+    - `experiments`: one or more; the scenes hold the numbers that are known, and the search starts
+      from those of the first one. Parameters are common to all, but each recording has a
+      `time_offset` of its own if that is asked for.
+    - `parameters`: names of `PARAMETERS`, or any number of the scenes (`fencejax.scene_numbers`) as
+      a `DesignVariable` with its bounds.
+    - `noise`: sigma by signal [the signal's unit]. By default it is estimated from the residuals,
+      repeatedly until it no longer changes: the likeliest weights of several signals.
+    - `starts`: the first is at the scene's own numbers, others are spread over the bounds; the best
+      is kept.
+    - `confidence`: of the intervals [1]. `seed`: of the starts. `most`: evaluations in a search.
+    - `progress`: called with the evaluation's number and half the weighted sum of squares.
+
+    Raises `ValueError` where names, bounds, times or sizes cannot be; a recording whose times or
+    values are off by orders of magnitude is taken to be in other units.
+    """
+    if isinstance(experiments, Experiment):
+        experiments = [experiments]
+    experiments = tuple(experiments)
+    if not experiments:
+        raise ValueError("Argument `experiments` must hold at least one, but is empty.")
+    fidelity = Fidelity.standard() if fidelity is None else fidelity
+    _check.count("starts", starts, least=1)
+    _check.count("most", most, least=1)
+    if not 0 < _check.number("confidence", confidence) < 1:
+        raise ValueError(f"Argument `confidence` must be within 0 and 1, but is {confidence:g}.")
+    chosen = parameters_of(parameters, experiments)
+    rows = sum(recording.values.size for _, recording in experiments)
+    if rows <= len(chosen):
+        raise ValueError(
+            f"Argument `experiments` must hold more recorded numbers than the {len(chosen)} "
+            f"parameters, but holds {rows}."
+        )
+    _check_times(experiments, chosen, fidelity)
+    begin = starting_shares(chosen, experiments[0].scene)
+    problem = Problem(experiments, chosen, fidelity)
+    _check_sizes(problem, begin)
+    first = first_scales(experiments, noise)
+    found = [
+        search(problem, at, first, noise is None, most, progress)
+        for at in starts_from(begin, starts, seed)
+    ]
+    # Each search has weights of its own: compared by what they make of the first ones.
+    compared = [0.5 * float(np.sum(problem.stacked(x, first)[0] ** 2)) for x, *_ in found]
+    shares, weights, converged, stop = found[int(np.argmin(compared))]
+    return judged(problem, begin, shares, weights, converged, stop, compared, confidence)
+
+
+def _check_times(experiments, parameters, fidelity: Fidelity) -> None:
+    latest = max([p.upper for p in parameters if p.name.startswith(OFFSET)], default=0.0)
+    for scene, recording in experiments:
+        time = np.asarray(recording.time)
+        last, span = float(time[-1]), float(time[-1] - time[0])
+        if last + latest > scene.duration * (1 + 1e-9):
+            milliseconds = last > 20 * scene.duration
+            remedy = (
+                "Are these milliseconds? Write `time [ms]` in the header."
+                if milliseconds
+                else f"Give the scene duration={last + latest:g}, or cut the recording."
+            )
+            raise ValueError(
+                f"{recording.source}: times must end within the scene, {scene.duration:g} s less "
+                f"the largest time_offset {latest:g} s, but end at {last:g} s. {remedy}"
+            )
+        if span < 10 * fidelity.step:
+            raise ValueError(
+                f"{recording.source}: times must span at least ten steps of {fidelity.step:g} s, "
+                f"but span {span:g} s. Are they in seconds?"
+            )
+
+
+def _check_sizes(problem: Problem, shares) -> None:
+    """Refuse a recording that is larger or smaller than the model by orders of magnitude."""
+    for (modelled, _, status), (_, recording) in zip(
+        problem.models(shares), problem.experiments, strict=True
+    ):
+        if not np.all(np.isfinite(modelled)):
+            raise ValueError(
+                f"{recording.source}: the scene must run at the start of the search, but ends with "
+                f"{Status(status).name}: {Status(status).text}."
+            )
+        for name, of_model, of_record in zip(
+            recording.names, modelled, recording.values, strict=True
+        ):
+            # Of a position only the change counts.
+            shift = name in ("x", "y", "angle")
+            size, own = (
+                float(np.ptp(a) if shift else np.max(np.abs(a))) for a in (of_record, of_model)
+            )
+            if own == 0 or not 1 / _SUSPICIOUS < size / own < _SUSPICIOUS:
+                raise ValueError(
+                    f"{recording.source}, signal `{name}`: must be of the model's size, {own:.3g} "
+                    f"{SIGNALS[name]} at the start of the search, but is {size:.3g}. Name its "
+                    f"unit in the header, for example `{name} "
+                    f"[{'kN' if name == 'force' else 'mm'}]`, or start from better numbers."
+                )

@@ -1,0 +1,172 @@
+"""Quantities of a scene as functions of its numbers, with their slopes, many lanes at a time."""
+
+import concurrent.futures
+import functools
+import os
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import ArrayLike
+
+from .. import _check
+from ..design import OBJECTIVES, Quantity, fields
+from ..fidelity import Fidelity
+from ..results import Status
+from ..scenes import AnyScene, numbers as scene_numbers
+from ..simulate import simulate
+
+CountProgress = Callable[[int, int], None]
+
+
+class Batch(NamedTuple):
+    """Lanes of a `Response`: `values` of shape (P, m), `slopes` of shape (P, m, N) or `None`, and a
+    `Status` for each lane, of shape (P,)."""
+
+    values: np.ndarray
+    slopes: np.ndarray | None
+    status: np.ndarray
+
+    def counts(self) -> dict[str, int]:
+        """How many lanes ended with each status."""
+        codes, numbers = np.unique(self.status, return_counts=True)
+        return {Status(int(c)).name: int(n) for c, n in zip(codes, numbers, strict=True)}
+
+
+@functools.lru_cache(maxsize=64)
+def _programs(structure, shapes, quantities: tuple[Quantity, ...], fidelity: Fidelity):
+    """Lanes of a scene's numbers to values and statuses, without and with slopes."""
+    like = jax.tree.unflatten(structure, [np.zeros(shape) for shape in shapes])
+
+    def outcome(numbers):
+        scene = scene_numbers.with_values(like, numbers)
+        result = simulate(scene, fidelity=fidelity, history=False, only=fields(quantities))
+        return jnp.stack([quantity(result, scene) for quantity in quantities]), result.status
+
+    def sloped(numbers):
+        slopes, (values, status) = jax.jacfwd(
+            lambda n: (outcome(n)[0], outcome(n)), has_aux=True
+        )(numbers)
+        return values, slopes, status
+
+    return jax.jit(jax.vmap(outcome)), jax.jit(jax.vmap(sloped))
+
+
+def quantities_of(scene: AnyScene, outputs: Sequence[str | Quantity]) -> tuple[Quantity, ...]:
+    """Quantities by their names (see `fencejax.OBJECTIVES`) or as they are.
+
+    Raises `ValueError` for an unknown or repeated name, and where the scene lacks a part that one
+    needs.
+    """
+    if isinstance(outputs, (str, Quantity)) or not outputs:
+        raise ValueError(
+            "Argument `outputs` must be a sequence of at least one name or Quantity, but is "
+            f'{outputs!r}. Write, for example, ["peak_force"].'
+        )
+    chosen = []
+    for output in outputs:
+        if not isinstance(output, Quantity):
+            _check.choice("outputs", output, tuple(OBJECTIVES))
+            output = OBJECTIVES[output]
+        if not output.applies_to(scene):
+            raise ValueError(
+                f"Argument `outputs` must be quantities that the scene has the parts for, but "
+                f"`{output.name}` needs {output.needs}."
+            )
+        chosen.append(output)
+    if len({quantity.name for quantity in chosen}) < len(chosen):
+        raise ValueError(
+            f"Argument `outputs` must not repeat a name, but holds {[q.name for q in chosen]}."
+        )
+    return tuple(chosen)
+
+
+class Response:
+    """m quantities Q(p) of a scene as functions of all its N numbers p [SI], and dQ/dp.
+
+    Lanes are rows of the scene's numbers in the order of `fencejax.scene_numbers.names`; rows with
+    some of them changed are made by `fencejax.scene_numbers.vary`. They are computed `chunk` at a
+    time, so that memory is bounded, by one thread a core. Each of the two programs is compiled
+    once for all scenes of the same structure.
+    """
+
+    def __init__(
+        self,
+        scene: AnyScene,
+        outputs: Sequence[str | Quantity],
+        fidelity: Fidelity | None = None,
+        *,
+        chunk: int = 16,
+        workers: int | None = None,
+    ):
+        """**Arguments:**
+
+        - `scene`: one scene, concrete.
+        - `outputs`: names of `fencejax.OBJECTIVES`, or quantities.
+        - `fidelity`: default `Fidelity.standard()`.
+        - `chunk`: lanes computed at a time by a thread.
+        - `workers`: threads; by default one a core.
+
+        Raises `ValueError` where a name or a count is none that can be.
+        """
+        self.scene = scene
+        self.quantities = quantities_of(scene, outputs)
+        self.names = scene_numbers.names(scene)
+        self.fidelity = Fidelity.standard() if fidelity is None else fidelity
+        self.chunk = _check.count("chunk", chunk, least=1)
+        workers = (os.cpu_count() or 1) if workers is None else workers
+        self.workers = _check.count("workers", workers, least=1)
+        leaves, structure = jax.tree.flatten(scene)
+        shapes = tuple(np.shape(leaf) for leaf in leaves)
+        self._values, self._slopes = _programs(
+            structure, shapes, self.quantities, self.fidelity
+        )
+
+    def _run(self, program, lanes: ArrayLike, progress: CountProgress | None):
+        lanes = np.asarray(lanes, dtype=float)
+        if lanes.ndim != 2 or lanes.shape[1] != len(self.names) or not len(lanes):
+            raise ValueError(
+                f"Argument `lanes` must have the shape (P, {len(self.names)}) with P at least 1, "
+                f"but has {lanes.shape}. Write scene_numbers.vary(scene, names, rows)."
+            )
+        count = len(lanes)
+        # The last chunk is filled up, so that one program serves all.
+        filled = np.concatenate([lanes, np.repeat(lanes[-1:], -count % self.chunk, axis=0)])
+        chunks = filled.reshape(-1, self.chunk, lanes.shape[1])
+
+        def one(chunk):
+            return jax.device_get(program(jnp.asarray(chunk)))
+
+        done = []
+        # The first chunk compiles, before the threads set out.
+        first, rest = chunks[:1], chunks[1:]
+        with concurrent.futures.ThreadPoolExecutor(self.workers) as pool:
+            for results in (map(one, first), pool.map(one, rest) if len(rest) else ()):
+                for result in results:
+                    done.append(result)
+                    if progress is not None:
+                        progress(min(count, len(done) * self.chunk), count)
+        return tuple(np.concatenate(parts)[:count] for parts in zip(*done, strict=True))
+
+    def values(self, lanes: ArrayLike, *, progress: CountProgress | None = None) -> Batch:
+        """Q of lanes of shape (P, N). `progress(done, total)` is called after every chunk."""
+        values, status = self._run(self._values, lanes, progress)
+        return Batch(values, None, status)
+
+    def slopes(self, lanes: ArrayLike, *, progress: CountProgress | None = None) -> Batch:
+        """Q and dQ/dp of lanes of shape (P, N)."""
+        return Batch(*self._run(self._slopes, lanes, progress))
+
+    def slopes_in(
+        self, chosen: Sequence[str], rows: ArrayLike, *, progress: CountProgress | None = None
+    ) -> Batch:
+        """Q and its slopes in some named numbers alone, of shape (P, m, n), where these are `rows`
+        [SI], of shape (P, n), and all others are the scene's."""
+        lanes = scene_numbers.vary(self.scene, chosen, rows)
+        batch = self.slopes(lanes, progress=progress)
+        assert batch.slopes is not None
+        return batch._replace(
+            slopes=scene_numbers.slopes_in(self.scene, chosen, lanes, batch.slopes)
+        )

@@ -1,0 +1,132 @@
+"""Scenes of one structure as one batch, and how what is differentiated is found in them."""
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.core import Tracer
+
+from ..scenes import DERIVED, PATHS, AnyScene, NormalScene, Scene
+
+Selector = str | Callable[[AnyScene], Any]
+"""A name, a path like `"drive.top_speed"`, or a function from a scene to one of its arrays."""
+
+_BY_DEFAULT = (
+    "thickness", "flexible_length", "youngs_modulus", "density", "damping_ratio", "mass",
+    "distance", "speed",
+)  # fmt: skip
+
+
+class Group(NamedTuple):
+    """Scenes of one structure, stacked; how many; how their variables are found in one of them."""
+
+    scenes: AnyScene
+    lanes: int
+    selectors: tuple[Callable[[AnyScene], Any], ...]
+
+
+def _follow(scene: Any, path: str) -> Any:
+    return functools.reduce(lambda part, name: getattr(part, name, None), path.split("."), scene)
+
+
+def _selector(scene: AnyScene, given: Selector) -> Callable[[AnyScene], Any] | None:
+    """How `given` is found in scenes like this one; `None` if it is not there."""
+    if isinstance(given, str):
+        for path in PATHS.get(given, (given,)):
+            if eqx.is_inexact_array(_follow(scene, path)):
+                return functools.partial(_follow, path=path)
+        return None
+    return given if eqx.is_inexact_array(given(scene)) else None
+
+
+def _usual(scene: AnyScene) -> dict[str, Callable[[AnyScene], Any]]:
+    """What is differentiated by default, by name. A drive's speed is not, a parcel's is."""
+    names = _BY_DEFAULT if isinstance(scene, NormalScene) else _BY_DEFAULT[:-1]
+    found = {name: _selector(scene, name) for name in names}
+    return {name: selector for name, selector in found.items() if selector is not None}
+
+
+def _selectors(scene: AnyScene, given: Sequence[Selector] | None):
+    if given is None:
+        return tuple(_usual(scene).values())
+    chosen = []
+    for element in given:
+        selector = _selector(scene, element)
+        if selector is None:
+            raise ValueError(
+                f"Argument `with_respect_to` must name numbers of every scene, by one of "
+                f"{[name for name in PATHS if name not in DERIVED]}, a path like "
+                f"'drive.top_speed' or a function of the scene, but {element!r} is no "
+                f"floating-point number of a {type(scene).__name__}."
+            )
+        chosen.append(selector)
+    return tuple(chosen)
+
+
+def grouped(given: Any, with_respect_to: Sequence[Selector] | None) -> list[Group]:
+    """The scenes by structure, each structure as one batch.
+
+    **Arguments:**
+
+    - `given`: a scene, scenes stacked along a leading axis, or a sequence of these.
+    - `with_respect_to`: what is differentiated in; by default whatever of the usual there is.
+
+    Raises `TypeError` where `given` holds anything else or is traced, and `ValueError` where it is
+    empty, its shapes do not fit, or a scene lacks one of the variables.
+    """
+    scenes = [given] if isinstance(given, (Scene, NormalScene)) else list(given)
+    if not scenes:
+        raise ValueError("Argument `scene_or_scenes` must hold at least one scene, but is empty.")
+    alike: dict[Any, list[AnyScene]] = {}
+    for scene in scenes:
+        stacked = _stacked(scene)
+        leaves, structure = jax.tree.flatten(stacked)
+        kind = (structure, tuple((leaf.shape[1:], leaf.dtype) for leaf in leaves))
+        alike.setdefault(kind, []).append(stacked)
+    groups = []
+    for batches in alike.values():
+        whole = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *batches)
+        one = jax.tree.map(lambda leaf: leaf[0], whole)
+        groups.append(Group(whole, whole.parcel.mass.shape[0], _selectors(one, with_respect_to)))
+    return groups
+
+
+def _stacked(scene: Any) -> AnyScene:
+    """A checked scene with a leading axis on each of its numbers."""
+    if not isinstance(scene, (Scene, NormalScene)):
+        raise TypeError(
+            "Argument `scene_or_scenes` must be a scene or a sequence of scenes, but holds a "
+            f"{type(scene).__name__}."
+        )
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(scene)):
+        raise TypeError(
+            "Argument `scene_or_scenes` must hold concrete numbers, but is traced: measure "
+            "outside of a transformation."
+        )
+    if scene.parcel.mass.ndim == 0:
+        scene = jax.tree.map(lambda leaf: leaf[None], scene)
+    leaves = jax.tree.leaves(scene)
+    if any(leaf.shape[:1] != leaves[0].shape[:1] for leaf in leaves):
+        raise ValueError(
+            "Argument `scene_or_scenes` must hold single scenes or scenes stacked along a "
+            f"leading axis of all their numbers, but has shapes "
+            f"{sorted({leaf.shape for leaf in leaves})}."
+        )
+    return scene
+
+
+def names(groups: Sequence[Group], with_respect_to: Sequence[Selector] | None) -> tuple[str, ...]:
+    """What the variables are called; by default those that any of the groups has."""
+    if with_respect_to is None:
+        return tuple(
+            name
+            for name in _BY_DEFAULT
+            if any(name in _usual(group.scenes) for group in groups)
+        )
+    return tuple(
+        given if isinstance(given, str) else getattr(given, "__name__", repr(given))
+        for given in with_respect_to
+    )

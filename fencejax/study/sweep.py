@@ -1,0 +1,182 @@
+"""What a sweep computes: scenes of a family at the points of a sample, one a lane."""
+
+import dataclasses
+import hashlib
+import importlib.metadata
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .. import _check
+from ..fidelity import Fidelity
+from ..results import UNITS, Result
+from ..simulate import simulate
+from .sampling import Samples
+from .scene_family import SceneFamily
+from .sweep_table import IMPOSSIBLE
+
+OUTPUTS: dict[str, str] = {
+    **UNITS,
+    "stress_place": "m",
+    "start_time": "s",
+    "defect": "N",
+    "final.x": "m",
+    "final.y": "m",
+    "final.angle": "rad",
+    "final.x_rate": "m/s",
+    "final.y_rate": "m/s",
+    "final.spin": "rad/s",
+    **{
+        f"energy.{name}": "J"
+        for name in (
+            "parcel_kinetic", "fence_kinetic", "strain", "contact_stored", "drive_work",
+            "belt_work", "geometry_work", "contact_loss", "fence_friction_loss",
+            "border_friction_loss", "belt_friction_loss", "damping_loss", "residual",
+        )
+    },
+}  # fmt: skip
+"""Fields of `fencejax.Result` that a sweep can keep, with their units."""
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Sweep:
+    """What is to be computed: scenes of a family at the points of a sample.
+
+    **Fields:**
+
+    - `family`: whose names are the samples' variables, in order.
+    - `samples`: the points.
+    - `outputs`: names of `OUTPUTS`; the status is always kept.
+    - `gradient_of`: one of the outputs, whose exact derivatives in all variables are kept too, or
+      `None`. A sweep then takes two to four times as long.
+    - `fidelity`: default `Fidelity.standard()`.
+
+    Raises `ValueError` for names that are none of these and where a variable's bound gives no
+    scene, whatever the others (see `SceneFamily.check`). Single lanes that give none are counted
+    as `IMPOSSIBLE`.
+    """
+
+    family: SceneFamily
+    samples: Samples
+    outputs: Sequence[str] = ("peak_force", "tip_deflection")
+    gradient_of: str | None = None
+    fidelity: Fidelity = dataclasses.field(default_factory=Fidelity.standard)
+
+    def __post_init__(self):
+        object.__setattr__(self, "outputs", tuple(dict.fromkeys(self.outputs)))
+        for name in self.outputs:
+            _check.choice("outputs", name, tuple(OUTPUTS))
+        if not self.outputs:
+            raise ValueError("Argument `outputs` must name at least one output, but is empty.")
+        if self.gradient_of is not None:
+            _check.choice("gradient_of", self.gradient_of, tuple(self.outputs))
+        if self.family.names != self.samples.names:
+            raise ValueError(
+                f"Argument `family` must have the names of the samples {self.samples.names}, but "
+                f"has {self.family.names}."
+            )
+        if not isinstance(self.fidelity, Fidelity):
+            raise TypeError(
+                f"Argument `fidelity` must be a `fencejax.Fidelity`, but is {self.fidelity!r}."
+            )
+        self.family.check(self.samples.variables)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the variables and the outputs."""
+        return {
+            **{v.name: v.unit for v in self.samples.variables},
+            **{name: OUTPUTS[name] for name in self.outputs},
+        }
+
+    @property
+    def lane(self) -> "Lane":
+        """What is done at each point."""
+        return Lane(self.family, tuple(self.outputs), self.gradient_of, self.fidelity)
+
+    def describe(self) -> dict[str, Any]:
+        """All that the results depend on, as plain numbers, names, lists and dictionaries."""
+        samples = self.samples
+        return self.lane.describe() | {
+            "samples": {
+                "kind": samples.kind,
+                "seed": samples.seed,
+                "shape": list(samples.shape),
+                "variables": [dataclasses.asdict(v) for v in samples.variables],
+                "values": hashlib.sha256(samples.values.tobytes()).hexdigest(),
+            },
+        }
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Lane:
+    """What a sweep does at each of its points (see `Sweep` for the fields)."""
+
+    family: SceneFamily
+    outputs: tuple[str, ...]
+    gradient_of: str | None
+    fidelity: Fidelity
+
+    def describe(self) -> dict[str, Any]:
+        """All that the results of a point depend on, as plain numbers, names and so on."""
+        family = self.family
+        return {
+            "fencejax": importlib.metadata.version("fencejax"),
+            "precision": str(jnp.result_type(float)),
+            "scene": family.kind,
+            "duration": family.duration,
+            "names": list(family.names),
+            "fixed": family.fixed,
+            "options": family.options,
+            "outputs": list(self.outputs),
+            "gradient_of": self.gradient_of,
+            "fidelity": dataclasses.asdict(self.fidelity),
+            "parts": {
+                name: _plain(getattr(family, name))
+                for name in ("fence", "drive", "parcel", "belt", "friction", "border")
+            },
+        }
+
+    def __call__(self, values: Array) -> dict[str, Array]:
+        """Outputs by name, `status` and `gradient` of one point [SI], of shape (n,). Traced."""
+        fields = {name.partition(".")[0] for name in self.outputs}
+
+        def outcome(point: Array):
+            scene = self.family.scene(point)
+            result = simulate(
+                scene, fidelity=self.fidelity, history=False, only=tuple(sorted(fields))
+            )
+            found = {name: _read(result, name) for name in self.outputs}
+            main = found[self.gradient_of or self.outputs[0]]
+            return main, (found, result.status, self.family.possible(scene))
+
+        if self.gradient_of is None:
+            _, (found, status, possible) = outcome(values)
+        else:
+            differentiated = jax.value_and_grad(outcome, has_aux=True)
+            (_, (found, status, possible)), slope = differentiated(values)
+            found = found | {"gradient": slope}
+        found = {name: jnp.where(possible, leaf, jnp.nan) for name, leaf in found.items()}
+        code = jnp.asarray(IMPOSSIBLE, status.dtype)
+        return found | {"status": jnp.where(possible, status, code)}
+
+
+def _read(result: Result, name: str) -> Array:
+    leaf: Any = result
+    for part in name.split("."):
+        leaf = getattr(leaf, part)
+    return leaf
+
+
+def _plain(part: Any) -> dict[str, Any] | None:
+    """The numbers of a scene's part by their place in it, and its structure."""
+    if part is None:
+        return None
+    leaves, structure = jax.tree_util.tree_flatten_with_path(part)
+    numbers = {jax.tree_util.keystr(path): np.asarray(leaf).tolist() for path, leaf in leaves}
+    # A function's address differs from process to process.
+    return {**numbers, "structure": re.sub(r" at 0x[0-9a-f]+", "", str(structure))}

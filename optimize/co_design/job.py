@@ -1,0 +1,227 @@
+"""Fence, material and the drive's free-form motion designed together.
+
+    python -m optimize.co_design --out out
+
+The motion is a spline through free control angles over a cycle of free length, within a fixed
+period from parcel to parcel. The largest peak force of several whole sorts is minimised, with
+limits on the fence (tip deflection, stress), on the sort (the parcel gets across), on the drive
+(speed, acceleration and jerk, exact for the spline; torque, parcel included) and on what the fence
+still rings with when the next cycle begins. It starts from the paper's fence, with a spline as
+near as can be to the paper's drive.
+
+Every evaluation is written to `evaluations.jsonl` at once: the same command with the same folder
+goes on where it was interrupted.
+"""
+
+import dataclasses
+import time
+
+import jax
+import numpy as np
+
+import fencejax as fj
+from fencejax.design import Journal, Optimum, Verification, minimize, verify
+
+from ..common import command, designs
+from ..common.report import progress_line, write_json
+from .configuration import CoDesignConfig, configure
+from .problem import Joint
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What the job found: the designs [SI], both measured at the finer fidelity, its verdict."""
+
+    config: CoDesignConfig
+    joint: Joint
+    optimum: Optimum
+    before: np.ndarray
+    after: np.ndarray
+    measured: dict[str, dict[str, np.ndarray]]
+    verified: Verification
+    elapsed: float
+
+    @property
+    def succeeded(self) -> bool:
+        """Feasible, sought to the end and confirmed by the finer fidelity."""
+        ended = self.optimum.stop.name in ("OPTIMAL", "STAGNATED")
+        return self.optimum.feasible and ended and self.verified.confirmed
+
+
+def _key(config: CoDesignConfig) -> str:
+    """What decides the numbers of an evaluation."""
+    free = dict(
+        out=None, tolerance=1.0, feasibility=1.0, budget=1, verify="fast", agreement=1.0,
+        plots=False,
+    )  # fmt: skip
+    return repr(dataclasses.replace(config, **free))
+
+
+def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcome:
+    """Run the job, print what it does, and write its files into `config.out`."""
+    begin = time.perf_counter()
+    jax.config.update("jax_enable_x64", True)
+    config = CoDesignConfig() if config is None else config
+    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
+    config.out.mkdir(parents=True, exist_ok=True)
+    joint = Joint(config)
+    journal = Journal(config.out / "evaluations.jsonl", _key(config))
+    if len(journal):
+        say(f"{len(journal)} evaluations known from {journal.path}")
+    say(
+        f"{joint.encounters.lanes} sorts, {len(joint.space.names)} variables: "
+        f"{', '.join(joint.space.names)}; compiling ..."
+    )
+    optimum = minimize(
+        joint.program,
+        designs.inside(joint.start),
+        logits=True,
+        method="sqp",
+        tolerance=config.tolerance,
+        feasibility=config.feasibility,
+        budget=config.budget,
+        journal=journal,
+        progress=lambda record: say(progress_line(record)),
+    )
+    say(f"\nstopped: {optimum.stop.value} ({len(optimum.history)} evaluations)")
+    measured = {
+        "before": joint.measure(optimum.first.point), "after": joint.measure(optimum.point),
+    }  # fmt: skip
+    verified = verify(
+        lambda z: joint.combined(measured["after"], 0.0),
+        optimum,
+        agreement=config.agreement,
+        feasibility=config.feasibility,
+    )
+    before, after = (
+        np.asarray(joint.space.from_unconstrained(e.point)) for e in (optimum.first, optimum.last)
+    )
+    outcome = Outcome(
+        config, joint, optimum, before, after, measured, verified, time.perf_counter() - begin
+    )
+    say("\n" + _table(outcome) + "\n\n" + _verdict(outcome))
+    _write(outcome, journal)
+    say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
+    return outcome
+
+
+def _worst(outcome: Outcome, when: str) -> dict[str, float]:
+    """The smallest margin of every limit at the finer fidelity."""
+    rows = outcome.joint.margins(outcome.measured[when])
+    return {name: float(np.min(row)) for name, row in rows.items()}
+
+
+def _table(outcome: Outcome) -> str:
+    config = outcome.config
+    lines = [f"{'design':<34}{'before':>16}{'after':>16}   bounds"]
+    for variable, old, new in zip(
+        outcome.joint.space.variables, outcome.before, outcome.after, strict=True
+    ):
+        title = f"{variable.name.replace('_', ' ')} [{variable.unit}]"
+        lines.append(
+            f"{title:<34}{old:>16.5g}{new:>16.5g}   {variable.lower:g} ... {variable.upper:g}"
+        )
+    title = f"worst of the sorts, {config.verify}"
+    lines.append(f"\n{title:<34}{'before':>16}{'after':>16}   limit")
+    shown = (
+        ("peak_force", 1.0, "N", None, np.max),
+        ("tip_deflection", 1e3, "mm", config.tip_limit, np.max),
+        ("peak_stress", 1e-6, "MPa", config.stress_limit, np.max),
+        ("crossing", 1e3, "mm", config.crossing, np.min),
+        ("peak_torque", 1.0, "N m", config.torque_limit, np.max),
+        ("ring_amplitude", 1e3, "mm", config.ring_limit, np.max),
+        ("speed", 1.0, "rad/s", config.speed_limit, np.max),
+        ("acceleration", 1.0, "rad/s^2", config.acceleration_limit, np.max),
+        ("jerk", 1.0, "rad/s^3", config.jerk_limit, np.max),
+    )
+    for name, factor, unit, limit, worst in shown:
+        title = f"{name.replace('_', ' ')} [{unit}]"
+        drive = name in ("speed", "acceleration", "jerk")
+        cells = []
+        for when in ("before", "after"):
+            values = outcome.measured[when][name]
+            cells.append(factor * float(worst(np.abs(values) if drive else values)))
+        bound = "" if limit is None else f"   {factor * limit:g}"
+        lines.append(f"{title:<34}{cells[0]:>16.5g}{cells[1]:>16.5g}{bound}")
+    return "\n".join(lines)
+
+
+def _verdict(outcome: Outcome) -> str:
+    optimum, verified, config = outcome.optimum, outcome.verified, outcome.config
+    left = optimum.residual
+    text = (
+        f"KKT: stationarity {left.stationarity:.1e}, complementarity {left.complementarity:.1e}, "
+        f"violation {left.violation:.1e}\n"
+        f"{config.verify}: the optimiser's peak force is off by {100 * verified.error:+.2f} %, "
+        f"margins by up to {verified.margin_error:.3f}: "
+        f"{'confirmed' if verified.confirmed else 'NOT confirmed'}\n"
+    )
+    if not optimum.feasible:
+        return text + (
+            "no feasible design found. The design above is the least-violating one of all that "
+            f"were tried: it breaks a limit by {100 * left.violation:.3g} %, reserve included. "
+            "Relax that limit, widen the bounds, or add variables."
+        )
+    old, new = (float(np.max(outcome.measured[w]["peak_force"])) for w in ("before", "after"))
+    change = f"{100 * (new / old - 1):+.1f} %"
+    text += f"the worst peak force goes from {old:.1f} to {new:.1f} N ({change})"
+    broken = [name for name, least in _worst(outcome, "before").items() if least < 0]
+    if broken:
+        named = ", ".join(broken).replace("_", " ")
+        text += f"; the design before breaks the limits of {named}"
+    if not optimum.converged:
+        text += "\nnot shown to be optimal: " + optimum.stop.value
+    return text
+
+
+def _write(outcome: Outcome, journal: Journal) -> None:
+    config, joint, optimum = outcome.config, outcome.joint, outcome.optimum
+    space = joint.space
+    counts = np.unique(outcome.measured["after"]["status"], return_counts=True)
+    content = {
+        "config": dataclasses.asdict(config),
+        "succeeded": outcome.succeeded,
+        "stop": optimum.stop.value,
+        "converged": optimum.converged,
+        "feasible": optimum.feasible,
+        "residual": optimum.residual._asdict(),
+        "evaluations": len(optimum.history),
+        "recalled": journal.recalled,
+        "design": {"before": space.named(outcome.before), "after": space.named(outcome.after)},
+        "on_bounds": designs.on_bounds(space, outcome.after),
+        "encounters": [joint.encounters.named(i) for i in range(joint.encounters.lanes)],
+        "verified": {
+            "fidelity": config.verify,
+            "confirmed": outcome.verified.confirmed,
+            "error": outcome.verified.error,
+            "margin_error": outcome.verified.margin_error,
+            "violation": outcome.verified.violation,
+        },
+        "statuses": {
+            fj.Status(int(k)).name: int(n) for k, n in zip(*counts, strict=True)
+        },
+        "measured": outcome.measured,
+        "smallest_margins": {when: _worst(outcome, when) for when in ("before", "after")},
+        "history": [
+            {
+                "evaluation": r.evaluation, "peak_force": r.objective, "violation": r.violation,
+                "kkt": r.kkt, "status": fj.Status(r.status).name, "failed": r.failed,
+                "design": space.named(space.from_unconstrained(r.point)),
+            }
+            for r in optimum.history
+        ],
+        "elapsed": outcome.elapsed,
+    }  # fmt: skip
+    write_json(config.out / "co_design.json", content)
+    if config.plots:
+        from . import figures
+
+        figures.motion(joint, outcome.before, outcome.after, config.out)
+        lane = int(np.argmax(outcome.measured["after"]["peak_force"]))
+        figures.sorts(joint, outcome.before, outcome.after, lane, config.out)
+        figures.search(joint, optimum, config.out)
+
+
+def run():
+    """The job from the command line."""
+    command.run("co_design", configure, main)

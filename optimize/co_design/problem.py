@@ -1,0 +1,75 @@
+"""Fence and motion as one design problem over whole sorts."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+import fencejax as fj
+from fencejax.design import Program, extremes, objectives
+from fencejax.model import FlexibleLink
+
+from ..common.encounters import Course, Encounter
+from .configuration import CoDesignConfig
+
+
+def ring_amplitude(energy: Array, fence: fj.Fence) -> Array:
+    """The tip's amplitude [m] if all of an energy [J] were that of the first mode: with
+    m_0 omega_1^2 eta^2 / 2 = E, a = phi_1(tip) eta. Higher modes move the tip less."""
+    link = FlexibleLink(fence, fj.Fidelity(modes=1, static_correction=False))
+    (square,) = link.frequency_squared
+    tip = link.tip_deflection((jnp.ones_like(square),), (), ())
+    # 1e-18 J: far below what matters, so that the root has a derivative.
+    eta = jnp.sqrt(2 * (jnp.maximum(energy, 0.0) + 1e-18) / (link.mass_scale * square))
+    return jnp.abs(tip) * eta
+
+
+class Joint:
+    """The problem of fence, material and motion."""
+
+    def __init__(self, config: CoDesignConfig):
+        self.config, self.space, self.limits = config, config.space, config.limits
+        self.encounters = Encounter.grid(
+            offset=config.offsets, mass=config.masses, front=(config.front,)
+        )
+        quantities = (objectives.PEAK_FORCE, *(x.quantity for x in self.limits))
+        self._quantities = (*quantities, objectives.RING_ENERGY)
+        base = self.space.values_of(self.space.fence, self.space.drive)
+        self.start = np.asarray(self.space.to_unconstrained(base))
+        self.program = Program(
+            lambda z: self.combined(self.read(z, config.fidelity), config.reserve)
+        )
+        self._measure = jax.jit(lambda z: self.read(z, config.verify))
+
+    def read(self, z: Array, fidelity: str) -> dict[str, Array]:
+        """Every quantity by name, one number a sort; `ring_amplitude` [m]; and of the drive the
+        `speed`, `acceleration` and `jerk` (see `fencejax.design.spline_motion.Extremes`)."""
+        fence, drive = self.space.apply(self.space.from_unconstrained(z))
+        assert isinstance(drive, fj.SplineDrive)
+        course = Course("sorts", self.config.period, getattr(fj.Fidelity, fidelity)())
+        found = course.measure(fence, drive, self.encounters, self._quantities)
+        found["ring_amplitude"] = ring_amplitude(found["ring_energy"], fence)
+        return {**found, **extremes(drive)._asdict()}
+
+    def margins(self, read) -> dict[str, Array]:
+        """Margins [1] by the limits' names: one a sort, or one a span or knot of the motion."""
+        config = self.config
+        rows = {limit.name: limit.margin_of(read[limit.name]) for limit in self.limits}
+        rows["ring_amplitude"] = 1 - read["ring_amplitude"] / config.ring_limit
+        for name in ("speed", "acceleration", "jerk"):
+            rows[name] = 1 - jnp.abs(read[name]) / getattr(config, f"{name}_limit")
+        return rows
+
+    def combined(self, read, reserve: float):
+        """Objectives, margins and statuses; the reserve is of what the fidelity bears on."""
+        exact = ("speed", "acceleration", "jerk")
+        rows = [
+            jnp.asarray(row) - (0.0 if name in exact else reserve)
+            for name, row in self.margins(read).items()
+        ]
+        return read["peak_force"], jnp.concatenate(rows), read["status"]
+
+    def measure(self, z) -> dict[str, np.ndarray]:
+        """The quantities at the fidelity of the verification, on the host."""
+        read = jax.device_get(self._measure(jnp.asarray(z)))
+        return {name: np.asarray(values) for name, values in read.items()}

@@ -1,0 +1,1 @@
+"""What several jobs share: command lines, reports, encounters, starting designs."""

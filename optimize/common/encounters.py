@@ -1,0 +1,141 @@
+"""Encounters of parcels with the fence: whole sorts or single impacts, many of them in a batch."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike
+
+import fencejax as fj
+from fencejax.design import Quantity, objectives
+
+KINDS = ("sorts", "impacts")
+# Static over kinetic friction, as in the paper's numbers.
+_BELT_RATIO, _FENCE_RATIO = 0.85 / 0.65, 0.5 / 0.35
+
+
+class Encounter(NamedTuple):
+    """The numbers of an encounter, or of many: then every field has the lanes as its first axis.
+
+    `mass` [kg], `length` and `breadth` [m], `stiffness` k_p [N/m^4], `damping` b_p
+    [N s kg^-0.4 m^-3] of the parcel; `belt_friction` and `fence_friction`, kinetic coefficients
+    [1], the static ones being larger by the paper's ratios. Of a sort: `offset` Delta s [m],
+    `angle` phi [rad] and `front` [m], where the parcel is when the drive starts. Of an impact:
+    `distance` R [m] and `drive_angle` alpha_w [rad] of the first touch.
+    """
+
+    mass: ArrayLike = 15.0
+    length: ArrayLike = 0.4
+    breadth: ArrayLike = 0.3
+    stiffness: ArrayLike = 1.72e9
+    damping: ArrayLike = 3.3e5
+    belt_friction: ArrayLike = 0.65
+    fence_friction: ArrayLike = 0.35
+    offset: ArrayLike = 0.0
+    angle: ArrayLike = 0.0
+    front: ArrayLike = 0.1
+    distance: ArrayLike = 1.0
+    drive_angle: ArrayLike = 0.30
+
+    @property
+    def parcel(self) -> fj.Parcel:
+        """The parcel alone."""
+        return fj.Parcel(
+            mass=self.mass,
+            length=self.length,
+            breadth=self.breadth,
+            stiffness=self.stiffness,
+            damping=self.damping,
+        )
+
+    @classmethod
+    def grid(cls, **columns: Sequence[float]) -> "Encounter":
+        """Every combination of the values given, the last name's running fastest."""
+        mesh = np.meshgrid(*columns.values(), indexing="ij")
+        lanes = {name: values.ravel() for name, values in zip(columns, mesh, strict=True)}
+        return cls(**lanes).wide()
+
+    def wide(self) -> "Encounter":
+        """Every field as an array with the lanes as its first axis."""
+        return Encounter(*(part.copy() for part in np.broadcast_arrays(*map(np.asarray, self))))
+
+    @property
+    def lanes(self) -> int:
+        """How many there are."""
+        return int(np.asarray(self.mass).shape[0])
+
+    def named(self, lane: int) -> dict[str, float]:
+        """One of them, as plain numbers by name."""
+        return {name: float(np.asarray(part)[lane]) for name, part in self._asdict().items()}
+
+
+@dataclasses.dataclass(frozen=True)
+class Course:
+    """How encounters are run: `kind` (`"sorts"` or `"impacts"`), their `duration` [s], the
+    `fidelity`, and how many go through one vectorised call (`chunk`)."""
+
+    kind: str
+    duration: float
+    fidelity: fj.Fidelity
+    chunk: int = 64
+
+    def scene(
+        self, fence: fj.Fence, drive: fj.AbstractDrive, encounter: Encounter
+    ) -> fj.Scene:
+        """The scene of one encounter."""
+        belt = fj.Belt(friction=_friction(encounter.belt_friction, _BELT_RATIO))
+        parts: dict[str, Any] = dict(
+            fence=fence,
+            drive=drive,
+            parcel=encounter.parcel,
+            belt=belt,
+            fence_friction=_friction(encounter.fence_friction, _FENCE_RATIO),
+            duration=self.duration,
+        )
+        if self.kind == "impacts":
+            return fj.scenes.oblique_impact(
+                distance=encounter.distance, drive_angle=encounter.drive_angle, **parts
+            )
+        return fj.scenes.whole_sort(
+            front=encounter.front, offset=encounter.offset, angle=encounter.angle, **parts
+        )
+
+    def measure(
+        self,
+        fence: fj.Fence,
+        drive: fj.AbstractDrive,
+        encounters: Encounter,
+        quantities: Sequence[Quantity],
+    ) -> dict[str, Array]:
+        """The quantities by name and `status`, one number a lane. Differentiable."""
+        only = objectives.fields(quantities)
+
+        def one(encounter: Encounter) -> dict[str, Array]:
+            scene = self.scene(fence, drive, encounter)
+            result = fj.simulate(scene, fidelity=self.fidelity, history=False, only=only)
+            read = {q.name: q(result, scene) for q in quantities}
+            read["status"] = result.status
+            return read
+
+        numbers = jax.tree.map(jnp.asarray, encounters)
+        lanes = numbers.mass.shape[0]
+        if lanes <= self.chunk:
+            return jax.vmap(one)(numbers)
+        # Chunks of one size, filled up with the first lane: one program for all of them.
+        count = -(-lanes // self.chunk)
+        size = -(-lanes // count)
+        spare = count * size - lanes
+
+        def chunked(part):
+            filled = jnp.concatenate([part, jnp.broadcast_to(part[:1], (spare,))])
+            return filled.reshape(count, size)
+
+        found = jax.lax.map(jax.vmap(one), jax.tree.map(chunked, numbers))
+        return jax.tree.map(lambda part: part.reshape(-1)[:lanes], found)
+
+
+def _friction(kinetic: ArrayLike, ratio: float) -> fj.Friction:
+    return fj.Friction(kinetic=kinetic, static=jnp.asarray(kinetic) * ratio)

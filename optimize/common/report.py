@@ -1,0 +1,170 @@
+"""What the main job says and writes: a table, two JSON files and four figures."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from fencejax import plot
+from fencejax.design import DesignSpace, Evaluation, Limit, Optimum, Record
+from fencejax.results import Status
+
+_SHOWN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N": (1.0, "N"), "1": (1.0, "1")}
+
+
+def progress_line(record: Record) -> str:
+    """One line an evaluation."""
+    if record.failed:
+        text = f"failed: {Status(record.status).text}"
+    else:
+        text = f"peak force {record.objective:9.2f} N  violation {record.violation:8.1e}"
+        if not math.isnan(record.kkt):
+            text += f"  KKT {record.kkt:8.1e}"
+    return f"{record.evaluation:4d}  round {record.outer:2d}  {text}  {record.elapsed:6.1f} s"
+
+
+def _worst(limit: Limit, values) -> tuple[float, float, int]:
+    """Value and margin of the lane in which a limit is tightest, and that lane."""
+    margin = np.asarray(limit.margin_of(np.asarray(values)))
+    lane = int(np.argmin(margin))
+    return float(np.asarray(values)[lane]), float(margin[lane]), lane
+
+
+def table(rows: dict, limits: tuple[Limit, ...], lanes, stiff=None) -> str:
+    """Designs side by side: the worst impact of the objective and of every limit.
+
+    `rows` holds measurements by column title; each column shows the value and, for a limit, its
+    margin. `stiff`: the forces [N] of a rigid obstacle, one an impact, to compare with.
+    """
+    titles = list(rows)
+    wide = 23
+    lines = ["".join([f"{'worst of the impacts':<34}", *(f"{t:>{wide}}" for t in titles)])]
+    cells = []
+    for measured in rows.values():
+        forces = np.asarray(measured["peak_force"])
+        distance, mass = lanes[int(np.argmax(forces))]
+        cells.append(f"{forces.max():.1f} ({distance:g} m, {mass:g} kg)")
+    lines.append("".join([f"{'peak force [N]':<34}", *(f"{c:>{wide}}" for c in cells)]))
+    if stiff is not None:
+        drops = [float(np.min(stiff / np.asarray(m["peak_force"]))) for m in rows.values()]
+        title = "rigid obstacle's force over it [1]"
+        lines.append("".join([f"{title:<34}", *(f"{d:>{wide}.2f}" for d in drops)]))
+    for limit in limits:
+        factor, unit = _SHOWN[limit.quantity.unit]
+        sign = "<=" if limit.sense == "at most" else ">="
+        title = f"{limit.name.replace('_', ' ')} {sign} {factor * limit.bound:g} {unit}"
+        cells = []
+        for measured in rows.values():
+            value, margin, _ = _worst(limit, measured[limit.name])
+            cells.append(f"{factor * value:.2f} ({margin:+.4f})")
+        lines.append("".join([f"{title:<34}", *(f"{c:>{wide}}" for c in cells)]))
+    lines.append("(margins in brackets; a limit holds at 0 or more)")
+    return "\n".join(lines)
+
+
+def design_table(space: DesignSpace, before, after) -> str:
+    """The variables before and after, with their bounds."""
+    lines = [f"{'design':<34}{'before':>22}{'after':>22}   bounds"]
+    for variable, old, new in zip(space.variables, before, after, strict=True):
+        title = f"{variable.name.replace('_', ' ')} [{variable.unit}]"
+        share = float(variable.share(new))
+        note = "  (on its lower bound)" if share < 1e-2 else ""
+        note = "  (on its upper bound)" if share > 1 - 1e-2 else note
+        lines.append(
+            f"{title:<34}{float(old):>22.5g}{float(new):>22.5g}   "
+            f"{variable.lower:g} ... {variable.upper:g}{note}"
+        )
+    return "\n".join(lines)
+
+
+def elasticities(
+    space: DesignSpace, limits: tuple[Limit, ...], at: Evaluation, measured
+) -> dict[str, dict[str, float]]:
+    """d ln Q / d ln p [1] of the peak force and of the limited quantities that are positive, each
+    in the impact where it is worst. A variable whose value is 0 has none: 0."""
+    values = np.asarray(space.from_unconstrained(at.point))
+    share = 1 / (1 + np.exp(-at.point))
+    spans = [
+        variable.upper - variable.lower
+        if variable.scaling == "linear"
+        else value * math.log(variable.upper / variable.lower)
+        for variable, value in zip(space.variables, values, strict=True)
+    ]
+    # d ln p / dz = (dp / ds) s (1 - s) / p.
+    factor = values / (np.asarray(spans) * np.maximum(share * (1 - share), 1e-12))
+    count = at.objectives.size
+    worst = int(np.argmax(at.objectives))
+    rows = {"peak_force": at.objective_rows[worst] / at.objectives[worst]}
+    for index, limit in enumerate(limits):
+        value, _, lane = _worst(limit, measured[limit.name])
+        if value > 0:
+            slope = at.margin_rows[index * count + lane] * limit.unit_of_margin / value
+            rows[limit.name] = -slope if limit.sense == "at most" else slope
+    return {
+        name: dict(zip(space.names, (row * factor).tolist(), strict=True))
+        for name, row in rows.items()
+    }
+
+
+def _plain(value):
+    """The same without arrays and without numbers that JSON does not know."""
+    if isinstance(value, dict):
+        return {str(name): _plain(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def write_json(path: Path, content) -> None:
+    """Write plain numbers, indented; what is not finite becomes null."""
+    path.write_text(json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
+
+
+def history_rows(space: DesignSpace, optimum: Optimum) -> list[dict]:
+    """The evaluations as plain dictionaries."""
+    rows = []
+    for record in optimum.history:
+        rows.append({
+            "evaluation": record.evaluation,
+            "round": record.outer,
+            "design": space.named(space.from_unconstrained(record.point)),
+            "peak_force": record.objective,
+            "violation": record.violation,
+            "stationarity": None if record.residual is None else record.residual.stationarity,
+            "complementarity":
+                None if record.residual is None else record.residual.complementarity,
+            "status": Status(record.status).name,
+            "failed": record.failed,
+            "elapsed": record.elapsed,
+        })  # fmt: skip
+    return rows
+
+
+def draw(
+    out: Path,
+    force: dict[str, plot.Trace],
+    deflection: dict[str, plot.Trace],
+    stiff: float | None,
+    tip_limit: float,
+    optimum: Optimum,
+    tolerance: float,
+    bars: dict[str, dict[str, float]],
+) -> None:
+    """Write the four figures: force and deflection in the impact where each is worst."""
+    drawn = {
+        "force": plot.force(force, stiff_force=stiff),
+        "tip_deflection": plot.tip_deflection(deflection, limit=tip_limit),
+        "convergence": plot.convergence(optimum.history, tolerance=tolerance)[0],
+        "gradient": plot.gradient_bars(bars),
+    }
+    for name, axes in drawn.items():
+        figure = axes.get_figure(root=True)
+        assert figure is not None
+        figure.savefig(out / f"{name}.png", dpi=150)

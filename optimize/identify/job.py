@@ -1,0 +1,192 @@
+"""What are the fence and the parcel made of? Parameters from recordings of impacts.
+
+    python -m optimize.identify --records impact.csv --known distance=0.9,mass=12 --out out
+    python -m optimize.identify --demo --out out
+
+fits Young's modulus, the damping ratio, the parcel's stiffness and damping, and friction to the
+recorded force or motion by nonlinear least squares, with derivatives through the simulation. It
+prints the numbers with their standard errors, says what the recordings cannot tell apart, and
+writes result.json and figures: recording and fit with residuals, and the correlation of the
+estimates.
+
+`--demo` makes a recording with noise from numbers that it then finds again; it writes that file
+too, demo.csv, as an example of the format. Exit status 1 if the search did not converge or if the
+demonstration's own numbers lie further from the estimates than noise can explain.
+"""
+
+import dataclasses
+import time
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+import fencejax as fj
+from fencejax.study import SIGNALS, Experiment, Fit, identify, read_recording, write_recording
+
+from ..common import command
+from ..common.report import write_json
+from . import demo, figures
+from .configuration import IdentifyConfig, configure
+
+FURTHEST = 4.0
+"""Standard errors within which the demonstration's numbers must lie: for normal errors one in
+16,000 lies further away."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What the job found. `deviations`: distance of the demonstration's numbers from the estimates
+    in standard errors, by name; empty for recordings."""
+
+    fit: Fit
+    experiments: list[Experiment]
+    deviations: dict[str, float]
+    elapsed: float
+
+    @property
+    def succeeded(self) -> bool:
+        """Converged, and no contradiction to what the demonstration knows."""
+        near = all(abs(value) <= FURTHEST for value in self.deviations.values())
+        return self.fit.converged and near
+
+
+def _made(config: IdentifyConfig) -> Path:
+    """The demonstration's file."""
+    fidelity = getattr(fj.Fidelity, config.demo_fidelity)()
+    scene = config.base(config.numbers(0), demo.DURATION)
+    made = demo.record(scene, fidelity, config.demo_noise, config.demo_rows, config.seed)
+    path = config.out / "demo.csv"
+    write_recording(path, made)
+    return path
+
+
+def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
+    """Run the job, print what it finds, and write its files into `config.out`."""
+    begin = time.perf_counter()
+    jax.config.update("jax_enable_x64", True)
+    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
+    searched = config.searched()
+    config.out.mkdir(parents=True, exist_ok=True)
+    paths = [_made(config)] if config.demo else [Path(path) for path in config.records]
+    experiments, signals = [], config.signals
+    for index, path in enumerate(paths):
+        recording = read_recording(path, signals)
+        signals = signals or recording.names
+        experiments.append(Experiment(config.setting(index, recording), recording))
+        say(f"{path}: {len(recording.time)} rows of {', '.join(recording.names)}")
+    say("compiling ...")
+
+    last = [0.0]
+
+    def progress(number: int, cost: float) -> None:
+        if time.perf_counter() - last[0] > 1.0:
+            last[0] = time.perf_counter()
+            say(f"  evaluation {number:4d}, half the sum of squares {cost:.6g}, "
+                f"{last[0] - begin:5.1f} s")  # fmt: skip
+
+    found = identify.fit(
+        experiments,
+        searched,
+        fidelity=config.knobs,
+        noise=config.scales(),
+        starts=config.starts,
+        confidence=config.confidence,
+        seed=config.seed,
+        most=config.budget,
+        progress=progress,
+    )
+    outcome = Outcome(found, experiments, _deviations(config, found), time.perf_counter() - begin)
+    write_json(config.out / "result.json", _content(config, outcome))
+    if config.plots:
+        for index, (experiment, fitted) in enumerate(zip(experiments, found.fitted, strict=True)):
+            name = "fit" if len(experiments) == 1 else f"fit_{index + 1}"
+            drawn = figures.fit(experiment, fitted, found.noise)
+            drawn.savefig(config.out / f"{name}.png", dpi=150)
+        figures.correlation(found).savefig(config.out / "correlation.png", dpi=150)
+    _report(config, outcome, say)
+    return outcome
+
+
+def _deviations(config: IdentifyConfig, found: Fit) -> dict[str, float]:
+    """How far the hidden numbers lie from the estimates, in standard errors."""
+    if not config.demo:
+        return {}
+    deviations = {}
+    for k, parameter in enumerate(found.parameters):
+        if parameter.name in demo.TRUTH:
+            value, truth = found.values[k], demo.TRUTH[parameter.name]
+            apart = value - truth if parameter.scaling == "linear" else np.log(value / truth)
+            deviations[parameter.name] = float(apart / found.standard_errors[k])
+    return deviations
+
+
+def _report(config: IdentifyConfig, outcome: Outcome, say) -> None:
+    found = outcome.fit
+    say(f"\n{found}")
+    noise = ", ".join(f"{name} {value:.3g} {SIGNALS[name]}" for name, value in found.noise.items())
+    say(f"intervals of {100 * found.confidence:g} %; residuals: {noise} (standard deviation)")
+    say(f"condition {found.condition:.3g}, misfit {found.misfit:.3g}, {found.evaluations} "
+        f"evaluations: {found.stop}")  # fmt: skip
+    for warning in found.warnings:
+        say(f"warning: {warning}")
+    if len(found.costs) > 1:
+        same = int(np.sum(np.array(found.costs) < 1.01 * min(found.costs)))
+        say(f"{same} of {len(found.costs)} starts came to the same minimum")
+    for name, value in outcome.deviations.items():
+        truth = demo.TRUTH[name]
+        say(f"  hidden {name.replace('_', ' ')} {truth:.4g}: {value:+.2f} standard errors away")
+    if not found.converged:
+        say("the search did NOT converge")
+    elif not outcome.succeeded:
+        say("the hidden numbers lie further away than noise explains")
+    say(f"wrote {config.out} ({outcome.elapsed:.1f} s in all)")
+
+
+def _content(config: IdentifyConfig, outcome: Outcome) -> dict[str, Any]:
+    found = outcome.fit
+    return {
+        "config": dataclasses.asdict(config),
+        "succeeded": outcome.succeeded,
+        "parameters": {
+            parameter.name: {
+                "unit": parameter.unit,
+                "start": found.start[k],
+                "value": found.values[k],
+                "standard_error": found.standard_errors[k],
+                "standard_error_of": "ln p" if parameter.scaling == "logarithmic" else "p",
+                "interval": [found.low[k], found.high[k]],
+                "bounds": [parameter.lower, parameter.upper],
+            }
+            for k, parameter in enumerate(found.parameters)
+        },
+        "correlation": found.correlation,
+        "condition": found.condition,
+        "weakest_direction": dict(zip(found.names, found.weakest.tolist(), strict=True)),
+        "noise": found.noise,
+        "autocorrelation": found.autocorrelation,
+        "misfit": found.misfit,
+        "converged": found.converged,
+        "evaluations": found.evaluations,
+        "stop": found.stop,
+        "costs": found.costs,
+        "warnings": found.warnings,
+        "hidden": demo.TRUTH if config.demo else None,
+        "deviations": outcome.deviations,
+        "records": [
+            {
+                "source": experiment.recording.source,
+                "time": experiment.recording.time,
+                "recorded": dict(experiment.recording.signals),
+                "fitted": dict(zip(experiment.recording.names, fitted, strict=True)),
+            }
+            for experiment, fitted in zip(outcome.experiments, found.fitted, strict=True)
+        ],
+        "elapsed": outcome.elapsed,
+    }
+
+
+def run():
+    """The job from the command line."""
+    command.run("identify", configure, main, refused=(ValueError, TypeError, OSError))

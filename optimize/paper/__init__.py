@@ -1,1 +1,0 @@
-"""The pieces of `optimize.reproduce_paper`: the paper's fences, runs, statements and figures."""

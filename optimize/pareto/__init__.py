@@ -1,0 +1,3 @@
+"""The front of the worst peak force against what it costs."""
+
+from .job import main as main

@@ -1,0 +1,208 @@
+"""The front of the worst peak force against what it costs.
+
+    python -m optimize.pareto --against tip_deflection --out out
+
+A fence hits less hard if its tip may deflect further, if it is lighter, if the drive takes its
+time or if it gives less torque. For each of these the job steps a limit on it and minimises the
+worst peak force over several parcels, under the limits that hold in any case. The result is the
+front with the design of every point, each looked at again at the reference fidelity, and beside
+it the stop at a constant force, 1/2 m v_n^2 / travel, that no fence can better.
+
+The cycle time is the shortest from parcel to parcel: the parcels' spacing along the belt, front to
+front, is the belt's speed times it, and 3600 s over it are the parcels an hour.
+
+Every evaluation is written to `evaluations.jsonl` at once: the same command with the same folder
+goes on where it was interrupted.
+"""
+
+import dataclasses
+import time
+
+import jax
+import numpy as np
+
+import fencejax as fj
+from fencejax.design import Journal
+from fencejax.plot import non_dominated
+
+from ..common import command, designs
+from ..common.report import write_json
+from . import figures
+from .configuration import ParetoConfig, configure
+from .constant_force import blows
+from .problem import Tradeoff
+from .trace import Point, Tracer
+
+
+@dataclasses.dataclass(frozen=True)
+class Front:
+    """What the job found: the points, which of them are on the front, the bound of each [N], and
+    how many evaluations it took."""
+
+    config: ParetoConfig
+    tradeoff: Tradeoff
+    points: list[Point]
+    on_front: np.ndarray
+    least_force: np.ndarray
+    evaluations: int
+    elapsed: float
+
+    @property
+    def succeeded(self) -> bool:
+        """At least two points on the front, all of them feasible, sought to the end and
+        confirmed."""
+        kept = [p for p, good in zip(self.points, self.on_front, strict=True) if good]
+        return len(kept) >= 2 and all(p.sound for p in kept)
+
+
+def _key(config: ParetoConfig) -> str:
+    """What decides the numbers of an evaluation."""
+    free = dict(
+        out=None, points=3, starts=1, together=False, width=1, tolerance=1.0, budget=1,
+        feasibility=1.0, verify="none", agreement=1.0, plots=False,
+    )  # fmt: skip
+    return repr(dataclasses.replace(config, **free)) + repr(fj.Fidelity.standard())
+
+
+def _good(points: list[Point]) -> np.ndarray:
+    """Which points are feasible and not dominated by another feasible one."""
+    feasible = np.array([p.optimum.feasible for p in points])
+    force = np.where(feasible, [p.force for p in points], np.inf)
+    other = np.where(feasible, [p.other for p in points], np.inf)
+    return feasible & non_dominated(np.column_stack([force, other]))
+
+
+def _least_force(tradeoff: Tradeoff, point: Point) -> float:
+    """The largest over the encounters of 1/2 m v_n^2 / travel [N], the travel being the deflection
+    of the tip and the indentation of the parcel that the encounter itself shows."""
+    lanes = point.found.lanes
+    travel = lanes["tip_deflection"] + lanes["indentation"]
+    every = blows(tradeoff, point.optimum.point)
+    return max(b.least_force(float(s)) for b, s in zip(every, travel, strict=True))
+
+
+def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> dict:
+    optimum, space = point.optimum, tradeoff.space
+    row = {
+        "design": space.named(point.values),
+        "on_bounds": designs.on_bounds(space, point.values),
+        "peak_force": point.force,
+        tradeoff.quantity.name: point.other,
+        "bound": point.bound,
+        "on_front": good,
+        "constant_force_bound": least,
+        "feasible": optimum.feasible,
+        "converged": optimum.converged,
+        "sound": point.sound,
+        "stop": optimum.stop.value,
+        "residual": optimum.residual._asdict(),
+        "smallest_margin": float(np.min(optimum.margins)),
+        "evaluations": len(optimum.history),
+        "statuses": point.found.statuses,
+        "measured": point.found.lanes,
+    }
+    if tradeoff.quantity.name == "cycle_time":
+        row["spacing"] = float(fj.Belt().speed) * point.other
+        row["parcels_an_hour"] = 3600 / point.other
+    if point.verified is not None and point.finer is not None:
+        row["verified"] = {
+            "fidelity": tradeoff.config.verify,
+            "confirmed": point.verified.confirmed,
+            "peak_force": point.finer.force,
+            tradeoff.quantity.name: point.finer.other,
+            "error": point.verified.error,
+            "violation": point.verified.violation,
+            "statuses": point.finer.statuses,
+        }
+    return row
+
+
+def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
+    """Run the job, print what it does, and write its files into `config.out`."""
+    begin = time.perf_counter()
+    jax.config.update("jax_enable_x64", True)
+    config = ParetoConfig() if config is None else config
+    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
+    config.out.mkdir(parents=True, exist_ok=True)
+    tradeoff = Tradeoff(config)
+    journal = Journal(config.out / "evaluations.jsonl", _key(config))
+    if len(journal):
+        say(f"{len(journal)} evaluations known from {journal.path}")
+    say(
+        f"peak force against {config.against.replace('_', ' ')}: {tradeoff.encounters.lanes} "
+        f"{config.kind}, variables {', '.join(tradeoff.space.names)}"
+    )
+
+    def keep(points):
+        write(points, None)
+
+    def write(points, least):
+        good = _good(points)
+        bounds = [None] * len(points) if least is None else list(least)
+        content = {
+            "config": dataclasses.asdict(config),
+            "quantity": {"name": tradeoff.quantity.name, "unit": tradeoff.quantity.unit},
+            "encounters": [tradeoff.encounters.named(i) for i in range(tradeoff.encounters.lanes)],
+            "complete": least is not None,
+            "evaluations": tracer.evaluations,
+            "recalled": journal.recalled,
+            "elapsed": time.perf_counter() - begin,
+            "start": {
+                "design": tradeoff.space.named(tradeoff.space.from_unconstrained(tradeoff.start)),
+                "peak_force": tracer.start.force,
+                tradeoff.quantity.name: tracer.start.other,
+            },
+            "points": [
+                _row(tradeoff, p, bool(g), b) for p, g, b in zip(points, good, bounds, strict=True)
+            ],
+        }
+        fresh = config.out / "front.json.new"
+        write_json(fresh, content)
+        fresh.replace(config.out / "front.json")
+
+    tracer = Tracer(tradeoff, journal, say, keep)
+    points = tracer.run()
+    points.sort(key=lambda p: p.other)
+    least = np.array([_least_force(tradeoff, point) for point in points])
+    write(points, least)
+    front = Front(
+        config, tradeoff, points, _good(points), least, tracer.evaluations,
+        time.perf_counter() - begin,
+    )  # fmt: skip
+    if config.plots:
+        figures.front(tradeoff, points, front.on_front, least, tracer.start, config.out)
+        figures.designs(tradeoff, points, front.on_front, config.out)
+    say("\n" + _verdict(front, tracer))
+    say(f"wrote {config.out} ({front.elapsed:.1f} s in all)")
+    return front
+
+
+def _verdict(front: Front, tracer: Tracer) -> str:
+    points, name = front.points, front.tradeoff.quantity.name.replace("_", " ")
+    kept = [i for i, good in enumerate(front.on_front) if good]
+    if not all(end.feasible for end in tracer.ends):
+        worst = max(tracer.ends, key=lambda end: end.residual.violation)
+        return (
+            "no feasible design found: the least-violating one breaks a limit by "
+            f"{100 * worst.residual.violation:.3g} %. Relax that limit or widen the bounds."
+        )
+    if len(kept) < 2:
+        return (
+            f"no front: one point beats all others in force and {name}. Either both fall together "
+            "here, or the first search ended too high: give more --starts"
+        )
+    ratios = [points[i].force / front.least_force[i] for i in kept]
+    sound = sum(points[i].sound for i in kept)
+    exact = sum(points[i].optimum.converged for i in kept)
+    return (
+        f"{len(kept)} points on the front, {len(points) - len(kept)} left out; {sound} sought to "
+        f"the end and confirmed, {exact} of all shown to be optimal; {front.evaluations} "
+        "evaluations\n"
+        f"peak force {min(ratios):.2f} to {max(ratios):.2f} times that of a constant-force stop "
+        "over the same travel"
+    )
+
+
+def run():
+    """The job from the command line."""
+    command.run("pareto", configure, main)

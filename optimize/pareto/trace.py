@@ -1,0 +1,227 @@
+"""The front, point by point: the least worst peak force with the other quantity's limit stepped.
+
+The epsilon-constraint method (Haimes, Lasdon and Wismer, 1971): for each bound of the other
+quantity minimise the peak force. Each point starts from its neighbour's design and multipliers,
+and the bounds are put where the front has its widest gaps. One program serves all of it.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.stats import qmc
+
+import fencejax as fj
+from fencejax.design import (
+    Journal,
+    Multipliers,
+    Optimum,
+    Record,
+    Stop,
+    Verification,
+    minimize,
+    minimize_many,
+    verify,
+)
+
+from ..common import designs
+from .problem import FORCE, OTHER, Measured, Tradeoff
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """A point of the front: the bound it was found for, the optimum, what was measured there at
+    the optimiser's fidelity and, if asked for, at a finer one."""
+
+    bound: float
+    optimum: Optimum
+    values: np.ndarray
+    found: Measured
+    verified: Verification | None
+    finer: Measured | None
+
+    @property
+    def force(self) -> float:
+        """The worst peak force [N]."""
+        return self.found.force
+
+    @property
+    def other(self) -> float:
+        """The other quantity."""
+        return self.found.other
+
+    @property
+    def sound(self) -> bool:
+        """Feasible, sought to the end (to the conditions of Karush, Kuhn and Tucker, or until
+        nothing lower was found) and not contradicted by the finer fidelity."""
+        confirmed = self.verified is None or self.verified.confirmed
+        ended = self.optimum.stop in (Stop.OPTIMAL, Stop.STAGNATED)
+        return self.optimum.feasible and ended and confirmed
+
+
+class Tracer:
+    """Traces the front of a trade-off; every evaluation goes through the journal."""
+
+    def __init__(
+        self,
+        tradeoff: Tradeoff,
+        journal: Journal | None,
+        say: Callable[..., None],
+        keep: Callable[[list[Point]], None],
+    ):
+        self.tradeoff, self.config, self.journal = tradeoff, tradeoff.config, journal
+        self.say, self.keep = say, keep
+        self.points: list[Point] = []
+        self.evaluations = 0
+        self.unit, self.scale = 1.0, 1.0
+        self.start: Measured
+        self.ends: tuple[Optimum, Optimum]
+
+    def run(self) -> list[Point]:
+        """The points, by falling bound."""
+        self.start = self.tradeoff.measure(self.config.fidelity, self.tradeoff.start)
+        self.unit, self.scale = self.start.other, self.start.force
+        first, least = self.ends = self._ends()
+        high, low = self._other(first), self._other(least)
+        self._add(high, first)
+        if high - low <= 1e-3 * abs(high) or not (first.feasible and least.feasible):
+            return self.points
+        # A little above its least value the other quantity leaves the force some choice.
+        low = low + 0.02 * (high - low)
+        if self.config.together:
+            self._together(_spaced(high, low, self.config.points)[1:], (first, least))
+        else:
+            for bound in _spaced(high, low, max(3, self.config.points // 2))[1:]:
+                self._solve(bound, self.points[-1].optimum)
+            while len(self.points) < self.config.points:
+                self._fill()
+        return self.points
+
+    def _ends(self) -> tuple[Optimum, Optimum]:
+        """Where the force is least, from several starts, and where the other quantity is."""
+        start = self.tradeoff.start
+        power = int(np.ceil(np.log2(self.config.starts + 1)))
+        engine = qmc.Sobol(start.size, seed=0)  # pyright: ignore[reportCallIssue]
+        shares = 0.1 + 0.8 * engine.random_base2(power)[1 : self.config.starts]
+        starts = designs.inside(np.vstack([start, np.log(shares / (1 - shares))]))
+        self.say(f"least force, {len(starts)} starts; compiling ...")
+        if len(starts) == 1:
+            tried = [self._minimize(starts[0], FORCE, self.tradeoff.loose, None)]
+        else:
+            tried = self._many(starts, [self.tradeoff.loose] * len(starts))
+        feasible = [o for o in tried if o.feasible]
+        best = min(feasible or tried, key=lambda o: (o.residual.violation, o.last.worst))
+        if feasible:
+            best = min(feasible, key=lambda o: o.last.worst)
+        self.say(f"least {self.tradeoff.quantity.name.replace('_', ' ')}")
+        return best, self._minimize(best.point, OTHER, self.tradeoff.loose, None)
+
+    def _data(self, minimised: float, bound: float):
+        return tuple(np.asarray(x, dtype=float) for x in (minimised, bound, self.unit))
+
+    @property
+    def _settings(self) -> dict[str, Any]:
+        config = self.config
+        return dict(
+            logits=True,
+            method="sqp",
+            tolerance=config.tolerance,
+            feasibility=config.feasibility,
+            budget=config.budget,
+        )
+
+    def _line(self, record: Record) -> None:
+        self.evaluations += 1
+        if record.failed:
+            self.say(f"  {record.evaluation:3d}  failed: {fj.Status(record.status).text}")
+
+    def _minimize(self, start, minimised, bound, multipliers) -> Optimum:
+        return minimize(
+            self.tradeoff.program,
+            designs.inside(start),
+            data=self._data(minimised, bound),
+            multipliers=multipliers,
+            scale=self.scale if minimised == FORCE else self.unit,
+            journal=self.journal,
+            progress=self._line,
+            **self._settings,
+        )
+
+    def _many(self, starts, bounds) -> list[Optimum]:
+        return minimize_many(
+            self.tradeoff.program,
+            starts,
+            data=[self._data(FORCE, bound) for bound in bounds],
+            width=self.config.width,
+            scale=self.scale,
+            journal=self.journal,
+            progress=lambda run, record: self._line(record),
+            **self._settings,
+        )
+
+    def _other(self, optimum: Optimum) -> float:
+        return self.tradeoff.measure(self.config.fidelity, optimum.point).other
+
+    def _solve(self, bound: float, near: Optimum) -> None:
+        held = Multipliers(near.weights, near.multipliers)
+        self._add(bound, self._minimize(near.point, FORCE, bound, held))
+
+    def _together(self, bounds, ends) -> None:
+        first, least = (designs.inside(o.point) for o in ends)
+        shares = np.linspace(0, 1, len(bounds) + 1)[1:, None]
+        starts = (1 - shares) * first + shares * least
+        for bound, optimum in zip(bounds, self._many(starts, bounds), strict=True):
+            self._add(bound, optimum)
+
+    def _fill(self) -> None:
+        """One more point, in the widest gap of the front; forces are compared as logarithms."""
+        self.points.sort(key=lambda p: -p.bound)
+        force = np.log([p.force for p in self.points])
+        bound = np.array([p.bound for p in self.points])
+        spans = [max(np.ptp(x), 1e-12) for x in (force, bound)]
+        wide = np.hypot(np.diff(force) / spans[0], np.diff(bound) / spans[1])
+        at = int(np.argmax(wide))
+        # The design of the tighter bound holds the new one, too.
+        self._solve(0.5 * (bound[at] + bound[at + 1]), self.points[at + 1].optimum)
+
+    def _add(self, bound: float, optimum: Optimum) -> None:
+        tradeoff, config = self.tradeoff, self.config
+        found = tradeoff.measure(config.fidelity, optimum.point)
+        finer, verified = None, None
+        if config.verify != "none":
+            finer = tradeoff.measure(config.verify, optimum.point)
+            own = finer
+            # The bound as measured: beyond it by what the fidelities differ is no violation.
+            data = self._data(FORCE, max(bound, finer.other))
+            verified = verify(
+                lambda z, *data: tradeoff.judged(own, *data),
+                optimum,
+                data=data,
+                agreement=config.agreement,
+                feasibility=config.feasibility,
+            )
+        values = np.asarray(tradeoff.space.from_unconstrained(optimum.point))
+        self.points.append(Point(bound, optimum, values, found, verified, finer))
+        self.say(self._told(self.points[-1]))
+        self.keep(self.points)
+
+    def _told(self, point: Point) -> str:
+        quantity = self.tradeoff.quantity
+        text = (
+            f"{len(self.points):3d}  {quantity.name.replace('_', ' ')} {point.other:9.5g} "
+            f"{quantity.unit}  peak force {point.force:8.2f} N  "
+            f"({len(point.optimum.history)} evaluations, {point.optimum.stop.name.lower()}"
+        )
+        if not point.optimum.feasible:
+            text += f", violation {point.optimum.residual.violation:.1e}"
+        if point.verified is not None:
+            text += f", error {100 * point.verified.error:+.2f} %"
+        return text + ")"
+
+
+def _spaced(high: float, low: float, count: int) -> np.ndarray:
+    """Falling bounds, evenly spaced; by ratio where they span more than a factor of five."""
+    if low > 0 and high / low > 5:
+        return np.geomspace(high, low, count)
+    return np.linspace(high, low, count)

@@ -1,0 +1,137 @@
+"""The impacts a fence is designed for, all of them in one batch, and what is asked of them."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+import fencejax as fj
+from fencejax.design import DesignSpace, Limit, objectives
+from fencejax.plot import Trace
+
+
+@dataclasses.dataclass(frozen=True)
+class Impacts:
+    """Oblique impacts at several distances [m], each by parcels of several masses [kg].
+
+    `duration` [s] of each is long enough to see whether the parcel is diverted.
+    """
+
+    distances: tuple[float, ...]
+    masses: tuple[float, ...]
+    drive_angle: float
+    duration: float
+
+    @property
+    def lanes(self) -> tuple[tuple[float, float], ...]:
+        """(distance, mass) of every lane."""
+        return tuple((d, m) for d in self.distances for m in self.masses)
+
+    def scene(self, fence: fj.Fence, drive: fj.AbstractDrive, distance, mass) -> fj.Scene:
+        """One of the impacts."""
+        return fj.scenes.oblique_impact(
+            fence=fence,
+            drive=drive,
+            distance=distance,
+            drive_angle=self.drive_angle,
+            parcel=fj.Parcel(mass=mass),
+            duration=self.duration,
+        )
+
+
+Measurement = dict[str, Array]
+"""Values of the peak force and of every limited quantity by name, one a lane; also `status`."""
+
+
+def measure(
+    fence: fj.Fence,
+    drive: fj.AbstractDrive,
+    impacts: Impacts,
+    limits: tuple[Limit, ...],
+    fidelity: fj.Fidelity,
+    *,
+    signals: bool = True,
+) -> tuple[Measurement, Trace | None]:
+    """What the impacts do to a fence, and their signals and the fence's mass if asked for.
+    Differentiable."""
+    quantities = (objectives.PEAK_FORCE, *(limit.quantity for limit in limits))
+    if signals:
+        quantities = (*quantities, objectives.FENCE_MASS)
+
+    def one(distance, mass):
+        scene = impacts.scene(fence, drive, distance, mass)
+        only = None if signals else objectives.fields(quantities)
+        result = fj.simulate(scene, fidelity=fidelity, history=signals, only=only)
+        read = {q.name: q(result, scene) for q in quantities}
+        read["status"] = result.status
+        history = result.history
+        if history is None:
+            return read, None
+        return read, Trace(history.time, history.fence_force, history.tip_deflection)
+
+    distances, masses = (jnp.asarray(column) for column in zip(*impacts.lanes, strict=True))
+    return jax.vmap(one)(distances, masses)
+
+
+def margins(limits: tuple[Limit, ...], measured: Measurement) -> dict[str, Array]:
+    """Margins [1] by the limits' names, one a lane."""
+    return {limit.name: limit.margin_of(measured[limit.name]) for limit in limits}
+
+
+def problem(
+    space: DesignSpace,
+    impacts: Impacts,
+    limits: tuple[Limit, ...],
+    fidelity: fj.Fidelity,
+    reserve: float,
+):
+    """z -> peak forces [N], margins less `reserve` [1], statuses: for `fencejax.minimize`."""
+
+    def evaluate(z):
+        fence, drive = space.apply(space.from_unconstrained(z))
+        measured, _ = measure(fence, drive, impacts, limits, fidelity, signals=False)
+        rows = list(margins(limits, measured).values())
+        left = jnp.concatenate(rows) - reserve if rows else jnp.zeros(0)
+        return measured["peak_force"], left, measured["status"]
+
+    return evaluate
+
+
+def whole_sorts(
+    fence: fj.Fence,
+    drive: fj.AbstractDrive,
+    front: float,
+    masses: tuple[float, ...],
+    duration: float,
+) -> Measurement:
+    """How far beyond the belt's edge whole sorts carry parcels [m], their peak forces [N] and
+    statuses, one a mass; a check without derivatives."""
+
+    def one(mass):
+        scene = fj.scenes.whole_sort(
+            front=front, fence=fence, drive=drive, parcel=fj.Parcel(mass=mass), duration=duration
+        )
+        result = fj.simulate(scene, history=False)
+        return {
+            "crossing": objectives.CROSSING(result, scene),
+            "peak_force": result.peak_force,
+            "status": result.status,
+        }
+
+    return jax.vmap(one)(jnp.asarray(masses))
+
+
+def stiff_forces(impacts: Impacts, drive: fj.AbstractDrive, belt_speed: float) -> np.ndarray:
+    """N_stiff [N] of every lane: the same parcel at the same normal approach speed against a rigid
+    obstacle."""
+    rate = float(drive.motion(drive.time_at(impacts.drive_angle)).speed)
+    distances, masses = (jnp.asarray(column) for column in zip(*impacts.lanes, strict=True))
+    speeds = belt_speed * np.sin(impacts.drive_angle) + distances * rate
+
+    def one(speed, mass):
+        scene = fj.scenes.rigid_wall(speed=speed, parcel=fj.Parcel(mass=mass))
+        return fj.simulate(scene, history=False, only=("peak_force",)).peak_force
+
+    return np.asarray(jax.vmap(one)(speeds, masses))

@@ -1,0 +1,389 @@
+"""The fence that hurts the parcel least: the smallest peak force over the worst of the impacts.
+
+    python -m optimize.peak_force --out out
+
+starts from the paper's two-link fence and minimises the largest peak reaction force over impacts
+at several distances with several masses, under limits on the tip deflection, the bending stress,
+the tip clearance and the sort itself. The limits are asked of every impact.
+
+What is designed, by default: the thickness h_1 and the length ratio l_s / l_p at a fixed reach,
+and Young's modulus, the choice of the material. The damping ratio and the density can be added,
+but 1 % of theirs moves the worst peak force of the paper's fence by less than 0.1 %.
+
+Whether the parcel is diverted is asked of the impacts themselves: within `duration` its centre of
+gravity must pass the belt's far edge. The optimum is then put beside the paper's two-link and
+one-link fences at the reference fidelity, in the same impacts and in whole sorts.
+`--worst-case` does all this for the paper's worst case alone.
+"""
+
+import concurrent.futures
+import dataclasses
+import time
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import fencejax as fj
+from fencejax.design import (
+    VARIABLES,
+    DesignSpace,
+    DesignVariable,
+    Evaluation,
+    Limit,
+    Optimum,
+    minimize,
+)
+from fencejax.plot import Trace
+
+from ..common import command, report
+from . import impacts as batch
+from .configuration import PeakForceConfig, configure
+
+_TITLES = {"before": "two-link", "after": "optimum", "one_link": "one-link"}
+_THREE = tuple(_TITLES)
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What the job found: the optimum, the designs [SI], measurements, and whether it stands.
+
+    `measured` holds, one number an impact, what the optimiser found (`found`) and what the finer
+    fidelity says of the paper's two-link fence (`before`), the optimum (`after`) and the paper's
+    one-link fence (`one_link`); `sorts` the whole sorts of these three.
+    """
+
+    optimum: Optimum
+    space: DesignSpace
+    before: np.ndarray
+    after: np.ndarray
+    measured: dict[str, dict[str, Any]]
+    sorts: dict[str, dict[str, Any]]
+    stiff: np.ndarray
+    confirmed: bool | None
+    sorted_out: bool | None
+    limits: tuple[Limit, ...]
+    elapsed: float
+
+    @property
+    def succeeded(self) -> bool:
+        """Converged, feasible, and not contradicted by the reference or by the whole sorts."""
+        stands = self.confirmed is not False and self.sorted_out is not False
+        return self.optimum.converged and self.optimum.feasible and stands
+
+
+def _space(config: PeakForceConfig) -> DesignSpace:
+    given = {name: (lower, upper) for name, lower, upper in config.bounds}
+    for name in given:
+        if name not in config.variables:
+            raise ValueError(
+                f"Argument `bounds` must be of designed variables {list(config.variables)}, but "
+                f"names {name!r}. Add it to `variables`."
+            )
+    chosen: list[str | DesignVariable] = []
+    for name in config.variables:
+        if name in given and name in VARIABLES:
+            lower, upper = given[name]
+            chosen.append(dataclasses.replace(VARIABLES[name], lower=lower, upper=upper))
+        else:
+            chosen.append(name)
+    return DesignSpace(chosen)
+
+
+def _measured(config: PeakForceConfig, optimum: Optimum, at: Evaluation) -> dict[str, Any]:
+    """Values of an evaluation, from its margins."""
+    lanes = at.objectives.size
+    found: dict[str, Any] = {"peak_force": at.objectives * optimum.scale}
+    rows = at.margins.reshape(len(config.limits), lanes) + config.reserve
+    for limit, row in zip(config.limits, rows, strict=True):
+        span = row * limit.unit_of_margin
+        found[limit.name] = limit.bound - span if limit.sense == "at most" else limit.bound + span
+    return found
+
+
+class _Checks:
+    """The programs run once the optimum is known, compiled beside the optimisation: the two-link
+    fence, the optimum and the one-link fence in one batch."""
+
+    def __init__(self, config: PeakForceConfig, space: DesignSpace, impacts: batch.Impacts):
+        name = "reference" if config.reference else config.fidelity
+        fidelity = getattr(fj.Fidelity, name)()
+        cycle = float(space.drive.cycle)
+
+        def impact(fence, drive):
+            return batch.measure(fence, drive, impacts, config.limits, fidelity)
+
+        def sort(fence, drive):
+            return batch.whole_sorts(
+                fence, drive, config.sort_front, config.sort_masses, cycle
+            )
+
+        self._space = space
+        shapes = self._stacked(space.values_of(space.fence, space.drive))
+        pool = concurrent.futures.ThreadPoolExecutor(max_workers=1)
+
+        def compiled(function):
+            return pool.submit(lambda: jax.jit(jax.vmap(function)).lower(*shapes).compile())
+
+        self._impacts = compiled(impact)
+        self._sorts = compiled(sort) if config.sort_masses else None
+        pool.shutdown(wait=False)
+
+    def _stacked(self, after):
+        """Fences and drives of all three, each leaf with the fence as its first axis."""
+        space = self._space
+        paper = (space.fence, space.drive), (fj.Fence.one_link(), space.drive)
+        three = (paper[0], space.apply(after), paper[1])
+        return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *three)
+
+    def impacts(self, after):
+        """Measurements and signals of all three, stacked."""
+        return jax.device_get(self._impacts.result()(*self._stacked(after)))
+
+    def sorts(self, after):
+        """Measurements of the whole sorts; `None` where none are asked for."""
+        if self._sorts is None:
+            return None
+        return jax.device_get(self._sorts.result()(*self._stacked(after)))
+
+
+def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outcome:
+    """Run the job, print what it does, and write its files into `config.out`."""
+    begin = time.perf_counter()
+    jax.config.update("jax_enable_x64", True)
+    config = PeakForceConfig() if config is None else config
+    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
+    space, limits = _space(config), config.limits
+    impacts = batch.Impacts(
+        config.distances, config.masses, config.drive_angle, config.duration
+    )
+    config.out.mkdir(parents=True, exist_ok=True)
+    fidelity = getattr(fj.Fidelity, config.fidelity)()
+    before = np.asarray(space.values_of(space.fence, space.drive))
+    checks = _Checks(config, space, impacts)
+    say(f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling ...")
+    optimum = minimize(
+        batch.problem(space, impacts, limits, fidelity, config.reserve),
+        space.to_unconstrained(before),
+        logits=True,
+        method=config.method,
+        tolerance=config.tolerance,
+        feasibility=config.feasibility,
+        penalty=config.penalty,
+        budget=config.budget,
+        progress=lambda record: say(report.progress_line(record)),
+    )
+    after = np.asarray(space.from_unconstrained(optimum.point))
+    say(f"\nstopped: {optimum.stop.value} ({len(optimum.history)} evaluations)")
+    return _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
+
+
+def _confirm(config, optimum, space, impacts, checks, before, after, say, begin) -> Outcome:
+    """Re-run the two designs, say and write what came out."""
+    limits = config.limits
+    stacked, signals = checks.impacts(after)
+    old, new, other = ({k: v[i] for k, v in stacked.items()} for i in range(3))
+    found = _measured(config, optimum, optimum.last)
+    stiff = batch.stiff_forces(impacts, space.drive, float(fj.Belt().speed))
+    label = "reference" if config.reference else config.fidelity
+    rows = {
+        f"two-link, {label}": old,
+        f"one-link, {label}": other,
+        f"optimum, {config.fidelity}": found,
+        f"optimum, {label}": new,
+    }
+    say("\n" + report.design_table(space, before, after))
+    say("\n" + report.table(rows, limits, impacts.lanes, stiff))
+    confirmed = None
+    if config.reference:
+        difference = float(np.max(new["peak_force"]) / np.max(found["peak_force"]) - 1)
+        least = min(float(np.min(v)) for v in batch.margins(limits, new).values())
+        # The reference must find the same force, and no limit broken.
+        confirmed = abs(difference) <= config.agreement and least >= -config.feasibility
+        confirmed = confirmed and int(np.max(new["status"])) <= fj.Status.LEFT_OVER_TIP
+        say(
+            f"reference: peak force {100 * difference:+.3f} % of the optimiser's, smallest margin "
+            f"{least:+.4f}, status {fj.Status(int(np.max(new['status']))).name}: "
+            f"{'confirmed' if confirmed else 'NOT confirmed'}"
+        )
+    stacked = checks.sorts(after)
+    sorts = {} if stacked is None else {
+        name: {k: v[i] for k, v in stacked.items()} for i, name in enumerate(_THREE)
+    }  # fmt: skip
+    sorted_out = _sorted_out(config, sorts, say)
+    outcome = Outcome(
+        optimum, space, before, after,
+        {"before": old, "found": found, "after": new, "one_link": other}, sorts, stiff,
+        confirmed, sorted_out, limits, time.perf_counter() - begin,
+    )  # fmt: skip
+    say("\n" + _verdict(outcome))
+    _write(config, outcome, impacts, signals)
+    say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
+    return outcome
+
+
+def _sorted_out(config, sorts, say) -> bool | None:
+    """Whether whole sorts of the optimum divert the parcel; `None` where none were run."""
+    if not sorts:
+        return None
+    least = float(np.min(sorts["after"]["crossing"]))
+    worst = fj.Status(int(np.max(sorts["after"]["status"])))
+    fine = least >= config.crossing and worst <= fj.Status.LEFT_OVER_TIP
+    say(
+        f"whole sorts (front at {config.sort_front:g} m, {len(config.sort_masses)} masses): C_s "
+        f"at least {1e3 * least:.0f} mm past the belt's edge, status {worst.name}: "
+        f"{'diverted' if fine else 'NOT diverted'}"
+    )
+    peaks = (float(np.max(sorts[name]["peak_force"])) for name in ("before", "one_link", "after"))
+    say("in them, two-link, one-link, optimum: {:.1f}, {:.1f}, {:.1f} N at most".format(*peaks))
+    return fine
+
+
+def _drop(outcome: Outcome, paper: str) -> str:
+    """How the optimum's worst peak force compares with that of one of the paper's fences."""
+    ratio = np.max(outcome.measured["after"]["peak_force"])
+    change = 1 - float(ratio / np.max(outcome.measured[paper]["peak_force"]))
+    return f"{100 * abs(change):.1f} % {'below' if change > 0 else 'above'}"
+
+
+def _verdict(outcome: Outcome) -> str:
+    optimum = outcome.optimum
+    left = optimum.residual
+    text = (
+        f"KKT: stationarity {left.stationarity:.1e}, complementarity {left.complementarity:.1e}, "
+        f"violation {left.violation:.1e}\n"
+    )
+    if not optimum.feasible:
+        return text + (
+            "no feasible design found. The design above is the least-violating one of all that "
+            f"were tried: it breaks a limit by {100 * left.violation:.3g} % (reserve included). "
+            "Relax that limit, widen the bounds, or add variables."
+        )
+    text += (
+        f"the worst peak force is {_drop(outcome, 'before')} the two-link fence's and "
+        f"{_drop(outcome, 'one_link')} the one-link fence's"
+    )
+    for name, title in (("before", "two-link"), ("one_link", "one-link")):
+        rows = batch.margins(outcome.limits, outcome.measured[name])
+        broken = [key.replace("_", " ") for key, row in rows.items() if np.min(row) < 0]
+        if broken:
+            text += f"; the {title} fence breaks the limits of {', '.join(broken)}"
+    if not optimum.converged:
+        return text + ", but the design is not shown to be optimal: " + optimum.stop.value
+    if not outcome.succeeded:
+        return text + ", but a check above contradicts the design"
+    return text
+
+
+def _side_by_side(outcome: Outcome) -> dict[str, dict[str, float | None]]:
+    """The three fences [SI] and the worst of each number over the impacts."""
+    space = outcome.space
+    fences = {
+        "before": space.fence,
+        "one_link": fj.Fence.one_link(),
+        "after": space.apply(outcome.after)[0],
+    }
+    rows = {}
+    for name, fence in fences.items():
+        found = outcome.measured[name]
+        worst = {
+            limit.name: float(np.asarray(found[limit.name])[np.argmin(margin)])
+            for limit, margin in (
+                (x, np.asarray(x.margin_of(found[x.name]))) for x in outcome.limits
+            )
+        }
+        rows[_TITLES[name]] = {
+            "thickness": float(fence.thickness),
+            "rigid_length": float(fence.rigid_length),
+            "flexible_length": float(fence.flexible_length),
+            "youngs_modulus": float(fence.material.youngs_modulus),
+            "fence_mass": float(found["fence_mass"][0]),
+            "peak_force": float(np.max(found["peak_force"])),
+            "smallest_drop": float(np.min(outcome.stiff / found["peak_force"])),
+            **worst,
+            "peak_force_in_sorts":
+                float(np.max(outcome.sorts[name]["peak_force"])) if outcome.sorts else None,
+        }  # fmt: skip
+    return rows
+
+
+def _write(config, outcome, impacts, signals) -> None:
+    space, optimum = outcome.space, outcome.optimum
+    first = _measured(config, optimum, optimum.first)
+    bars = {
+        when: report.elasticities(space, config.limits, at, values)
+        for when, at, values in (
+            ("before", optimum.first, first),
+            ("after", optimum.last, outcome.measured["found"]),
+        )
+    }
+    report.write_json(config.out / "history.json", report.history_rows(space, optimum))
+    content = {
+        "config": dataclasses.asdict(config),
+        "stop": optimum.stop.value,
+        "converged": optimum.converged,
+        "feasible": optimum.feasible,
+        "confirmed_by_reference": outcome.confirmed,
+        "whole_sorts_diverted": outcome.sorted_out,
+        "evaluations": len(optimum.history),
+        "elapsed": outcome.elapsed,
+        "residual": optimum.residual._asdict(),
+        "design": {
+            "before": space.named(outcome.before),
+            "after": space.named(outcome.after),
+        },
+        "impacts": [{"distance": d, "mass": m} for d, m in impacts.lanes],
+        "weights": optimum.weights,
+        "multipliers": {
+            limit.name: row
+            for limit, row in zip(
+                config.limits,
+                optimum.multipliers.reshape(len(config.limits), -1),
+                strict=True,
+            )
+        },
+        "measured": outcome.measured,
+        "rigid_obstacle": outcome.stiff,
+        "whole_sorts": outcome.sorts,
+        "margins": batch.margins(config.limits, outcome.measured["after"]),
+        "side_by_side": _side_by_side(outcome),
+        "elasticities": bars,
+    }
+    report.write_json(config.out / "result.json", content)
+    if config.plots:
+        _draw(config, outcome, impacts, signals, bars)
+
+
+def _draw(config, outcome, impacts, signals, bars) -> None:
+    found = outcome.measured["found"]
+
+    def shown(lane):
+        distance, mass = impacts.lanes[lane]
+        return {
+            f"{name}, R = {distance:g} m, {mass:g} kg": Trace(
+                *(part[index, lane] for part in signals)
+            )
+            for index, name in enumerate(_TITLES.values())
+        }
+
+    worst = int(np.argmax(found["peak_force"]))
+    report.draw(
+        config.out,
+        shown(worst),
+        shown(int(np.argmax(found["tip_deflection"]))),
+        float(outcome.stiff[worst]),
+        config.tip_limit,
+        outcome.optimum,
+        config.tolerance,
+        {
+            f"{name}, {when}": bars[when][name]
+            for name in ("peak_force", "tip_deflection")
+            for when in ("before", "after")
+        },
+    )
+
+
+def run():
+    """The job from the command line."""
+    command.run("peak_force", configure, main)

@@ -1,0 +1,3 @@
+"""The fence for parcels as they come."""
+
+from .job import main as main

@@ -1,0 +1,250 @@
+"""The numbers of the sensitivity study, and a flag for each."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import fencejax as fj
+from fencejax.scenes import AnyScene, numbers as scene_numbers
+from fencejax.study import quantities_of
+
+from ..common import assignments, flags
+
+SCENES = (
+    "oblique_impact", "along_fence", "border_and_fence", "whole_sort", "normal_impact",
+    "rigid_wall",
+)  # fmt: skip
+
+# name, lower, upper, unit, scaling: what PA6, the parcels of a sorter and its settings span around
+# the paper's numbers, such that the corner stays on the fence.
+_RANGES = (
+    fj.DesignVariable("thickness", 0.040, 0.050, "m", "linear"),
+    fj.DesignVariable("length_ratio", 0.4, 0.8, "1", "linear"),
+    fj.DesignVariable("youngs_modulus", 2.0e9, 3.5e9, "Pa", "linear"),
+    fj.DesignVariable("density", 1080.0, 1180.0, "kg/m^3", "linear"),
+    fj.DesignVariable("damping_ratio", 0.02, 0.10, "1", "linear"),
+    fj.DesignVariable("mass", 5.0, 20.0, "kg", "linear"),
+    fj.DesignVariable("stiffness", 0.86e9, 3.44e9, "N/m^4"),
+    fj.DesignVariable("damping", 1.65e5, 6.6e5, "N s kg^-0.4 m^-3"),
+    fj.DesignVariable("belt_speed", 1.6, 2.4, "m/s", "linear"),
+    fj.DesignVariable("belt_kinetic_friction", 0.5, 0.8, "1", "linear"),
+    fj.DesignVariable("fence_kinetic_friction", 0.2, 0.5, "1", "linear"),
+    fj.DesignVariable("distance", 0.7, 1.0, "m", "linear"),
+    fj.DesignVariable("drive_angle", 0.25, 0.35, "rad", "linear"),
+    fj.DesignVariable("top_speed", 1.3, 1.8, "rad/s", "linear"),
+    fj.DesignVariable("offset", 0.0, 0.2, "m", "linear"),
+    fj.DesignVariable("speed", 1.5, 2.5, "m/s", "linear"),
+)
+RANGES = {variable.name: variable for variable in _RANGES}
+"""Inputs with default ranges; those that the scene has are studied by default."""
+DISTANCES, LINE = ("distance=0.8", "distance=1.0"), "distance=0.5:1.1"
+AS_IT_IS = "the scene as it is"
+
+
+@dataclasses.dataclass(frozen=True)
+class SensitivityConfig:
+    """Every number of the study; `python -m optimize.sensitivity --help` says what each is."""
+
+    out: Path = Path("out")
+    scene: str = "oblique_impact"
+    duration: float = 0.0
+    outputs: tuple[str, ...] = ("peak_force", "tip_deflection", "impulse", "peak_stress")
+    variables: tuple[str, ...] = ()
+    ranges: tuple[str, ...] = ()
+    points: tuple[str, ...] = ()
+    along: str = "default"
+    along_count: int = 61
+    gradients: int = 512
+    samples: int = 1024
+    confidence: float = 0.95
+    resamples: int = 200
+    seed: int = 0
+    fidelity: str = "standard"
+    chunk: int = 16
+    plots: bool = True
+
+    def __post_init__(self):
+        flags.one_of("scene", self.scene, SCENES)
+        flags.one_of("fidelity", self.fidelity, flags.FIDELITIES)
+        flags.at_least(
+            self, along_count=2, gradients=2, samples=2, resamples=10, seed=0, chunk=1, duration=0
+        )
+        for name in ("gradients", "samples"):
+            value = getattr(self, name)
+            if value & (value - 1):
+                raise ValueError(
+                    f"Argument `{name}` must be a power of 2, at which Sobol' points are balanced, "
+                    f"but is {value}."
+                )
+        if self.gradients > self.samples:
+            raise ValueError(
+                f"Argument `gradients` must be at most `samples` = {self.samples}, whose points it "
+                f"takes, but is {self.gradients}."
+            )
+        if not 0 < self.confidence < 1:
+            raise ValueError(
+                f"Argument `confidence` must be within 0 and 1 [1], but is {self.confidence:g}."
+            )
+
+    @property
+    def knobs(self) -> fj.Fidelity:
+        """The fidelity by its name."""
+        return getattr(fj.Fidelity, self.fidelity)()
+
+    def base(self) -> AnyScene:
+        """The scene with the paper's numbers."""
+        duration = self.duration if self.duration > 0 else None
+        return getattr(fj.scenes, self.scene)(duration=duration)
+
+    def inputs(self, scene: AnyScene) -> tuple[fj.DesignVariable, ...]:
+        """What varies, with its ranges.
+
+        Raises `ValueError` for a name or a range that cannot be.
+        """
+        given = dict(_range(text) for text in self.ranges)
+        names = self.variables or tuple(dict.fromkeys([*_present(scene), *given]))
+        scene_numbers.together(scene, names)
+        chosen = []
+        for name in names:
+            if name not in given and name not in RANGES:
+                raise ValueError(
+                    f"Argument `ranges` must hold one for {name!r}, which has no default one. "
+                    f"Write {name}=lower:upper, or {name}=lower:upper:logarithmic."
+                )
+            if name in given:
+                lower, upper, scaling = given[name]
+                unit = scene_numbers.unit(scene_numbers.resolve(scene, name))
+                variable = fj.DesignVariable(name, lower, upper, unit, scaling)
+            else:
+                variable = RANGES[name]
+            scene_numbers.check(scene, name, variable.lower)
+            scene_numbers.check(scene, name, variable.upper)
+            chosen.append(variable)
+        for name in given:
+            if name not in names:
+                raise ValueError(
+                    f"Argument `ranges` must be of the variables {list(names)}, but names {name!r}."
+                )
+        return tuple(chosen)
+
+    def places(self, scene: AnyScene) -> dict[str, dict[str, float]]:
+        """The points of the local study by their text: numbers that differ from the scene's own.
+
+        By default two distances or, where the scene has none, the scene as it is.
+        """
+        texts = self.points
+        if not texts:
+            texts = DISTANCES if "distance" in _present(scene) else ("",)
+        found = {}
+        for text in texts:
+            form = "hold numbers as name=value"
+            numbers = assignments.values("points", text, form) if text else {}
+            for name, value in numbers.items():
+                scene_numbers.check(scene, name, value)
+            if numbers:
+                scene_numbers.together(scene, tuple(numbers))
+            title = ",".join(
+                f"{name}={value:g} {scene_numbers.unit(scene_numbers.resolve(scene, name))}"
+                for name, value in numbers.items()
+            )
+            found[title or AS_IT_IS] = numbers
+        return found
+
+    def line(self, scene: AnyScene) -> tuple[str, float, float] | None:
+        """Name and bounds of the number along which elasticities are followed, if any."""
+        text = self.along
+        if text == "default":
+            text = LINE if "distance" in _present(scene) else ""
+        if not text:
+            return None
+        name, (lower, upper, _) = _range(text)
+        for value in (lower, upper):
+            scene_numbers.check(scene, name, value)
+        return name, lower, upper
+
+    def check(self) -> None:
+        """Raise `ValueError` where a name or a range is none of the scene's."""
+        scene = self.base()
+        quantities_of(scene, self.outputs)
+        self.inputs(scene)
+        self.places(scene)
+        self.line(scene)
+
+    def quick(self) -> "SensitivityConfig":
+        """A small version: few points, the fast fidelity."""
+        return dataclasses.replace(
+            self, along_count=16, gradients=64, samples=64, resamples=50, fidelity="fast",
+            duration=self.duration or (0.0 if self.scene == "whole_sort" else 0.15),
+        )  # fmt: skip
+
+
+def _range(text: str) -> tuple[str, tuple[float, float, str]]:
+    form = "hold name=lower:upper[:scaling]"
+    name, lower, upper, rest = assignments.span("ranges", text, form)
+    if len(rest) > 1:
+        raise assignments.refusal("ranges", text, form)
+    return name, (lower, upper, rest[0] if rest else "linear")
+
+
+def _present(scene: AnyScene) -> list[str]:
+    """The inputs with default ranges that the scene has."""
+    found = []
+    for name in RANGES:
+        try:
+            scene_numbers.resolve(scene, name)
+        except ValueError:
+            continue
+        found.append(name)
+    return found
+
+
+_HELP = {
+    "out": "folder for result.json, samples.npz and the figures",
+    "scene": "which scene, with the paper's numbers",
+    "duration": "length of each run [s]; 0: the scene's own",
+    "outputs": f"of {', '.join(fj.OBJECTIVES)}",
+    "variables": "what varies, by name or path; by default all with a default range that the scene "
+    f"has, of {', '.join(RANGES)}",
+    "ranges": "ranges [SI] instead of the default ones, as name=lower:upper[:logarithmic]",
+    "points": "where the local study is made, each as name=value[,name=value ...] [SI]; other "
+    "numbers are the scene's. By default two distances, if the scene has one",
+    "along": "what the elasticities are followed along, as name=lower:upper [SI]; '' for none; by "
+    "default the distance, if the scene has one",
+    "along_count": "places along it",
+    "gradients": "gradients for the bounds; a power of 2",
+    "samples": "base points of the Sobol' indices; a power of 2. They cost samples x (variables + "
+    "2) runs",
+    "confidence": "of the intervals [1]",
+    "resamples": "of the bootstrap",
+    "seed": "of the sampling",
+    "fidelity": "fast, standard or reference",
+    "chunk": "runs computed at a time by a thread",
+    "plots": "draw the figures",
+}
+
+
+def parser():
+    """One flag for each field of the configuration, and --quick."""
+    return flags.parser(
+        SensitivityConfig,
+        "optimize.sensitivity",
+        "What counts, and how much: elasticities by automatic differentiation, bounds on Sobol' "
+        "indices by sampled derivatives, and the indices themselves.",
+        _HELP,
+        {
+            "scene": {"choices": SCENES},
+            "fidelity": {"choices": flags.FIDELITIES},
+            "variables": {"nargs": "*"},
+            "ranges": {"nargs": "*", "metavar": "NAME=LOWER:UPPER"},
+            "points": {"nargs": "*", "type": str, "metavar": "NAME=VALUE"},
+        },
+        quick="few points at the fast fidelity, whatever the flags for them say",
+    )
+
+
+def configure(arguments: Sequence[str] | None = None) -> SensitivityConfig:
+    """The configuration that flags describe.
+
+    Raises `ValueError` where a number is out of range.
+    """
+    return flags.configured(parser(), SensitivityConfig, arguments)

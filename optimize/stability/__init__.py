@@ -1,1 +1,0 @@
-"""The pieces of the stability map: its scenes and its figures."""

@@ -1,0 +1,208 @@
+"""The numbers of a sweep, and a flag for each."""
+
+import dataclasses
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import fencejax as fj
+from fencejax.design import DesignVariable
+from fencejax.study import KINDS, OUTPUTS, VARIABLES, Samples, SceneFamily, Sweep, sampling
+
+from ..common import assignments, flags
+
+_SAMPLINGS = ("grid", "latin_hypercube", "sobol")
+_DRIVES = {
+    "harmonic": fj.HarmonicDrive,
+    "held": fj.HeldDrive,
+    "constant_speed": fj.ConstantSpeedDrive,
+    "trapezoid": fj.TrapezoidDrive,
+    "s_curve": fj.SCurveDrive,
+}
+_FENCES = {"two_link": fj.Fence, "one_link": fj.Fence.one_link}
+
+
+@dataclasses.dataclass(frozen=True)
+class SweepConfig:
+    """Every number of the job; `python -m optimize.sweep --help` says what each is."""
+
+    out: Path = Path("out")
+    scene: str = "oblique_impact"
+    vary: tuple[str, ...] = ("mass=1:30", "distance=0.5:1.1")
+    sampling: str = "grid"
+    points: int = 48
+    count: int = 4096
+    seed: int = 0
+    fixed: tuple[str, ...] = ()
+    fence: str = "two_link"
+    drive: str = "harmonic"
+    outputs: tuple[str, ...] = ("peak_force", "tip_deflection")
+    gradient: str = "none"
+    duration: float = 0.0
+    fidelity: str = "standard"
+    chunk: int = 0
+    group: int = 0
+    devices: int = 0
+    coordinator: str = "none"
+    processes: int = 1
+    process: int = 0
+    cluster: bool = False
+    tolerated: float = 0.25
+    plots: bool = True
+
+    def __post_init__(self):
+        flags.one_of("scene", self.scene, tuple(KINDS))
+        flags.one_of("sampling", self.sampling, _SAMPLINGS)
+        flags.one_of("fence", self.fence, tuple(_FENCES))
+        flags.one_of("drive", self.drive, tuple(_DRIVES))
+        flags.one_of("fidelity", self.fidelity, flags.FIDELITIES)
+        flags.at_least(self, points=2, count=1, chunk=0, group=0, devices=0, processes=1, process=0)
+        if self.process >= self.processes:
+            raise ValueError(
+                f"Argument `process` must be below `processes` = {self.processes}, but is "
+                f"{self.process}. They are numbered from 0."
+            )
+        if self.processes > 1 and self.coordinator == "none" and not self.cluster:
+            raise ValueError(
+                "Argument `coordinator` must be given for several processes, but is not. Write "
+                "--coordinator HOST:PORT of process 0, or --cluster where Slurm or MPI starts them."
+            )
+        if not 0 <= self.tolerated <= 1:
+            raise ValueError(
+                f"Argument `tolerated` must be within 0 ... 1 [1], but is {self.tolerated:g}."
+            )
+
+    def samples(self) -> Samples:
+        """The points.
+
+        Raises `ValueError` where `vary` cannot be read, or names what has no bounds.
+        """
+        read = [_variable(text) for text in self.vary]
+        variables = [variable for variable, _ in read]
+        if self.sampling == "grid":
+            counts = [self.points if count is None else count for _, count in read]
+            return sampling.grid(variables, counts)
+        for text, (_, count) in zip(self.vary, read, strict=True):
+            if count is not None:
+                raise ValueError(
+                    f"Argument `vary` must not give points a variable for {self.sampling}, but "
+                    f"holds {text!r}. The number of points is --count."
+                )
+        lay = sampling.sobol if self.sampling == "sobol" else sampling.latin_hypercube
+        return lay(variables, self.count, self.seed)
+
+    def sweep(self) -> Sweep:
+        """The sweep that this describes.
+
+        Raises `ValueError` for names and bounds that the scene does not have.
+        """
+        samples = self.samples()
+        family = SceneFamily(
+            self.scene,
+            samples.names,
+            fixed=dict(assignments.value("fixed", text, "read name=value") for text in self.fixed),
+            fence=_FENCES[self.fence](),
+            drive=_DRIVES[self.drive](),
+            duration=self.duration or None,
+        )
+        outputs = self.outputs
+        if self.gradient != "none" and self.gradient not in outputs:
+            outputs = (*outputs, self.gradient)
+        return Sweep(
+            family,
+            samples,
+            outputs,
+            None if self.gradient == "none" else self.gradient,
+            getattr(fj.Fidelity, self.fidelity)(),
+        )
+
+    def quick(self) -> "SweepConfig":
+        """A small version: a few hundred points at the fast fidelity."""
+        return dataclasses.replace(
+            self, points=min(self.points, 16), count=min(self.count, 256), fidelity="fast"
+        )
+
+    @property
+    def local_devices(self) -> int:
+        """Devices on the CPU: one a core that this process may use."""
+        if self.devices:
+            return self.devices
+        if hasattr(os, "sched_getaffinity"):
+            return len(os.sched_getaffinity(0))
+        return os.cpu_count() or 1
+
+
+def _variable(text: str) -> tuple[DesignVariable, int | None]:
+    """A variable, and its number of points on a grid where given, from
+    name[=lower:upper[:points][:linear|logarithmic]]."""
+    name, _, given = text.partition("=")
+    if not given:
+        return sampling.variable(name), None
+    form = "read name[=lower:upper[:points][:linear|logarithmic]]"
+    _, lower, upper, rest = assignments.span("vary", text, form)
+    scaling = rest.pop() if rest and rest[-1] in ("linear", "logarithmic") else None
+    try:
+        (count,) = [int(word) for word in rest] or [None]
+    except ValueError as error:
+        raise assignments.refusal("vary", text, form) from error
+    return sampling.variable(name, lower, upper, scaling=scaling), count
+
+
+_HELP = {
+    "out": "folder for the chunks, sweep.npz, result.json and the figures; the same command goes "
+    "on where it was stopped",
+    "scene": f"kind of scene: {', '.join(KINDS)}",
+    "vary": "what varies, as name, name=lower:upper, or name=lower:upper:points for a grid, each "
+    "with :linear or :logarithmic behind if wanted; names: the scene's own and "
+    f"{', '.join(VARIABLES)}",
+    "sampling": "how the points are laid: grid, latin_hypercube or sobol",
+    "points": "points of a grid along each variable",
+    "count": "points of a Latin hypercube or, a power of two, of a Sobol sequence",
+    "seed": "of their random numbers",
+    "fixed": "other numbers that are not the default ones, as name=value [SI]",
+    "fence": f"the fence that is changed: {', '.join(_FENCES)}",
+    "drive": f"the drive that is changed: {', '.join(_DRIVES)}",
+    "outputs": f"what is kept, of {', '.join(OUTPUTS)}",
+    "gradient": "output whose derivatives in all variables are kept too, or none",
+    "duration": "length of each scene [s]; 0: the scene's own",
+    "fidelity": "fast, standard or reference",
+    "chunk": "lanes that a device computes at a time, and that a file holds; 0: chosen",
+    "group": "lanes that go through their loops together; 0: chosen",
+    "devices": "devices that JAX makes of this CPU; 0: one a core",
+    "coordinator": "HOST:PORT of process 0, for several processes",
+    "processes": "number of processes",
+    "process": "number of this process, from 0",
+    "cluster": "ask Slurm, MPI or Kubernetes for the three above",
+    "tolerated": "share of lanes without good numbers that still counts as success [1]",
+    "plots": "draw the figures",
+}
+
+
+def parser():
+    """One flag for each field of the configuration, and `--quick`."""
+    return flags.parser(
+        SweepConfig,
+        prog="optimize.sweep",
+        description="Compute scenes over a grid, a Latin hypercube or a Sobol sequence, on every "
+        "device of one or several machines, resumably.",
+        explained=_HELP,
+        special={
+            "scene": {"choices": tuple(KINDS)},
+            "sampling": {"choices": _SAMPLINGS},
+            "fence": {"choices": tuple(_FENCES)},
+            "drive": {"choices": tuple(_DRIVES)},
+            "fidelity": {"choices": flags.FIDELITIES},
+            "fixed": {"nargs": "*", "metavar": "NAME=VALUE"},
+            "vary": {"metavar": "NAME=LOWER:UPPER"},
+            "outputs": {"metavar": "OUTPUT"},
+        },
+        quick="at most 16 points an axis, or 256 in all, at the fast fidelity",
+    )
+
+
+def configure(arguments: Sequence[str] | None = None) -> SweepConfig:
+    """The configuration that flags describe.
+
+    Raises `ValueError` where a number is out of range.
+    """
+    return flags.configured(parser(), SweepConfig, arguments)

@@ -1,1 +1,0 @@
-"""The pieces of the sweep: its configuration and its figures."""

@@ -1,0 +1,182 @@
+"""The optimiser on problems with known optima and multipliers, and its algebra."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fencejax.design import Evaluation, Multipliers, Stop, augmented, minimize, onto_simplex
+
+
+def _circle(z):
+    # min x^2 + y^2, x + y >= 1: (1/2, 1/2), multiplier 1.
+    return z @ z, z[0] + z[1] - 1, 0
+
+
+def _banana(z):
+    # Rosenbrock's function in the disc x^2 + y^2 <= 3/2: the optimum and the multiplier follow
+    # from the conditions, solved by Newton to 1e-12.
+    return 100 * (z[1] - z[0] ** 2) ** 2 + (1 - z[0]) ** 2, 1.5 - z @ z, 0
+
+
+def _worst_of_three(z):
+    # Charalambous and Conn's CB2: max of three, 1.9522245 at (1.1390377, 0.8995600).
+    x, y = z
+    three = jnp.stack([x**2 + y**4, (2 - x) ** 2 + (2 - y) ** 2, 2 * jnp.exp(y - x)])
+    return three, jnp.zeros(0), 0
+
+
+def _impossible(z):
+    return z @ z, jnp.stack([z[0] - 1, -z[0] - 1]), 0
+
+
+def test_linear_limit():
+    found = minimize(_circle, [2.0, 0.0], scale=1.0, tolerance=1e-5, feasibility=1e-6)
+    assert found.converged
+    assert found.feasible
+    # The error of the optimum is of the order of the tolerances.
+    np.testing.assert_allclose(found.point, [0.5, 0.5], atol=1e-5)
+    np.testing.assert_allclose(found.multipliers, [1.0], atol=3e-5)
+    assert found.objective == pytest.approx(0.5, abs=1e-5)
+    assert len(found.history) <= 40
+    assert found.history[-1].kkt <= 1e-5
+
+
+def test_curved_limit():
+    def conditions(u):
+        z, multiplier = u[:2], u[2]
+        slope = jax.grad(lambda z: _banana(z)[0] - multiplier * _banana(z)[1])(z)
+        return jnp.append(slope, _banana(z)[1])
+
+    exact = jnp.array([0.9, 0.8, 0.04])
+    for _ in range(20):
+        exact = exact - jnp.linalg.solve(jax.jacfwd(conditions)(exact), conditions(exact))
+    found = minimize(_banana, [-1.0, 1.0], scale=1.0, tolerance=1e-5, feasibility=1e-6)
+    assert found.converged
+    np.testing.assert_allclose(found.point, exact[:2], atol=1e-4)
+    np.testing.assert_allclose(found.multipliers, exact[2:], rtol=2e-3)
+
+
+def test_worst_case_is_exact():
+    found = minimize(_worst_of_three, [1.0, -0.1], scale=1.0, tolerance=1e-5)
+    assert found.converged
+    assert found.objective == pytest.approx(1.9522245, abs=2e-5)
+    np.testing.assert_allclose(found.point, [1.1390377, 0.8995600], atol=2e-4)
+    # The gradients of the two active ones balance: w_1 (2x, 4y^3) = w_2 (2 (2 - x), 2 (2 - y)).
+    x, y = 1.1390377, 0.8995600
+    share = 2 * x / (2 * (2 - x))
+    np.testing.assert_allclose(found.weights, [1 / (1 + share), share / (1 + share), 0], atol=1e-3)
+    assert share == pytest.approx(4 * y**3 / (2 * (2 - y)), rel=1e-5)
+
+
+def test_scale_changes_the_multipliers_only():
+    plain = minimize(_circle, [2.0, 0.0], scale=1.0, tolerance=1e-5)
+    scaled = minimize(_circle, [2.0, 0.0], tolerance=1e-5)
+    assert scaled.scale == pytest.approx(4.0)
+    np.testing.assert_allclose(scaled.point, plain.point, atol=1e-4)
+    np.testing.assert_allclose(4 * scaled.multipliers, plain.multipliers, atol=1e-3)
+
+
+def test_bound_is_an_optimum():
+    def falling(z):
+        share = jax.nn.sigmoid(z)
+        return -share[0] + (share[1] - 0.3) ** 2, jnp.ones(1), 0
+
+    found = minimize(falling, [0.0, 1.0], scale=1.0, logits=True)
+    assert found.converged
+    share = 1 / (1 + np.exp(-found.point))
+    assert share[0] >= 1 - 1e-3
+    assert share[1] == pytest.approx(0.3, abs=1e-3)
+
+
+@pytest.mark.parametrize("method", ["lbfgs", "adam"])
+def test_no_feasible_design(method):
+    found = minimize(_impossible, [3.0, 1.0], scale=1.0, method=method, budget=1500)
+    assert found.stop is Stop.INFEASIBLE
+    assert not found.converged
+    assert not found.feasible
+    # x >= 1 and x <= -1: the least largest violation is 1, at x = 0.
+    assert found.residual.violation == pytest.approx(1.0, abs=1e-2)
+    assert min(record.violation for record in found.history) == found.residual.violation
+
+
+def test_infeasible_start_is_no_obstacle():
+    found = minimize(_circle, [-3.0, -1.0], scale=1.0)
+    assert found.converged
+    np.testing.assert_allclose(found.point, [0.5, 0.5], atol=1e-3)
+
+
+def test_budget():
+    found = minimize(_banana, [-1.0, 1.0], scale=1.0, budget=5)
+    assert found.stop is Stop.BUDGET
+    assert not found.converged
+    assert len(found.history) <= 5
+    assert found.feasible == (found.residual.violation <= 1e-4)
+
+
+def test_failed_evaluations_shorten_the_step_and_are_recorded():
+    # ln x with a wall at 0: the first steps towards the optimum x = 1/10 go past it.
+    def walled(z):
+        x = z[0]
+        return -jnp.log(x) + 10 * x, jnp.ones(1), jnp.where(x < 0.05, 6, 0)
+
+    seen = []
+    found = minimize(walled, [0.2], scale=1.0, progress=seen.append)
+    assert found.converged
+    assert found.point[0] == pytest.approx(0.1, abs=1e-3)
+    failed = [record for record in found.history if record.failed]
+    assert failed
+    assert all(record.point[0] < 0.05 and record.violation == np.inf for record in failed)
+    assert [record.evaluation for record in seen] == [r.evaluation for r in found.history]
+
+
+def test_failed_start_is_said():
+    found = minimize(lambda z: (jnp.log(z[0]), jnp.ones(1), 0), [-1.0])
+    assert found.stop is Stop.FAILED_START
+    assert not found.feasible
+    assert len(found.history) == 1
+
+
+def test_gradient_of_the_augmented_lagrangian():
+    # Against central differences of its value, with objectives and margins active and not.
+    rng = np.random.default_rng(0)
+    rows, more = rng.normal(size=(3, 2)), rng.normal(size=(4, 2))
+    held = Multipliers(np.array([0.2, 0.5, 0.3]), np.array([0.4, 0.0, 0.1, 0.3]))
+
+    def at(z):
+        objectives = rows @ z + np.array([0.1, 0.0, -0.05]) + z @ z
+        bent = rows + 2 * z
+        return Evaluation(z, objectives, more @ z + 0.05, bent, more, 0, False)
+
+    z, step = np.array([0.1, -0.2]), 1e-6
+    _, gradient = augmented(at(z), held, 4.0)
+    for axis, unit in enumerate(np.eye(2)):
+        ahead, behind = (augmented(at(z + s * step * unit), held, 4.0)[0] for s in (1, -1))
+        # Round-off 1e-16 / 1e-6 and the next order 1e-12.
+        assert gradient[axis] == pytest.approx((ahead - behind) / (2 * step), abs=1e-8)
+
+
+def test_projection_onto_the_simplex():
+    point = np.array([0.9, 0.6, -0.4, 0.55])
+    nearest = onto_simplex(point)
+    assert nearest.sum() == pytest.approx(1.0, abs=1e-15)
+    assert nearest.min() >= 0
+    # Nearest: what was taken away is the same for all that stay above 0, and no less elsewhere.
+    taken = point - nearest
+    kept = nearest > 0
+    assert np.ptp(taken[kept]) < 1e-15
+    assert np.all(taken[~kept] <= taken[kept].max())
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        (dict(method="newton"), ValueError, "`method` must be one of"),
+        (dict(tolerance=0.0), ValueError, "`tolerance`"),
+        (dict(budget=0), ValueError, "`budget`"),
+        (dict(scale=-1.0), ValueError, "`scale`"),
+    ],
+)
+def test_refusals(settings, error, message):
+    with pytest.raises(error, match=message):
+        minimize(_circle, [1.0, 1.0], **settings)

@@ -1,1 +1,0 @@
-"""An independent NumPy/SciPy computation of the oblique impact, the referee of the tests."""

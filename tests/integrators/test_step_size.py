@@ -1,0 +1,143 @@
+"""Steps of different lengths: right, fewer, differentiable; and the solver under diffrax's loop."""
+
+import functools
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fencejax as fj
+from fencejax.integrators import Pace, next_count, time_loop as integrate
+from fencejax.model import Contact
+from fencejax.results import Instant
+from fencejax.scenes import Body
+
+NAMES = ("peak_force", "tip_deflection", "impulse", "peak_stress", "furthest_y", "contact_time")
+COARSE = fj.Fidelity(modes=2)
+
+
+def sort(thickness, offset, fidelity, **options):
+    scene = fj.scenes.whole_sort(
+        fence=fj.Fence(thickness=thickness), front=0.7, offset=offset, duration=0.7,
+        border=None, fence_corners=(1,), fence_friction=None, tip_contact=False,
+    )
+    return fj.simulate(scene, fidelity=fidelity, **options)
+
+
+@functools.cache
+def measured(longest):
+    """Derivatives in the thickness of two sorts, and values."""
+    fidelity = COARSE.replace(longest_stride=longest)
+
+    def numbers(thickness, offset):
+        result = sort(thickness, offset, fidelity, only=NAMES)
+        found = jnp.stack([getattr(result, name) for name in NAMES])
+        return found, found
+
+    run = jax.jit(jax.vmap(jax.jacfwd(numbers, has_aux=True)))
+    return run(jnp.array([0.045, 0.03]), jnp.array([0.05, 0.2]))
+
+
+def test_fewer_steps_and_the_same_sort():
+    history = sort(0.045, 0.05, COARSE).history
+    assert history.time.size < 0.6 * (1 + round(0.7 / COARSE.step))
+    assert np.max(np.diff(history.time)) == pytest.approx(2e-3)
+    # While the force falls to nothing, and where it rises from it, steps are the shortest.
+    force = np.asarray(history.fence_force)
+    rises = np.flatnonzero((force[:-1] == 0) & (force[1:] > 0))
+    assert np.diff(history.time)[rises] == pytest.approx(COARSE.step)
+    # A stride lets the forces be off their straight continuation by 0.5 % of their size.
+    values, alike = measured(None)[1], measured(1)[1]
+    np.testing.assert_allclose(values[:, :5], alike[:, :5], rtol=5e-3)
+    # Times of touch and parting lie within two of the shortest steps.
+    np.testing.assert_allclose(values[:, 5], alike[:, 5], rtol=0, atol=2 * COARSE.step)
+    assert not np.array_equal(values, alike)
+
+
+def test_its_derivative():
+    # The lengths are chosen by the values alone: the derivative is that of the steps as taken.
+    found, alike = (np.asarray(measured(longest)[0]) for longest in (None, 1))
+    scale = np.abs(alike).max(axis=0, keepdims=True)
+    np.testing.assert_allclose(found / scale, alike / scale, rtol=0, atol=5e-2)
+
+
+def test_inside_jit_the_last_sample_fills_the_room():
+    inside = jax.jit(lambda: sort(0.045, 0.05, COARSE).history)()
+    outside = sort(0.045, 0.05, COARSE).history
+    taken = outside.time.size
+    assert inside.time.size == 1 + round(0.7 / COARSE.step)
+    np.testing.assert_array_equal(inside.time[taken:], outside.time[-1])
+    np.testing.assert_allclose(inside.fence_force[:taken], outside.fence_force, rtol=1e-9)
+
+
+def instant(gap, gap_rate, normal, place=0.5, sliding=0.0):
+    zero = jnp.zeros(())
+    contact = Contact(jnp.asarray(normal), zero, jnp.asarray(gap), jnp.asarray(gap_rate),
+                      jnp.asarray(place), jnp.asarray(sliding))
+    blank = dict.fromkeys(Instant._fields, zero)
+    return Instant(**blank | {"fence": (contact,), "border": (), "body": Body(*(zero,) * 6)})
+
+
+def chosen(what, *, last=8.0, surprise=0.0, before=0.0):
+    count = next_count(
+        Pace(jnp.asarray(last), jnp.asarray(surprise)), what, (jnp.asarray(before),),
+        (2, 4, 8), 2.5e-4, 5e-3, ((-0.01, jnp.asarray(1.2)),),
+    )
+    return int(count)
+
+
+@pytest.mark.parametrize(
+    ("what", "options", "count"),
+    [
+        # Far away, and coming at 1 m/s: 3 h |Ddot| + 25 h^2 is 0.5 mm short of 6.1 mm for 2 ms.
+        (instant(-0.1, 0.0, 0.0), {}, 8),
+        (instant(-0.0056, 1.0, 0.0), {}, 4),
+        (instant(-0.0062, 1.0, 0.0), {}, 8),
+        (instant(-0.9e-4, 0.0, 0.0), {}, 4),
+        (instant(-1e-6, 0.0, 0.0), {}, 1),
+        # No more than twice the last step, and the surprise grows with the square of the length.
+        (instant(-0.1, 0.0, 0.0), {"last": 2.0}, 4),
+        (instant(-0.1, 0.0, 0.0), {"last": 4.0, "surprise": 1.2e-3}, 8),
+        (instant(-0.1, 0.0, 0.0), {"last": 4.0, "surprise": 1.3e-3}, 4),
+        (instant(-0.1, 0.0, 0.0), {"last": 8.0, "surprise": 1.0}, 1),
+        # Pressing steadily; let go within four steps; off the fence's end; coming back to it.
+        (instant(1e-3, 0.0, 100.0), {"before": 100.0}, 8),
+        (instant(1e-3, 0.0, 100.0), {"before": 192.0}, 4),
+        (instant(1e-3, 0.0, 0.0, place=1.3, sliding=1.0), {}, 8),
+        (instant(1e-3, 0.0, 0.0, place=1.204, sliding=-1.0), {}, 4),
+    ],
+)
+def test_length_of_the_next_step(what, options, count):
+    assert chosen(what, **options) == count
+
+
+def test_longest_stride_is_checked():
+    with pytest.raises(ValueError, match="`longest_stride` must be a power of two, but is 3"):
+        fj.Fidelity(longest_stride=3)
+    assert fj.Fidelity().settled(1.36).longest_stride == 8
+    assert fj.Fidelity().settled(0.25).longest_stride == 1
+    assert fj.Fidelity.fast().settled(1.36).longest_stride == 4
+    assert fj.Fidelity.reference().settled(1.36).longest_stride == 1
+
+
+def test_the_solver_is_one_of_diffrax():
+    # An undamped oscillator by the trapezoidal rule, stepped here and by diffrax's own loop.
+    def advance(args, y, begins, ends):
+        h = args * (ends - begins)
+        (q, v), lead = y, 1 + h * h / 4
+        moved = (q * (1 - h * h / 4) + h * v) / lead
+        return moved, (v * (1 - h * h / 4) - h * q) / lead
+
+    solver, step = integrate.Stepper(advance), jnp.asarray(0.1)
+    begin = jnp.ones(()), jnp.zeros(())
+    (q, v), _ = integrate.run_steps(solver, begin, step, None, 50, fj.Fidelity())
+    solution = diffrax.diffeqsolve(
+        integrate.Scene(), solver, t0=0.0, t1=50.0, dt0=1.0, y0=begin, args=step,
+        adjoint=diffrax.ForwardMode(),
+    )
+    np.testing.assert_allclose((q, v), [x[-1] for x in solution.ys], rtol=1e-12)
+    # Exact rotation by atan(h / 2) twice a step.
+    turn = 50 * 2 * np.arctan(0.05)
+    np.testing.assert_allclose((q, v), (np.cos(turn), -np.sin(turn)), rtol=1e-11)

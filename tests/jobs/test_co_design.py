@@ -1,0 +1,107 @@
+"""Fence and free-form motion together, in a small version."""
+
+import json
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fencejax as fj
+from fencejax.design import extremes
+from optimize.co_design import main
+from optimize.co_design.configuration import CoDesignConfig, configure
+from optimize.co_design.problem import ring_amplitude
+
+_SMALL = CoDesignConfig(
+    masses=(15.0,), offsets=(0.05,), controls=4, budget=10, fidelity="coarse", verify="coarse",
+)  # fmt: skip
+
+
+def test_extremes_of_a_motion_are_exact():
+    angles = np.random.default_rng(0).uniform(0, 1, 6)
+    drive = fj.SplineDrive(angles, 1.3)
+    found = extremes(drive)
+    spans, dt = 9, 1.3 / 9
+    time = np.linspace(0, 1.3, spans * 2000 + 1)
+    moved = drive.motion(jnp.asarray(time))
+    speed, acceleration = np.asarray(moved.speed), np.asarray(moved.acceleration)
+    rows, ends = np.abs(speed[:-1]).reshape(spans, 2000), np.abs(speed[2000::2000])
+    # Sampled 2000 times a span: an inner extremum is missed by a' h^2 / 8, below 1e-5.
+    np.testing.assert_allclose(found.speed, np.maximum(rows.max(1), ends), atol=1e-5)
+    np.testing.assert_allclose(found.acceleration[1:-1], acceleration[2000:-1:2000], atol=1e-9)
+    np.testing.assert_allclose(
+        found.jerk, np.diff(np.asarray(found.acceleration)) / dt, rtol=1e-12
+    )
+    assert float(found.acceleration[0]) == pytest.approx(angles[0] * 0, abs=1e-12)
+
+
+def test_ring_amplitude_of_a_static_bend():
+    # A tip bent by a in the first mode holds m_0 omega^2 (a / phi)^2 / 2: the amplitude is its
+    # root, and for a constant-strength link it lies near that of a static tip force,
+    # a = sqrt(2 E / k), k = E I_1 / l_p^3 / (2 / 3): w'' is constant over the link up to the
+    # square root of its thickness, so that w(tip) = F l_p^3 / (E I_1) 2/3.
+    fence = fj.Fence()
+    one, four = (float(ring_amplitude(jnp.asarray(e), fence)) for e in (0.5, 2.0))
+    assert four == pytest.approx(2 * one, rel=1e-9)
+    second_moment = 0.132 * 0.045**3 / 12
+    stiffness = 1.5 * 3.0e9 * second_moment / 0.75**3
+    # The first mode is near the static bend; its stiffness is a little higher.
+    assert one == pytest.approx(np.sqrt(2 * 0.5 / stiffness), rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    out = tmp_path_factory.mktemp("co_design")
+    return main(CoDesignConfig(**{**vars(_SMALL), "out": out}), quiet=True), out
+
+
+def test_force_falls_and_every_limit_holds(small):
+    outcome, _ = small
+    before, after = (outcome.measured[when] for when in ("before", "after"))
+    assert np.max(after["peak_force"]) < 0.8 * np.max(before["peak_force"])
+    assert outcome.optimum.feasible
+    assert outcome.verified.confirmed
+    config = outcome.config
+    drive = outcome.joint.space.apply(outcome.after)[1]
+    moved = drive.motion(jnp.linspace(0, config.period, 3001))
+    # The optimiser's feasibility is 1e-4.
+    assert np.max(np.abs(moved.speed)) <= config.speed_limit * 1.0002
+    assert np.max(np.abs(moved.acceleration)) <= config.acceleration_limit * 1.0002
+    assert np.max(np.abs(after["jerk"])) <= config.jerk_limit * 1.0002
+    assert np.max(after["ring_amplitude"]) <= config.ring_limit
+    assert np.min(after["crossing"]) >= 0
+    assert np.max(after["peak_torque"]) <= config.torque_limit
+    # Home again, and never through the border.
+    assert abs(float(moved.angle[-1])) < 1e-9
+    assert np.min(moved.angle) > -2e-3
+
+
+def test_files_and_resumption(small):
+    outcome, out = small
+    content = json.loads((out / "co_design.json").read_text())
+    assert content["feasible"] is True
+    assert len(content["history"]) == len(outcome.optimum.history)
+    assert content["smallest_margins"]["after"]["jerk"] >= -1e-3
+    for name in ("motion", "sorts", "search"):
+        assert (out / f"{name}.png").stat().st_size > 1000
+    again = main(CoDesignConfig(**{**vars(_SMALL), "out": out, "plots": False}), quiet=True)
+    np.testing.assert_array_equal(again.after, outcome.after)
+    content = json.loads((out / "co_design.json").read_text())
+    assert content["recalled"] == len(outcome.optimum.history)
+
+
+def test_start_is_near_the_papers_drive():
+    space = CoDesignConfig().space
+    time = jnp.linspace(0, 1.36, 50)
+    paper = np.asarray(fj.HarmonicDrive().angle(time))
+    # The harmonic drive starts with an acceleration of 7 rad/s^2, the spline with none.
+    np.testing.assert_allclose(space.drive.angle(time), paper, atol=0.03)
+
+
+def test_flags():
+    assert configure([]) == CoDesignConfig()
+    assert configure(["--quick"]).controls == 5
+    with pytest.raises(ValueError, match="`jerk_limit` must be above 0"):
+        CoDesignConfig(jerk_limit=0.0)
+    with pytest.raises(ValueError, match="`controls` must be at least 3"):
+        CoDesignConfig(controls=2)

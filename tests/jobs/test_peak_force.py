@@ -1,0 +1,155 @@
+"""The main job in a small version: the force falls, the limits hold, the reference agrees."""
+
+import json
+import types
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fencejax as fj
+from fencejax import plot
+from fencejax.design import Stop
+from optimize.peak_force import main
+from optimize.peak_force.configuration import PeakForceConfig, configure
+
+_SMALL = PeakForceConfig(
+    distances=(0.9, 1.0),
+    masses=(20.0,),
+    duration=0.15,
+    variables=("thickness", "length_ratio"),
+    fidelity="fast",
+    reserve=0.01,
+    sort_masses=(),
+)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    out = tmp_path_factory.mktemp("small")
+    return main(PeakForceConfig(**{**vars(_SMALL), "out": out})), out
+
+
+def test_peak_force_falls_within_the_limits(small):
+    outcome, _ = small
+    before = np.max(outcome.measured["before"]["peak_force"])
+    after = np.max(outcome.measured["after"]["peak_force"])
+    assert after < 0.95 * before
+    assert outcome.optimum.converged
+    assert outcome.optimum.feasible
+    assert max(outcome.optimum.residual[:2]) <= _SMALL.tolerance
+    # At the reference fidelity the limits themselves hold: the reserve covers the difference.
+    for limit in _SMALL.limits:
+        assert np.min(limit.margin_of(outcome.measured["after"][limit.name])) >= 0
+    assert outcome.succeeded
+
+
+def test_reference_confirms_the_force(small):
+    outcome, _ = small
+    # fast is meant to be within 1 % of the peak force.
+    found, after = outcome.measured["found"], outcome.measured["after"]
+    np.testing.assert_allclose(found["peak_force"], after["peak_force"], rtol=1e-2)
+    np.testing.assert_allclose(found["tip_deflection"], after["tip_deflection"], rtol=1e-2)
+    assert outcome.confirmed
+
+
+def test_tip_limit_is_what_holds_the_force_up(small):
+    outcome, _ = small
+    multipliers = outcome.optimum.multipliers.reshape(len(_SMALL.limits), -1)
+    assert np.max(multipliers[0]) > 0.1
+    # The quadratic programs are solved to 1e-7 of their largest number, here of order 1.
+    np.testing.assert_allclose(multipliers[1:], 0, atol=1e-6)
+
+
+def test_papers_fences_stand_beside_the_optimum(small):
+    outcome, out = small
+    rows = json.loads((out / "result.json").read_text())["side_by_side"]
+    assert list(rows) == ["two-link", "one-link", "optimum"]
+    assert rows["one-link"]["thickness"] == 0.073
+    assert rows["one-link"]["rigid_length"] == 0
+    assert rows["two-link"]["rigid_length"] == 0.45
+    # rho z h_1 (l_s + l_p 2/3): the mean of a constant-strength taper is 2/3, the root of the
+    # distance from the tip.
+    for fence in ("two-link", "one-link"):
+        row = rows[fence]
+        length = row["rigid_length"] + row["flexible_length"] * 2 / 3
+        mass = 1130 * 0.132 * row["thickness"] * length
+        assert row["fence_mass"] == pytest.approx(mass, rel=1e-6)
+    # Each of them is the impact alone, run by itself at the same fidelity.
+    scene = fj.scenes.oblique_impact(
+        fence=fj.Fence.one_link(), distance=0.9, parcel=fj.Parcel(mass=20.0), duration=0.15
+    )
+    alone = fj.simulate(scene, fidelity=fj.Fidelity.reference(), only=("peak_force",))
+    together = outcome.measured["one_link"]["peak_force"]
+    np.testing.assert_allclose(together[0], alone.peak_force, rtol=1e-6)
+    assert rows["one-link"]["peak_force"] == np.max(together)
+    assert rows["optimum"]["peak_force"] < rows["two-link"]["peak_force"]
+
+
+def test_files(small):
+    outcome, out = small
+    result = json.loads((out / "result.json").read_text())
+    history = json.loads((out / "history.json").read_text())
+    assert result["feasible"] is True
+    assert result["design"]["before"] == {"thickness": 0.045, "length_ratio": 0.6}
+    assert len(history) == len(outcome.optimum.history)
+    for name in ("force", "tip_deflection", "convergence", "gradient"):
+        assert (out / f"{name}.png").stat().st_size > 1000
+
+
+def test_no_feasible_design(tmp_path, capsys):
+    changes = dict(out=tmp_path, tip_limit=0.001, reference=False, plots=False)
+    outcome = main(PeakForceConfig(**{**vars(_SMALL), **changes}))
+    assert outcome.optimum.stop is Stop.INFEASIBLE
+    assert not outcome.succeeded
+    least = min(record.violation for record in outcome.optimum.history)
+    assert outcome.optimum.residual.violation == least
+    said = capsys.readouterr().out
+    assert "no feasible design found" in said
+    assert "least-violating" in said
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["feasible"] is False
+
+
+def test_flags():
+    assert configure([]) == PeakForceConfig()
+    config = configure([
+        "--tip-limit", "0.05", "--masses", "10", "--sort-masses", "--no-plots",
+        "--bounds", "thickness=0.02:0.08",
+    ])  # fmt: skip
+    assert config.tip_limit == 0.05
+    assert config.masses == (10.0,)
+    assert config.sort_masses == ()
+    assert not config.plots
+    assert config.bounds == (("thickness", 0.02, 0.08),)
+    near_tip = configure(["--worst-case", "--budget", "7"])
+    assert (near_tip.distances, near_tip.masses, near_tip.budget) == ((1.08,), (15.0,), 7)
+
+
+def test_help_names_every_default(capsys):
+    with pytest.raises(SystemExit) as leaving:
+        configure(["--help"])
+    assert leaving.value.code == 0
+    assert capsys.readouterr().out.count("(default:") == len(vars(PeakForceConfig()))
+
+
+def test_bounds_of_what_is_not_designed_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="`bounds` must be of designed variables"):
+        main(PeakForceConfig(out=tmp_path, bounds=(("density", 1000.0, 1200.0),)))
+
+
+def test_trace_without_history_is_refused():
+    with pytest.raises(ValueError, match="holds none"):
+        plot.Trace.of(types.SimpleNamespace(history=None))
+
+
+def test_axes_are_labelled_with_units():
+    trace = plot.Trace(jnp.arange(3.0), jnp.array([0.0, 5.0, 1.0]), jnp.zeros(3))
+    force = plot.force({"before": trace, "after": trace}, stiff_force=9.0)
+    assert force.get_ylabel() == "reaction force N [N]"
+    assert [text.get_text() for text in force.get_legend().get_texts()] == [
+        "before", "after", "rigid obstacle",
+    ]  # fmt: skip
+    assert plot.tip_deflection(trace, limit=0.08).get_ylabel() == "tip deflection [mm]"
+    bars = plot.gradient_bars({"peak_force": {"thickness": 1.0, "density": -0.1}})
+    assert "[1]" in bars.get_xlabel()

@@ -1,0 +1,464 @@
+"""The flexible link in SI units: statics, stress, geometry and the free swing."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fencejax import Fence, Fidelity, HarmonicDrive, Material, Uniform
+from fencejax.model import SWING_STEPS, FlexibleLink, Vibration, dot
+
+EPS = np.finfo(float).eps
+ELEMENTS = 20
+FENCE = Fence(
+    rigid_length=0.3, flexible_length=0.8, width=0.12, thickness=0.05,
+    material=Material(youngs_modulus=2.2e9, density=980.0, damping_ratio=0.07),
+)
+LENGTH, RIGID = 0.8, 0.3
+ROOT_STIFFNESS = 2.2e9 * 0.12 * 0.05**3 / 12  # E I_1
+
+
+def make(modes=3, fence=FENCE, **changes):
+    return FlexibleLink(fence, Fidelity(modes=modes, elements=ELEMENTS, **changes))
+
+
+shape_at = jax.jit(lambda link, place: link.shape(place))
+
+
+def static_amplitude(link, place, load):
+    """eta_i = phi_i(sigma) P / (m_0 omega_i^2)."""
+    shape = shape_at(link, place)
+    return tuple(
+        phi * load / (link.mass_scale * value)
+        for phi, value in zip(shape.load, link.frequency_squared, strict=True)
+    ), shape
+
+
+def vibration(link, scale=1.0, seed=3):
+    """A state with random amplitudes and rates that fall off with the frequency."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for size in (0.02, 1.0):
+        parts.append(
+            tuple(
+                scale * size * rng.uniform(0.5, 1, np.shape(value))
+                * jnp.sqrt(link.eigenvalues[0] / value)
+                for value in link.frequency_squared
+            )
+        )
+    return Vibration(*parts)
+
+
+# --- Statics ------------------------------------------------------------------------------------
+
+
+def gauss(function, high, points=40):
+    nodes, weights = np.polynomial.legendre.leggauss(points)
+    x = high * (1 + nodes) / 2
+    return np.sum(high / 2 * weights * function(x))
+
+
+@pytest.mark.parametrize("modes", [1, 4, 12, None])
+@pytest.mark.parametrize("node", [4, 10, 17])
+def test_static_deflection_under_a_force(node, modes):
+    # w(a) = P / (E I_1) integral_0^a (a - x)^2 (1 - x / l)^(-3/2) dx for the constant-strength
+    # link. The FE value is low by h^4 / 720 integral of E I f''^2, f = w'' the curvature, up to
+    # O(h / (l - a)) of that (see test_beam); with any number of modes it is the same FE value.
+    link, load, a = make(modes), 250.0, node / ELEMENTS
+    amplitude, shape = static_amplitude(link, RIGID + a * LENGTH, load)
+    ours = float(dot(shape.deflection, amplitude))
+    if modes is not None:
+        ours += load * float(shape.residual)
+    unit = load * LENGTH**3 / ROOT_STIFFNESS
+    exact = unit * gauss(lambda x: (a - x) ** 2 * (1 - x) ** -1.5, a)
+    missing = unit / ELEMENTS**4 / 720 * gauss(
+        lambda x: (1 - x) ** 1.5
+        * (-3 * (1 - x) ** -2.5 + 3.75 * (a - x) * (1 - x) ** -3.5) ** 2,
+        a,
+    )
+    # Between 0.8 and 1.2 times what is missing, and round-off (1e-10) of the 40 modes' sum.
+    allowed = 0.2 * missing + 1e-9 * exact
+    assert abs(exact - ours - missing) < allowed
+    assert missing < 1e-3 * exact
+
+
+@pytest.mark.parametrize("modes", [1, 3, None])
+def test_static_deflection_between_the_nodes(modes):
+    # A uniform link under a force P at a: P a^3 / (3 E I). With the force on the element's cubics
+    # by virtual work the finite elements lack just what an element clamped at both ends gives way
+    # inside, P h^3 s^3 (1 - s)^3 / (3 E I); round-off as the condition of K,
+    # eps x 4 x 20^4 = 1.4e-10 of the tip's compliance, and as much in the sum of the modes.
+    fence = Fence(
+        rigid_length=RIGID, flexible_length=LENGTH, width=0.12, thickness=0.05,
+        material=FENCE.material, taper=Uniform(),
+    )
+    link = make(modes, fence)
+    unit = LENGTH**3 / ROOT_STIFFNESS / 3
+    for a in (0.123, 0.375, 0.51, 0.874, 0.975):
+        amplitude, shape = static_amplitude(link, RIGID + a * LENGTH, 1.0)
+        ours = float(dot(shape.deflection, amplitude))
+        if modes is not None:
+            ours += float(shape.residual)
+        s = a * ELEMENTS % 1
+        inside = (s * (1 - s) / ELEMENTS) ** 3
+        assert abs(ours - unit * (a**3 - inside)) < 1e-9 * unit
+        # What is missing is above that bound: without it the test would fail.
+        assert inside > 1e-8
+
+
+def test_static_deflection_with_the_force_shared_by_the_nodes():
+    # Shared linearly, a force at s of an element is two forces at its nodes: each mode kept gets
+    # its share L_i = (1 - s) phi_i(node) + s phi_i(next) of it, those left out yield by virtual
+    # work: C = sum_kept phi_i L_i / (m_0 w_i^2) + sum_left phi_i^2 / (m_0 w_i^2).
+    whole = make(None, load="shared")
+    shape = whole.shape(jnp.asarray(RIGID + 0.61 * LENGTH))
+    phi, load = (np.concatenate([np.ravel(b) for b in q]) for q in (shape.deflection, shape.load))
+    square = np.concatenate([np.ravel(b) for b in whole.frequency_squared])
+    # An element's middle fifth: the load there is not the deflection.
+    assert np.max(np.abs(load - phi)) > 0.1
+    for modes in (2, 5):
+        link = make(modes, load="shared")
+        amplitude, shape = static_amplitude(link, RIGID + 0.61 * LENGTH, 1.0)
+        ours = float(dot(shape.deflection, amplitude)) + float(shape.residual)
+        terms = phi * np.where(np.arange(phi.size) < modes, load, phi) / square
+        assert ours == pytest.approx(terms.sum() / float(whole.mass_scale), rel=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4, 0.75, 0.95])
+@pytest.mark.parametrize("modes", [1, 2, 4])
+def test_modes_left_out_turn_the_fence(modes, share):
+    # The slope under a static load at sigma is d/dx w(x; sigma) there, by Maxwell-Betti half of
+    # dC / dsigma, C the compliance: modes kept and residual mode together give that of all 40
+    # modes, and the residual mode alone the compliance that they lack.
+    whole, few = make(None), make(modes)
+    place = RIGID + share * LENGTH
+    at = jnp.asarray(place)
+    full, shape = whole.shape(at), few.shape(at)
+    amplitude, _ = static_amplitude(whole, place, 1.0)
+    slope = float(dot(full.slope, amplitude))
+    kept, _ = static_amplitude(few, place, 1.0)
+    deflection, lean = (float(q) for q in shape.residual_mode)
+    ours = float(dot(shape.slope, kept)) + lean * deflection
+    assert ours == pytest.approx(slope, rel=1e-6)
+    assert deflection**2 == pytest.approx(float(shape.residual), rel=1e-6)
+    # It matters: by more than a tenth near the joint.
+    if share == 0.1:
+        assert abs(lean * deflection) > 0.1 * slope
+
+
+@pytest.mark.parametrize("modes", [1, 3, 12])
+def test_bending_stress_under_a_static_load(modes):
+    # sigma_b = P (a - x) / W(x), W = z h^2 / 6, with any number of modes: the share of the modes
+    # kept is subtracted from the load's and added from their amplitudes, so only round-off is left.
+    # `loads` press on the parcel, so the fence takes -P.
+    link, load = make(modes), 400.0
+    for a in (0.33, 0.62, 1.0):
+        place = RIGID + a * LENGTH
+        amplitude, shape = static_amplitude(link, place, -load)
+        ours = link.bending_stress(amplitude, (load,), (shape,))
+        x = np.arange(ELEMENTS) / ELEMENTS
+        modulus = 0.12 * (0.05 * np.sqrt(1 - x)) ** 2 / 6
+        exact = load * np.maximum(a - x, 0) * LENGTH / modulus
+        # Terms of the sum of modes are up to about ten times the result.
+        np.testing.assert_allclose(ours, exact, rtol=0, atol=100 * EPS * np.max(exact))
+    # Constant strength: under a force at the tip every section carries the same stress.
+    np.testing.assert_allclose(ours, ours[0], rtol=1e-12)
+
+
+def test_load_and_vibration_add_with_their_signs():
+    # The fence takes -P at a and vibrates besides: E I w'' = -P (a - x) + sum E I phi_i'' eta_i.
+    # A mode that bends the tip up and a load that presses it down take from each other.
+    link, load, place = make(3), 400.0, RIGID + 0.9 * LENGTH
+    amplitude, shape = static_amplitude(link, place, -load)
+    extra = (0.03, 0.004, -0.001)
+    both = tuple(a + b for a, b in zip(amplitude, extra, strict=True))
+    ours = link.bending_stress(both, (load,), (shape,))
+    x = np.arange(ELEMENTS) / ELEMENTS
+    moment = sum(np.array(table) * eta for table, eta in zip(link.bending, extra, strict=True))
+    alone = np.abs(moment).max()
+    moment = moment - load * np.maximum(0.9 - x, 0) * LENGTH
+    exact = np.abs(moment) / (0.12 * 0.05**2 * (1 - x) / 6)
+    np.testing.assert_allclose(ours, exact, rtol=0, atol=100 * EPS * np.max(exact))
+    assert np.abs(moment).max() < alone
+
+
+def test_bending_stress_of_a_mode():
+    # sigma_b = E (h / 2) |w''| of the first mode alone, w'' from the shape's second difference over
+    # one element: in error by h^2 / 12 w'''' / w'' and the element's own, below (k h)^2, with
+    # k^4 = omega^2 rho A / (E I) = 21.2 / xi per l_p^4.
+    link = make(1)
+    ours = link.bending_stress((jnp.asarray(0.01),), (), ())
+    shape = 0.01 * np.array(link.deflection[0])
+    size = LENGTH / ELEMENTS
+    bend = np.diff(shape, 2) / size**2
+    xi = 1 - np.arange(1, ELEMENTS - 3) / ELEMENTS
+    exact = 2.2e9 * 0.05 * np.sqrt(xi) / 2 * bend[: len(xi)]
+    allowed = np.sqrt(21.2 / xi) / ELEMENTS**2
+    assert np.all(np.abs(ours[1 : len(xi) + 1] / exact - 1) < allowed)
+
+
+def test_two_loads_superpose():
+    link = make(3)
+    places = (RIGID + 0.4 * LENGTH, RIGID + 0.9 * LENGTH)
+    loads = (300.0, 120.0)
+    one, two = (static_amplitude(link, p, -f) for p, f in zip(places, loads, strict=True))
+    amplitude = tuple(a + b for a, b in zip(one[0], two[0], strict=True))
+    ours = link.bending_stress(amplitude, loads, (one[1], two[1]))
+    x = np.arange(ELEMENTS) / ELEMENTS
+    moment = sum(
+        f * np.maximum(p - RIGID - x * LENGTH, 0) for p, f in zip(places, loads, strict=True)
+    )
+    exact = moment / (0.12 * 0.05**2 * (1 - x) / 6)
+    np.testing.assert_allclose(ours, exact, rtol=0, atol=100 * EPS * np.max(exact))
+
+
+def test_inertias_and_damping():
+    # integral of rho z h (l_s + x)^2 dx with h = h_1 sqrt(1 - x / l_p): 2/3, 4/15 and 16/105; the
+    # rigid link's rho z h_1 l_s^3 / 3; c_i = 2 zeta omega_i^2 / omega_1. Round-off.
+    link = make(3)
+    m0 = 980.0 * 0.12 * 0.05 * LENGTH
+    exact = m0 * (2 / 3 * RIGID**2 + 2 * 4 / 15 * RIGID * LENGTH + 16 / 105 * LENGTH**2)
+    np.testing.assert_allclose(link.swing_inertia, exact, rtol=50 * EPS)
+    np.testing.assert_allclose(
+        link.root_inertia, 980.0 * 0.12 * 0.05 * RIGID**3 / 3, rtol=10 * EPS
+    )
+    ratio = np.array(link.damping) / (2 * np.sqrt(link.eigenvalues))
+    np.testing.assert_allclose(ratio[0], 0.07, rtol=10 * EPS)
+    np.testing.assert_allclose(
+        ratio, 0.07 * np.sqrt(link.eigenvalues / link.eigenvalues[0]), rtol=10 * EPS
+    )
+
+
+# --- Geometry -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", [0.0, 0.11, 0.3])
+def test_nothing_bends_on_the_rigid_link(place):
+    link = make(3)
+    shape = shape_at(link, place)
+    state = vibration(link)
+    assert [float(x) for x in (*shape.deflection, *shape.slope, shape.residual)] == [0.0] * 7
+    zero = jnp.zeros(())
+    chord = link.chord_point(shape, state, zero, zero, zero)
+    small = link.small_point(shape, zero, zero, zero)
+    np.testing.assert_allclose(chord, (place, 0, 0, 0, 0), rtol=0, atol=EPS)
+    np.testing.assert_allclose(small, (place, 0, 0, 0, 0), rtol=0, atol=0)
+
+
+def test_slope_is_the_derivative_of_the_deflection():
+    # One cubic: central differences over 2 d are in error by d^2 / 6 w'''; round-off eps / d.
+    link = make(3)
+    d = 1e-5
+    for place in (0.33, 0.7, 0.93, 1.0999):
+        high, low = (shape_at(link, place + s * d) for s in (1, -1))
+        if place > 1.09:  # up to the tip only
+            place, high = place - d / 2, shape_at(link, place)
+            d_used = d / 2
+        else:
+            d_used = d
+        slope = shape_at(link, place).slope
+        for a, b, ours in zip(high.deflection, low.deflection, slope, strict=True):
+            np.testing.assert_allclose((a - b) / (2 * d_used), ours, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("modes", [3, 12])
+def test_beyond_the_tip_the_line_goes_straight_on(modes):
+    # w(R + e) = w(R) + e w'(R); the same point in the chord geometry moves along (cos, sin) of the
+    # slope. Round-off.
+    link = make(modes)
+    tip, beyond = (shape_at(link, place) for place in (1.1, 1.104))
+    for w0, s0, w1, s1 in zip(
+        tip.deflection, tip.slope, beyond.deflection, beyond.slope, strict=True
+    ):
+        np.testing.assert_allclose(w1, w0 + 0.004 * s0, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(s1, s0, rtol=1e-12)
+    state = vibration(link)
+    zero = jnp.zeros(())
+    a, b = (link.chord_point(shape, state, zero, zero, zero) for shape in (tip, beyond))
+    np.testing.assert_allclose(b.slope, a.slope, rtol=1e-12)
+    np.testing.assert_allclose(b.x - a.x, 0.004 * jnp.cos(a.slope), rtol=1e-10)
+    np.testing.assert_allclose(b.y - a.y, 0.004 * jnp.sin(a.slope), rtol=1e-10)
+
+
+def reference_chain(link, place, amplitude):
+    """(2.14)-(2.17) written out with a loop, in the frame of the rigid link."""
+    size = LENGTH / ELEMENTS
+    join = np.concatenate if np.ndim(amplitude[0]) else np.array
+    eta = join(amplitude)
+    tables = [
+        np.concatenate([np.atleast_2d(np.array(block).T).T for block in blocks], 1)
+        for blocks in (link.deflection, link.slope)
+    ]
+    q3, q5 = tables[0] @ eta, tables[1] @ eta / LENGTH
+    i = min(int((place - RIGID) / size), ELEMENTS - 1)
+    d = place - RIGID - i * size
+    x, y = RIGID, 0.0
+    for k in range(i):
+        angle = (q3[k + 1] - q3[k]) / size
+        x, y = x + size * np.cos(angle), y + size * np.sin(angle)
+    r = d / size
+    here = (
+        (1 - 3 * r**2 + 2 * r**3) * q3[i] + (r - 2 * r**2 + r**3) * size * q5[i]
+        + (3 * r**2 - 2 * r**3) * q3[i + 1] + (r**3 - r**2) * size * q5[i + 1]
+    )
+    angle = (here - q3[i]) / d
+    return x + d * np.cos(angle), y + d * np.sin(angle), here
+
+
+@pytest.mark.parametrize("modes", [3, 12])
+@pytest.mark.parametrize("place", [0.32, 0.777, 1.09])
+def test_chord_geometry_is_the_papers(modes, place):
+    link = make(modes)
+    state, zero = vibration(link), jnp.zeros(())
+    shape = shape_at(link, place)
+    ours = link.chord_point(shape, state, zero, zero, zero)
+    x, y, deflection = reference_chain(link, place, state.amplitude)
+    # Round-off of a sum of 20 chords of angles up to 0.1.
+    np.testing.assert_allclose((ours.x, ours.y), (x, y), rtol=0, atol=20 * EPS)
+    np.testing.assert_allclose(
+        float(dot(shape.deflection, state.amplitude)), deflection, rtol=0, atol=20 * EPS
+    )
+    # Velocity along the motion eta + t etadot: central differences, d^2 / 6 third derivatives.
+    d = 1e-6
+    high, low = (
+        reference_chain(
+            link, place,
+            tuple(a + s * d * b for a, b in zip(state.amplitude, state.rate, strict=True)),
+        )
+        for s in (1, -1)
+    )
+    np.testing.assert_allclose(
+        (ours.x_rate, ours.y_rate), (np.subtract(high, low) / (2 * d))[:2], rtol=0, atol=1e-8
+    )
+
+
+def test_chord_and_small_geometry_agree_to_second_order():
+    # Chords of angle theta: x is short by sum of size theta^2 / 2, y by sum of size theta^3 / 6:
+    # the differences shrink by 4 and by 8 when the amplitude is halved, up to the next even order,
+    # theta^2 / 4 with theta < 0.2.
+    link, place, zero = make(3), 1.0, jnp.zeros(())
+    shape = shape_at(link, place)
+    gaps = []
+    for scale in (1.0, 0.5):
+        state = vibration(link, scale)
+        chord = link.chord_point(shape, state, zero, zero, zero)
+        w = dot(shape.deflection, state.amplitude)
+        rate = dot(shape.deflection, state.rate)
+        slope = dot(shape.slope, state.amplitude)
+        small = link.small_point(shape, w, rate, slope)
+        assert float(chord.slope) == float(small.slope)
+        gaps.append([float(b - a) for a, b in zip(chord, small, strict=True)])
+    ratio = np.array(gaps[0])[:4] / np.array(gaps[1])[:4]
+    np.testing.assert_allclose(ratio, [4, 8, 4, 8], rtol=1e-2)
+    assert gaps[0][0] > 1e-4  # the chain's point lies nearer to the hinge
+
+
+# --- Free swing ---------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def swung():
+    return jax.jit(swing)
+
+
+def swing(link, drive, time):
+    """The free swing up to a time, in its own number of steps."""
+    step = jnp.asarray(time) / SWING_STEPS
+    maps = link.propagators([step])
+    return link.swung(drive, step, jax.tree.map(lambda values: values[0], maps))
+
+
+def exact_swing(link, drive, time):
+    """Each mode's equation to 1e-12 by an eighth-order Runge-Kutta method; harmonic drive."""
+    turn = 2 * np.pi / float(drive.cycle_time)
+    largest = float(drive.top_speed * drive.cycle_time) / np.pi
+    states = []
+    for value, c, p in zip(link.frequency_squared, link.damping, link.swing, strict=True):
+        value, c, p = float(value), float(c), float(p)
+
+        def rate(t, y, value=value, c=c, p=p):
+            force = -p * 0.5 * largest * turn**2 * np.cos(turn * t)
+            return [y[1], force - c * y[1] - value * y[0]]
+
+        solution = solve_ivp(rate, (0, time), [0, 0], method="DOP853", rtol=1e-11, atol=1e-15)
+        states.append(solution.y[:, -1])
+    return np.array(states)
+
+
+@pytest.mark.parametrize("time", [0.05, 0.3, 0.66])
+def test_free_swing(time, swung):
+    # The drive's acceleration is replaced by chords over time / 64 = h, off by h^2 / 8 of its
+    # second derivative at most. Through a mode's impulse response g the error is at most
+    # h^2 / 8 p max|alpha''''| integral|g|, with integral|g| = coth(pi zeta / (2 sqrt(1 - zeta^2)))
+    # / omega^2, and that over omega more for the rate.
+    link, drive = make(3), HarmonicDrive(1.5, 1.3)
+    state = swung(link, drive, time)
+    exact = exact_swing(link, drive, time)
+    turn = 2 * np.pi / 1.3
+    fourth = 0.5 * 1.5 * 1.3 / np.pi * turn**4
+    for i in range(3):
+        omega = float(jnp.sqrt(link.frequency_squared[i]))
+        zeta = float(link.damping[i]) / (2 * omega)
+        spread = 1 / np.tanh(np.pi * zeta / (2 * np.sqrt(1 - zeta**2)))
+        bound = (time / 64) ** 2 / 8 * abs(float(link.swing[i])) * fourth * spread / omega**2
+        assert abs(float(state.amplitude[i]) - exact[i, 0]) < bound
+        assert abs(float(state.rate[i]) - exact[i, 1]) < 2 * bound * omega
+        # The bound can tell: it is below 5 % of the deflection when the fence starts.
+        start = abs(float(link.swing[i])) * fourth / turn**2 / omega**2
+        assert bound < 0.05 * start
+
+
+def test_free_swing_is_linear_in_the_drive_and_moves_at_its_rate(swung):
+    # d eta / d alphadot_max = eta / alphadot_max exactly; d eta / d t is the rate up to the step's
+    # error, h^2 / 12 alpha'''' of the force in both.
+    link, time = make(3), 0.3
+
+    def amplitude(speed, time):
+        return jnp.stack(swing(link, HarmonicDrive(speed, 1.3), time).amplitude)
+
+    values, (by_speed, by_time) = (
+        jax.jit(amplitude)(1.5, time),
+        jax.jit(jax.jacfwd(amplitude, (0, 1)))(1.5, time),
+    )
+    np.testing.assert_allclose(by_speed, values / 1.5, rtol=1e-11)
+    rate = np.array(swung(link, HarmonicDrive(1.5, 1.3), time).rate)
+    start = np.array(link.swing) * 0.5 * 1.5 * 1.3 / np.pi * (2 * np.pi / 1.3) ** 2
+    speed = start / np.sqrt(np.array(link.frequency_squared))  # of the ringing
+    np.testing.assert_allclose(by_time, rate, rtol=0, atol=1e-3 * np.max(np.abs(speed)))
+
+
+def test_rest_and_tip():
+    link = make(3)
+    rest = link.rest()
+    assert all(float(x) == 0 for x in (*rest.amplitude, *rest.rate))
+    state = vibration(link)
+    shape = shape_at(link, link.reach)
+    np.testing.assert_allclose(
+        link.tip_deflection(state.amplitude, (), ()),
+        dot(shape.deflection, state.amplitude),
+        rtol=1e-12,
+    )
+
+
+def test_few_and_many_modes_are_the_same_link():
+    # Up to 8 modes are kept as scalars, more as one array: the same numbers in both layouts.
+    few, many = make(3), make(12)
+    for place in (0.5, 1.0):
+        a, b = shape_at(few, place), shape_at(many, place)
+        np.testing.assert_allclose(np.array(a.deflection), b.deflection[0][:3], rtol=1e-12)
+        np.testing.assert_allclose(np.array(a.slope), b.slope[0][:3], rtol=1e-12)
+    np.testing.assert_allclose(np.array(few.swing), many.swing[0][:3], rtol=1e-12)
+    step = jnp.asarray(1e-3)
+    one, other = (np.array(link.propagators([step])) for link in (few, many))
+    np.testing.assert_allclose(one, other[..., :3], rtol=1e-12)
+
+
+def test_a_fence_without_modes_is_rigid():
+    link = make(0)
+    shape = shape_at(link, 0.8)
+    assert shape.deflection == ()
+    assert shape.residual is None
+    assert float(link.tip_deflection((), (), ())) == 0.0
+    state = swing(link, HarmonicDrive(), 0.3)
+    assert jax.tree.leaves(state) == []

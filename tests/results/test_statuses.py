@@ -1,0 +1,285 @@
+"""What a simulation says about itself: each status where it belongs, and what is refused before
+anything is compiled."""
+
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from robustness.extreme_scenes import ORDINARY, TRUTH, USUAL, WIDE, draw, impact, stack
+
+import fencejax as fj
+
+PLAIN = fj.Fidelity.fast(modes=1, static_correction=False, geometry="small")
+
+
+def status(scene, fidelity=None, **fields):
+    return fj.Status(int(fj.simulate(scene, fidelity=fidelity, history=False, **fields).status))
+
+
+def test_every_status_says_what_to_do():
+    texts = {s.text for s in fj.Status}
+    assert len(texts) == len(fj.Status)
+    for s in fj.Status:
+        assert s == fj.Status.SUCCESSFUL or len(s.text) > 40, s
+    assert [int(s) for s in fj.Status] == list(range(len(fj.Status)))
+
+
+@pytest.mark.parametrize(
+    ("make", "fidelity", "expected"),
+    [
+        # The contact lasts 8 ms: a step of 5 ms sees it once or twice.
+        (lambda: fj.scenes.rigid_wall(), fj.Fidelity(step=5e-3), "STEP_TOO_COARSE"),
+        (lambda: fj.scenes.rigid_wall(), fj.Fidelity(step=5e-4), "SUCCESSFUL"),
+        (
+            lambda: fj.scenes.rigid_wall(parcel=fj.Parcel(1e12, stiffness=0.0)), None,
+            "DEEP_PENETRATION",
+        ),
+        # A limp fence, struck by what is over long before it can bend.
+        (
+            lambda: fj.scenes.normal_impact(
+                fence=fj.Fence(
+                    0.1, 1.0, 0.132, 1.5e-3, fj.Material(6e6, 1000.0, 1.0), fj.Uniform()
+                ),
+                parcel=fj.Parcel(0.05, stiffness=1e11, damping=0.0), speed=3.0, distance=0.9,
+                duration=5e-3,
+            ),
+            fj.Fidelity(step=2e-5), "MODES_TOO_FEW",
+        ),
+        # Everything slower than friction is smoothed over.
+        (
+            lambda: fj.scenes.oblique_impact(
+                belt=fj.Belt(0.02), velocity=(0.02, 0.0, 0.0), drive=fj.HarmonicDrive(0.02),
+                drive_angle=0.002, duration=0.1,
+            ),
+            PLAIN, "FRICTION_SMOOTHED",
+        ),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_each_status_where_it_belongs(make, fidelity, expected):
+    assert status(make(), fidelity) == fj.Status[expected]
+
+
+def traced(make, *values):
+    """The status where the numbers are traced, and pass what the constructors check."""
+    @jax.jit
+    def run(*numbers):
+        return fj.simulate(make(*numbers), fidelity=PLAIN, only=("peak_force",)).status
+
+    return fj.Status(int(run(*values)))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda m: fj.scenes.rigid_wall(parcel=fj.Parcel(mass=-m)),
+        lambda m: fj.scenes.rigid_wall(parcel=fj.Parcel(mass=m * 1e40)),
+        lambda m: fj.scenes.rigid_wall(parcel=fj.Parcel(center_x=m)),
+        lambda m: fj.scenes.normal_impact(distance=1.3 * m, duration=0.01),
+        lambda m: fj.scenes.oblique_impact(distance=1.3 * m, duration=0.01),
+        lambda m: fj.scenes.oblique_impact(drive_angle=m, duration=0.01),
+        lambda m: fj.scenes.oblique_impact(drive_angle=-m, duration=0.01),
+        lambda m: fj.scenes.oblique_impact(
+            drive=fj.TrapezoidDrive(acceleration=m), duration=0.01
+        ),
+        lambda m: fj.scenes.whole_sort(offset=-m, duration=0.01),
+        lambda m: fj.scenes.oblique_impact(fence=fj.Fence(thickness=-m), duration=0.01),
+    ],
+)
+def test_traced_numbers_out_of_bounds_are_said(make):
+    assert traced(make, 1.0) >= fj.Status.INCONSISTENT
+
+
+def test_heavy_parcels_are_refused_or_right():
+    # Once 0 N with a good status: the force was lost beside the weight.
+    for mass in (1e100, 1e300):
+        with pytest.raises(ValueError, match=r"`mass` must be 1e-11 \.\.\. 1e\+13 \[kg\] in size"):
+            fj.Parcel(mass=mass)
+    for mass in (1e9, 1e12):
+        result = fj.simulate(
+            fj.scenes.oblique_impact(parcel=fj.Parcel(mass), duration=0.02), fidelity=PLAIN,
+            history=False,
+        )
+        assert int(result.status) > fj.Status.LEFT_OVER_TIP
+
+
+# Random scenes, by draw and lane, whose numbers are off: what is said of them at `fast`, and by how
+# much the force is off at least.
+OFF = [
+    # A contact that is all damper holds the corner of 350 kg to a fence of 1.9 kHz, all but
+    # undamped.
+    (WIDE, [14, 6], 25, fj.Status.STEP_TOO_COARSE, 0.03),
+    # 10 g come to rest on a grippy belt at the end of a step, and are pushed back from there.
+    (WIDE, [13, 13], 85, fj.Status.STEP_TOO_COARSE, 0.08),
+    # The slip on the belt turns round without ever being nought, at 1.1 w_s for 4 ms.
+    (USUAL, [13, 25], 34, fj.Status.FRICTION_SMOOTHED, 0.008),
+]
+
+
+@functools.cache
+def told(name):
+    """Status and peak force of impacts at a fidelity: a heavy parcel that bends the fence far, one
+    that sticks to the belt until the fence lets it go, and those of `OFF`."""
+    fidelity = TRUTH if name == "truth" else getattr(fj.Fidelity, name)()
+    rows = [
+        ORDINARY | {"mass": 75.0, "stiffness": 1e6},
+        ORDINARY | {
+            "mass": 2.0, "belt_kinetic": 0.31, "belt_static": 0.77, "stiffness": 1.6e8,
+            "damping": 1.6e4, "kinetic": 0.06, "static": 0.32, "angle": 0.02, "top_speed": 0.6,
+        },
+    ]
+    for ranges, seed, lane, *_ in OFF:
+        rows.append({k: v[lane] for k, v in draw(seed, 128, ranges).items()})
+
+    @jax.jit
+    @jax.vmap
+    def run(x):
+        result = fj.simulate(impact(x, 0.1), fidelity=fidelity, only=("peak_force",))
+        return result.status, result.peak_force
+
+    return np.array(jax.device_get(run(stack(rows))))
+
+
+def test_modes_left_out_that_bend_the_fence_are_right():
+    # Two modes: the rest takes 0.2 % of the link's length in deflection, and turns the fence.
+    (_, rough), (fast, fine), (_, true) = (told(n)[:, 0] for n in ("coarse", "fast", "truth"))
+    assert abs(rough / true - 1) < 0.005
+    assert fast <= fj.Status.LEFT_OVER_TIP
+    assert abs(fine / true - 1) < 0.001
+
+
+def test_a_parcel_that_lets_go_of_the_belt_is_said():
+    (fast, rough), (_, true) = (told(n)[:, 1] for n in ("fast", "truth"))
+    assert fast == fj.Status.FRICTION_SMOOTHED
+    assert abs(rough / true - 1) > 0.004
+
+
+@pytest.mark.parametrize("row", range(len(OFF)))
+def test_what_a_step_misses_is_said(row):
+    *_, expected, least = OFF[row]
+    (said, force), (held, true) = (told(n)[:, 2 + row] for n in ("fast", "truth"))
+    assert held <= fj.Status.LEFT_OVER_TIP
+    assert said == expected
+    assert abs(force / true - 1) > least
+
+
+def test_general_integrators_end_on_what_is_not_a_number():
+    # 500,000 steps of no length would take minutes.
+    scene = fj.scenes.oblique_impact(duration=1e-3)
+    scene = eqx.tree_at(lambda s: s.fence.thickness, scene, jnp.asarray(np.nan))
+    fidelity = PLAIN.replace(integrator="tsit5", elements=2)
+    assert status(scene, fidelity) == fj.Status.NON_FINITE
+
+
+def test_throw_names_the_outcome():
+    scene = eqx.tree_at(lambda s: s.speed, fj.scenes.rigid_wall(), jnp.asarray(np.nan))
+    with pytest.raises(RuntimeError, match="NON_FINITE: the state is not finite"):
+        fj.simulate(scene, throw=True)
+
+
+def test_good_masks_value_and_gradient():
+    speeds = jnp.array([1.0, jnp.nan, -1.0])
+
+    def total(scale):
+        def one(v):
+            result = fj.simulate(fj.scenes.rigid_wall(speed=v + scale - 1), only=("peak_force",))
+            return fj.good(result, {"force": result.peak_force})["force"], fj.holds(result)
+
+        forces, held = jax.vmap(one)(speeds)
+        return jnp.sum(forces), held
+
+    for differentiate in (jax.jacfwd, jax.grad):
+        slope, held = differentiate(total, has_aux=True)(1.0)
+        assert held.tolist() == [True, False, True]
+        alone = jax.grad(
+            lambda v: fj.simulate(fj.scenes.rigid_wall(speed=v), only=("peak_force",)).peak_force
+        )(1.0)
+        np.testing.assert_allclose(slope, alone, rtol=1e-9)
+
+
+# --- Before anything is compiled ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("build", "error", "text"),
+    [
+        (lambda: fj.Parcel(mass=10**400), ValueError, "`mass` must be finite .*inf"),
+        (lambda: fj.Parcel(mass=10**40), ValueError, "`mass` must be 1e-11"),
+        (lambda: fj.Parcel(mass=1e-20), ValueError, "`mass` must be 1e-11"),
+        (lambda: fj.Parcel(stiffness=1e30), ValueError, "`stiffness` must be 0 ... 1e.21"),
+        (lambda: fj.Fence(thickness=jnp.float16(0.04)), TypeError, "single or double precision"),
+        (lambda: fj.Fence(thickness=jnp.bfloat16(0.04)), TypeError, "single or double precision"),
+        (lambda: fj.ProfileTaper(["a", 1.0]), TypeError, "`ratios`"),
+        (lambda: fj.ProfileTaper([True, 1.0]), TypeError, "`ratios`"),
+        (lambda: fj.HarmonicDrive(top_speed=1e15), ValueError, "`top_speed` must be 0 ... 1e.12"),
+        (lambda: fj.SplineDrive([200.0]), ValueError, "`control_angles` must be at most 100"),
+        (
+            lambda: fj.scenes.oblique_impact(drive_angle=-0.1), ValueError,
+            "`drive_angle` must be at least .* begins there",
+        ),
+        (
+            lambda: fj.scenes.oblique_impact(drive=fj.HeldDrive(0.3), drive_angle=0.2),
+            ValueError, "`drive_angle` must be at least 0.3",
+        ),
+        (
+            lambda: fj.scenes.oblique_impact(parcel_angle=1.0), ValueError,
+            "corner 2 is .* beyond it. Change `parcel_angle`",
+        ),
+        (
+            lambda: fj.scenes.oblique_impact(parcel=fj.Parcel(center_x=0.2, center_y=-0.15)),
+            ValueError, "`parcel_angle` must be given",
+        ),
+        (
+            lambda: fj.scenes.whole_sort(drive=fj.HeldDrive(0.3), front=1.0), ValueError,
+            "must be clear of the fence at the start, but corner 1",
+        ),
+        (lambda: fj.scenes.whole_sort(duration=-1.0), ValueError, "`duration`"),
+        (lambda: fj.scenes.whole_sort(front=1e15), ValueError, "`front`"),
+    ],
+)
+def test_refused_by_the_constructors(build, error, text):
+    with pytest.raises(error, match=text):
+        build()
+
+
+def test_numbers_that_are_all_but_nought_pass():
+    fj.Parcel(center_x=1e-300, damping=1e-300)
+    fj.scenes.oblique_impact(velocity=(2.0, -1e-300, 0.0))
+
+
+class Hasty(fj.HarmonicDrive):
+    """A drive whose speed is not that of its angle."""
+
+    def motion(self, time):
+        motion = super().motion(time)
+        return motion._replace(speed=1.1 * motion.speed)
+
+
+@pytest.mark.parametrize("build", [fj.scenes.oblique_impact, fj.scenes.whole_sort])
+def test_drives_move_by_their_own_angle(build):
+    with pytest.raises(ValueError, match="`drive` must move by its own angle, but its speed"):
+        build(drive=Hasty())
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "text"),
+    [
+        (lambda s: jnp.ones(3), ValueError, r"`parcel.mass` has the shape \(3,\).*vmap"),
+        (lambda s: jnp.asarray(1), TypeError, "floating-point numbers .* int64"),
+        (lambda s: jnp.asarray(1j), TypeError, "floating-point numbers .* complex"),
+    ],
+)
+def test_scenes_changed_by_hand(change, error, text):
+    scene = fj.scenes.rigid_wall()
+    scene = eqx.tree_at(lambda s: s.parcel.mass, scene, change(scene))
+    with pytest.raises(error, match=text):
+        fj.simulate(scene)
+
+
+def test_too_many_steps():
+    scene = fj.scenes.rigid_wall(duration=1e6)
+    with pytest.raises(ValueError, match="`duration` / `fidelity.step` must be at most"):
+        fj.simulate(scene, fidelity=fj.Fidelity(step=1e-7))

@@ -1,1 +1,0 @@
-"""Other methods of optimisation on the package's own problems, counted alike."""

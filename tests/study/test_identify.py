@@ -1,0 +1,372 @@
+"""Parameters found again from synthetic recordings, and files that cannot be used."""
+
+import json
+import re
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+
+import fencejax as fj
+from fencejax.scenes import numbers as scene_numbers
+from fencejax.study import (
+    Experiment,
+    Recording,
+    fit,
+    identify,
+    interpolate,
+    read_recording,
+    write_recording,
+)
+from optimize.identify import main
+from optimize.identify.configuration import IdentifyConfig, configure
+
+_TRUTH = {"youngs_modulus": 2.6e9, "stiffness": 1.2e9, "damping": 4.0e5}
+_NAMES = tuple(_TRUTH)
+_TIME = np.linspace(0.0, 0.05, 101)[1:]
+_NOISE = {"force": 25.0, "tip_deflection": 5e-4}
+
+
+def impact(**numbers):
+    """A normal impact: the cheapest scene with all that is looked for here."""
+    parcel = fj.Parcel(**{k: v for k, v in numbers.items() if k != "youngs_modulus"})
+    fence = fj.Fence(material=fj.Material(numbers.get("youngs_modulus", 3.0e9)))
+    return fj.scenes.normal_impact(fence=fence, parcel=parcel, duration=0.05)
+
+
+def clean(scene, time=_TIME):
+    history = fj.simulate(scene, only=("history",)).history
+    return {
+        name: np.asarray(interpolate(jnp.asarray(time), history.time, knots))
+        for name, knots in (
+            ("force", history.fence_force), ("tip_deflection", history.tip_deflection),
+        )
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return clean(impact(**_TRUTH))
+
+
+def noisy(signals, seed, share=1.0):
+    generator = np.random.default_rng(seed)
+    return Recording(
+        _TIME,
+        {
+            name: column + share * _NOISE[name] * generator.normal(size=column.size)
+            for name, column in signals.items()
+        },
+    )
+
+
+def test_without_noise_the_truth_comes_back(truth):
+    found = fit(Experiment(impact(), Recording(_TIME, truth)), _NAMES)
+    assert found.converged
+    # The derivatives are exact here, so that the search ends where rounding does: the relative
+    # change that it stops at is 1e-9, and Gauss and Newton's method is quadratic there.
+    assert found.values == pytest.approx(list(_TRUTH.values()), rel=1e-6)
+    assert found.start == pytest.approx([3.0e9, 1.72e9, 3.3e5], rel=1e-12)
+    assert max(found.standard_errors) < 1e-6
+    assert found.fitted[0][0] == pytest.approx(truth["force"], abs=1e-3)
+
+
+@pytest.fixture(scope="module")
+def many(truth):
+    return [fit(Experiment(impact(), noisy(truth, seed)), _NAMES) for seed in range(40)]
+
+
+def test_intervals_cover_the_truth(many):
+    exact = np.array(list(_TRUTH.values()))
+    inside = np.array([(f.low <= exact) & (exact <= f.high) for f in many])
+    # 120 intervals of 95 %, 40 of them independent: binomial, once in a thousand further out.
+    low, high = stats.binom.ppf([5e-4, 1 - 5e-4], 40, 0.95)
+    assert np.all(low <= np.sum(inside, axis=0))
+    assert np.all(np.sum(inside, axis=0) <= high)
+    # Deviations in the metric of the covariance: chi-squared of three times forty.
+    total = 0.0
+    for f in many:
+        z = np.log(f.values / exact) / f.standard_errors
+        total += z @ np.linalg.solve(f.correlation, z)
+    low, high = stats.chi2.ppf([5e-4, 1 - 5e-4], 120)
+    assert low < total < high
+
+
+def test_noise_is_estimated(many):
+    # Each of 40 estimates from some 100 rows: the mean is within three of its errors,
+    # 3 / sqrt(2 100 40).
+    for name, sigma in _NOISE.items():
+        mean = np.mean([f.noise[name] for f in many])
+        assert mean == pytest.approx(sigma, rel=3 / np.sqrt(2 * 100 * 40))
+    # Noise does not follow itself: the limit is three errors of it.
+    assert sum(any("follow" in w for w in f.warnings) for f in many) <= 2
+
+
+def test_errors_grow_with_the_noise(truth):
+    small, large = (
+        fit(Experiment(impact(), noisy(truth, 3, share)), _NAMES) for share in (0.1, 1.0)
+    )
+    ratio = large.standard_errors / small.standard_errors
+    # The same noise ten times larger: ten times the errors, as far as the problem is linear.
+    assert ratio == pytest.approx(10.0, rel=0.1)
+    assert large.correlation == pytest.approx(large.correlation.T)
+    assert np.diag(large.correlation) == pytest.approx(1.0)
+
+
+def test_two_recordings_tell_more_than_one(truth):
+    one = Experiment(impact(), noisy(truth, 5))
+    found = fit([one, Experiment(impact(), noisy(truth, 6))], _NAMES, noise=_NOISE)
+    alone = fit(one, _NAMES, noise=_NOISE)
+    # Twice the rows at the same setting: errors smaller by sqrt(2), up to what the two samples of
+    # noise make of s, of 200 and 400 rows.
+    ratio = alone.standard_errors / found.standard_errors
+    assert ratio == pytest.approx(np.sqrt(2), rel=0.2)
+    assert len(found.fitted) == 2
+
+
+def test_several_starts_end_at_the_same(truth):
+    found = fit(Experiment(impact(), noisy(truth, 7)), _NAMES, starts=3, seed=2)
+    assert len(found.costs) == 3
+    assert found.costs[0] == pytest.approx(min(found.costs), rel=1e-2)
+    lone = fit(Experiment(impact(), noisy(truth, 7)), _NAMES)
+    assert found.values == pytest.approx(lone.values, rel=1e-4)
+
+
+def test_offset_of_the_clock():
+    scene = impact(**_TRUTH)
+    hidden = 3.1e-3
+    time = np.linspace(0.0, 0.04, 100)
+    signals = clean(scene, time + hidden)
+    offset = fj.DesignVariable("time_offset", -0.005, 0.005, "s", "linear")
+    found = fit(Experiment(impact(), Recording(time, signals)), [*_NAMES, offset])
+    # The recording itself is interpolated, as the model is: exact again.
+    assert found.values[-1] == pytest.approx(hidden, abs=1e-8)
+    assert found.values[:-1] == pytest.approx(list(_TRUTH.values()), rel=1e-5)
+
+
+def test_what_is_not_told_is_said(truth):
+    # E, the width z and rho act through E z and rho z alone; the parcel's breadth not at all.
+    wanted = [
+        "youngs_modulus",
+        fj.DesignVariable("width", 0.05, 0.4, "m"),
+        fj.DesignVariable("density", 300.0, 4000.0, "kg/m^3"),
+        fj.DesignVariable("breadth", 0.2, 0.5, "m"),
+    ]
+    found = fit(Experiment(impact(), noisy(truth, 8)), wanted, most=20)
+    assert found.standard_errors[3] == np.inf
+    assert any("breadth is not told" in w for w in found.warnings)
+    # The one direction is told no better than rounding allows, some 1e-8 of the others.
+    assert found.condition > 1e6
+    assert any("hardly told apart" in w for w in found.warnings)
+    assert found.weakest == pytest.approx(found.weakest[1] * np.array([-1, 1, -1, 0]), abs=1e-4)
+
+
+def test_bounds_that_bind_are_said(truth):
+    tight = fj.DesignVariable("youngs_modulus", 2.9e9, 3.5e9, "Pa")
+    found = fit(Experiment(impact(), noisy(truth, 9)), [tight, *_NAMES[1:]])
+    assert found.values[0] == pytest.approx(2.9e9, rel=1e-3)
+    assert any("at its lower bound" in w for w in found.warnings)
+
+
+def test_a_wrong_model_is_said(truth):
+    # The parcel weighed 15 kg; whoever fits takes it for 10 kg.
+    found = fit(Experiment(impact(mass=10.0), noisy(truth, 10)), _NAMES)
+    assert any("follow one another" in w for w in found.warnings)
+
+
+def test_interpolation():
+    # Exact for parabolas on any grid, up to the two ends; differentiable in the time.
+    knots = jnp.asarray([0.0, 0.1, 0.4, 0.5, 1.1, 1.2])
+    values = 2 * knots**2 - knots
+    time = jnp.linspace(0.1, 1.1, 23)
+    found = interpolate(time, knots, values)
+    np.testing.assert_allclose(found, 2 * time**2 - time, rtol=0, atol=1e-14)
+    slope = jax.vmap(jax.grad(lambda t: interpolate(t[None], knots, values)[0]))(time[1:-1])
+    np.testing.assert_allclose(slope, 4 * time[1:-1] - 1, rtol=0, atol=1e-12)
+    # Constant outside, and itself at the knots.
+    outside = interpolate(jnp.asarray([-1.0, 9.0]), knots, values)
+    np.testing.assert_allclose(outside, np.asarray(values)[[0, -1]], rtol=0, atol=1e-14)
+    at_knots = interpolate(knots, knots, values)
+    np.testing.assert_allclose(at_knots, values, rtol=0, atol=1e-14)
+    # A jump: two knots at one time.
+    step = jnp.asarray([0.0, 1.0, 1.0, 2.0])
+    jump = jnp.asarray([0.0, 0.0, 5.0, 5.0])
+    found = interpolate(jnp.asarray([0.5, 0.999, 1.0, 1.5]), step, jump)
+    np.testing.assert_allclose(found, jump, rtol=0, atol=1e-12)
+
+
+def test_files_come_back(tmp_path, truth):
+    recording = noisy(truth, 1)
+    write_recording(tmp_path / "a.csv", recording)
+    again = read_recording(tmp_path / "a.csv")
+    np.testing.assert_array_equal(again.time, recording.time)
+    np.testing.assert_array_equal(again.values, recording.values)
+    assert read_recording(tmp_path / "a.csv", ["force"]).names == ("force",)
+
+
+def test_units_comments_and_separators(tmp_path):
+    path = tmp_path / "b.csv"
+    rows = "\n".join(f"{k};{0.1 * k};{-2.0 * k};note {k}" for k in range(6))
+    path.write_text(
+        f"\ufeff# made by hand\nTime (ms);Force [kN];Tip deflection [mm];what\n\n{rows}\n"
+    )
+    found = read_recording(path)
+    assert found.time == pytest.approx(1e-3 * np.arange(6))
+    assert found.signals["force"] == pytest.approx(100.0 * np.arange(6))
+    assert found.signals["tip_deflection"] == pytest.approx(-2e-3 * np.arange(6))
+
+
+_GOOD = ["0.00,1.0,0.1", "0.01,2.0,0.2", "0.02,3.0,0.3", "0.03,2.0,0.2", "0.04,1.0,0.1"]
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "text"),
+    [
+        ("", [], "is empty"),
+        ("t [s],force [N]", ["0,1"], "line 1: must name a column `time [s]`"),
+        ("time [s],load [N]", ["0,1"], "line 1: must name a column of"),
+        ("time [s],force [lbf]", ["0,1"], "line 1, column `force [lbf]`: the unit must be one of"),
+        ("time [s],force [N],force [kN]", ["0,1,1"], "line 1: names the column `force` twice"),
+        ("time [s],force [N],x [m]", ["0.0,1.0"], "line 2: must have 3 columns"),
+        ("", ["0.0,high,1"], "column `force [N]`: must be a number, but is 'high'"),
+        ("", ["0.0,,1"], "column `force [N]`: must be a number, but is ''"),
+        ("", ["0.0,nan,1"], "line 2, column `force [N]`: must be finite"),
+        ("", ["0.0,1,inf"], "line 2, column `x [m]`: must be finite"),
+        ("", [*_GOOD[:3], "0.02,3.0,0.3"], "line 5, column `time [s]`: times must rise"),
+        ("", _GOOD[:4], "at least 5 rows"),
+        ("time [s];force [N]", ["0;1,5"], "Write decimal points"),
+        ("", ['0.0,"1.0,1'], "line 2: cannot be read as CSV"),
+    ],
+)
+def test_bad_files(tmp_path, header, rows, text):
+    path = tmp_path / "bad.csv"
+    head = header or ("time [s],force [N],x [m]" if rows else "")
+    path.write_text("\n".join([head, *rows]))
+    with pytest.raises(ValueError, match=re.escape(text)) as refused:
+        read_recording(path)
+    assert str(path) in str(refused.value)
+
+
+def test_files_that_are_no_text(tmp_path):
+    path = tmp_path / "bad.csv"
+    path.write_bytes(b"time [s],force [N]\n\xff\xfe")
+    with pytest.raises(ValueError, match="UTF-8"):
+        read_recording(path)
+    with pytest.raises(FileNotFoundError):
+        read_recording(tmp_path / "none.csv")
+    path.write_text("\n".join(["time [s],force [N],x [m]", *_GOOD]))
+    with pytest.raises(ValueError, match="line 1: must name a column `y`"):
+        read_recording(path, ["y"])
+
+
+def test_units_that_are_suspected(truth):
+    def refused(time, factor):
+        signals = {name: factor * column for name, column in truth.items()}
+        with pytest.raises(ValueError, match="header|seconds") as error:
+            fit(Experiment(impact(), Recording(time, signals, "a.csv")), _NAMES)
+        return str(error.value)
+
+    assert "milliseconds" in refused(1e3 * _TIME, 1.0)
+    assert "seconds?" in refused(1e-3 * _TIME, 1.0)
+    assert "signal `force`" in refused(_TIME, 1e-3)
+    assert "a.csv" in refused(_TIME, 1e3)
+
+
+def test_arguments_that_cannot_be(truth):
+    recording = Recording(_TIME, truth)
+    one = Experiment(impact(), recording)
+    for experiments, parameters, settings, text in (
+        ([], _NAMES, {}, "at least one"),
+        (one, [], {}, "parameters"),
+        (one, ["mass"], {}, "bounds for 'mass'"),
+        (one, ["time_offset"], {}, "alone"),
+        (one, [fj.DesignVariable("mass", 20.0, 30.0, "kg")], {}, "the search starts there"),
+        (one, [fj.DesignVariable("breadth", -1.0, 1.0, "m", "linear")], {}, "breadth"),
+        (one, _NAMES, {"noise": {"force": 1.0}}, "lacks 'tip_deflection'"),
+        (one, _NAMES, {"noise": {"force": 0.0, "tip_deflection": 1.0}}, "noise"),
+        (one, _NAMES, {"confidence": 1.0}, "confidence"),
+        (one, ["time_offset", "damping"], {}, "duration=0.07"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            fit(experiments, parameters, **settings)
+    with pytest.raises(ValueError, match="must rise"):
+        Recording(_TIME[::-1], truth)
+    with pytest.raises(ValueError, match="signals must be of"):
+        Recording(_TIME, {"noise": _TIME})
+
+
+def test_every_parameter_is_a_number_of_some_scene():
+    scene = fj.scenes.whole_sort()
+    for name, variable in identify.PARAMETERS.items():
+        if name != identify.OFFSET:
+            path = scene_numbers.resolve(scene, name)
+            assert scene_numbers.unit(path) == variable.unit
+
+
+@pytest.fixture(scope="module")
+def demonstration(tmp_path_factory):
+    out = tmp_path_factory.mktemp("identify")
+    return main(configure(["--demo", "--quick", "--out", str(out)]), quiet=True), out
+
+
+def test_demonstration(demonstration):
+    outcome, out = demonstration
+    assert outcome.succeeded
+    assert set(outcome.deviations) == set(outcome.fit.names)
+    # The chance that one of five normal numbers is further away is 3e-4.
+    assert max(abs(v) for v in outcome.deviations.values()) < 4
+    # All five are told: friction and material too, from force and tip deflection.
+    assert np.all(outcome.fit.standard_errors < 0.2)
+    content = json.loads((out / "result.json").read_text())
+    assert content["parameters"]["youngs_modulus"]["unit"] == "Pa"
+    assert len(content["correlation"]) == 5
+    for name in ("fit", "correlation"):
+        assert (out / f"{name}.png").stat().st_size > 10_000
+
+
+def test_script_reads_what_it_wrote(demonstration, tmp_path):
+    outcome, out = demonstration
+    config = configure([
+        "--records", str(out / "demo.csv"), "--fidelity", "fast", "--starts", "1", "--no-plots",
+        "--out", str(tmp_path), "--known", "distance=1.0",
+    ])  # fmt: skip
+    again = main(config, quiet=True)
+    assert again.fit.values == pytest.approx(outcome.fit.values, rel=1e-6)
+    assert not again.deviations
+    assert again.succeeded
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({}, "records"),
+        ({"demo": True, "records": ("a.csv",)}, "both"),
+        ({"demo": True, "scene": "normal_impact"}, "oblique_impact"),
+        ({"demo": True, "starts": 0}, "starts"),
+        ({"demo": True, "signals": ("load",)}, "signals"),
+        ({"records": ("a", "b", "c"), "known": ("mass=1", "mass=2")}, "known"),
+    ],
+)
+def test_configurations_that_cannot_be(changes, text):
+    with pytest.raises(ValueError, match=text):
+        IdentifyConfig(**changes)
+
+
+def test_flags_that_cannot_be(tmp_path):
+    rows = "\n".join(f"{k},{100 * k}" for k in range(1, 8))
+    path = tmp_path / "ms.csv"
+    path.write_text(f"time,force\n{rows}\n")
+    base = ["--records", str(path), "--out", str(tmp_path)]
+    for extra, text in (
+        ([], "milliseconds"),
+        (["--parameters", "mass"], "mass=lower:upper"),
+        (["--parameters", "mass=5"], "name=lower:upper"),
+        (["--signals", "x"], "column `x`"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            main(configure([*base, *extra]), quiet=True)
+    config = configure([*base, "--known", "mass=heavy"])
+    with pytest.raises(ValueError, match="name=value"):
+        config.numbers(0)

@@ -1,0 +1,283 @@
+"""Sweeps: outputs and gradients of all lanes, plans, the table, the script."""
+
+import dataclasses
+import json
+import sys
+
+import numpy as np
+import pytest
+from study.small_sweep import SMALL, assert_same, small
+
+import fencejax as fj
+from fencejax.study import IMPOSSIBLE, Plan, SceneFamily, Sweep, SweepTable, run_sweep, sampling
+from optimize.sweep import figures, main
+from optimize.sweep.configuration import SweepConfig, configure
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The small sweep, computed at one go by this process."""
+    return main(small(tmp_path_factory.mktemp("whole")), quiet=True).table
+
+
+# ---- what is computed
+
+
+def test_outputs_are_those_of_simulate(whole):
+    lane = 3 * 12 + 2 * 4 + 1
+    numbers = {name: column[lane] for name, column in whole.variables.items()}
+    scene = fj.scenes.oblique_impact(
+        fence=fj.Fence(
+            rigid_length=numbers["reach"] * 0.375, flexible_length=numbers["reach"] * 0.625
+        ),
+        parcel=fj.Parcel(mass=numbers["mass"]), distance=numbers["distance"], duration=0.05,
+    )  # fmt: skip
+    only = ("peak_force", "tip_deflection")
+    result = fj.simulate(scene, fidelity=fj.Fidelity.fast(), only=only)
+    for name in only:
+        # Lanes of a group wait for each other's last Newton iteration: the tolerance is theirs.
+        np.testing.assert_allclose(whole.outputs[name][lane], getattr(result, name), rtol=1e-5)
+    assert whole.status[lane] == result.status
+
+
+def test_impossible_lanes_are_counted_and_not_numbers(whole):
+    beyond = whole.variables["distance"] > whole.variables["reach"]
+    assert 0 < np.sum(beyond) < beyond.size
+    np.testing.assert_array_equal(whole.status == IMPOSSIBLE, beyond)
+    np.testing.assert_array_equal(np.isnan(whole.outputs["peak_force"]), beyond)
+    assert whole.counts()["IMPOSSIBLE"] == np.sum(beyond)
+    assert sum(whole.counts().values()) == beyond.size
+    # The others are good or say why not: the lightest parcels part within a few of these steps.
+    rough = whole.status == fj.Status.STEP_TOO_COARSE
+    np.testing.assert_array_equal(whole.good, ~beyond & ~rough)
+    assert np.sum(rough) < 0.1 * rough.size
+
+
+def test_chunks_and_padding_do_not_change_results(whole, tmp_path):
+    # 60 lanes: 4 chunks of 16 with 4 lanes of padding, or 3 of 24 with 12; the groups stay.
+    other = run_sweep(SMALL.sweep(), tmp_path, chunk=24, group=8)
+    assert_same(other, whole)
+
+
+def test_lanes_without_good_numbers_are_counted(tmp_path):
+    mass, place = np.tile([5.0, 1e12], 8), np.repeat([0.6, 0.8], 8)
+    samples = sampling.given({
+        "mass": mass, "reach": np.repeat([1.1, 1.2], 8), "distance": place,
+    })  # fmt: skip
+    sweep = dataclasses.replace(SMALL.sweep(), samples=samples)
+    said = []
+    table = run_sweep(sweep, tmp_path, chunk=16, group=8, progress=said.append)
+    assert table is not None
+    assert np.all(table.status[mass < 10] <= fj.Status.LEFT_OVER_TIP)
+    assert np.all(table.status[mass > 10] > fj.Status.LEFT_OVER_TIP)
+    assert said[-1].bad == 8
+    # Sound lanes are not touched by their neighbours: each place has its one force.
+    force = table.outputs["peak_force"]
+    for here in (0.6, 0.8):
+        np.testing.assert_allclose(force[(mass < 10) & (place == here)], force[place == here][0])
+    assert np.all(force[mass < 10] > 100)
+
+
+def test_gradient_is_that_of_the_outputs(tmp_path):
+    # A point and its neighbours: central differences, error of second order in the step and
+    # Newton's tolerance 1e-6 over it.
+    base, step = np.array([8.0, 0.8]), 3e-3
+    rows = [base]
+    for index in range(2):
+        for sign in (1, -1):
+            row = base.copy()
+            row[index] *= 1 + sign * step
+            rows.append(row)
+    mass, distance = np.array(rows).T
+    samples = sampling.given({"mass": mass, "distance": distance})
+    family = SceneFamily("oblique_impact", samples.names, duration=0.05)
+    # The smallest program there is with a fence that bends.
+    fidelity = fj.Fidelity.fast(modes=1, static_correction=False, geometry="small", elements=4)
+    sweep = Sweep(family, samples, ("peak_force",), "peak_force", fidelity)
+    table = run_sweep(sweep, tmp_path)
+    assert table is not None
+    force = table.outputs["peak_force"]
+    for index, name in enumerate(samples.names):
+        up, down = force[1 + 2 * index], force[2 + 2 * index]
+        slope = (up - down) / (2 * step * base[index])
+        np.testing.assert_allclose(table.gradient[name][0], slope, rtol=1e-2)
+
+
+# ---- plans
+
+
+def test_plan_covers_all_lanes_whatever_the_machine():
+    for count in (1, 5, 63, 64, 65, 1000, 20000, 10**6):
+        for platform in ("cpu", "gpu"):
+            plan = Plan.of(count, None, None, platform)
+            assert plan.chunk % plan.group == 0
+            assert plan.chunk * plan.chunks >= count > plan.chunk * (plan.chunks - 1)
+    assert Plan.of(10**6, None, None, "cpu") == Plan(1024, 64, 977)
+    with pytest.raises(ValueError, match="`chunk` must be a multiple of `group` = 8.*Write 24"):
+        Plan.of(100, 20, 8, "cpu")
+    with pytest.raises(ValueError, match="`share` must be"):
+        run_sweep(SMALL.sweep(), "nowhere", share=(2, 2))
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"outputs": ("hue",)}, "`outputs` must be one of"),
+        ({"outputs": ()}, "`outputs` must name at least one"),
+        ({"gradient_of": "impulse"}, "`gradient_of` must be one of"),
+        ({"samples": sampling.grid(["mass"], 2)}, "`family` must have the names of the samples"),
+    ],
+)
+def test_bad_sweeps_are_refused(changes, text):
+    with pytest.raises(ValueError, match=text):
+        dataclasses.replace(SMALL.sweep(), **changes)
+
+
+# ---- the table
+
+
+def table_of(shape, kind, gradient=True):
+    count = int(np.prod(shape))
+    rng = np.random.default_rng(3)
+    variables = {"mass": 1 + rng.random(count), "distance": 0.5 + rng.random(count)}
+    if kind == "grid":
+        mesh = np.meshgrid(np.linspace(1, 2, shape[0]), np.linspace(0.5, 1, shape[1]),
+                           indexing="ij")  # fmt: skip
+        variables = dict(zip(variables, (m.ravel() for m in mesh), strict=True))
+    force = 100 * variables["mass"] * variables["distance"] ** 2
+    status = np.zeros(count, np.int32)
+    status[1], status[3] = IMPOSSIBLE, fj.Status.NEVER_TOUCHED
+    leave = np.where(status == 3, np.nan, 1.0)
+    leave[[1, 3, 4]] = np.nan
+    return SweepTable(
+        variables, {"peak_force": force, "leave_x": leave}, status, "peak_force",
+        {"mass": force / variables["mass"], "distance": 2 * force / variables["distance"]},
+        {"mass": "kg", "distance": "m", "peak_force": "N", "leave_x": "m"},
+        shape, {"mass": "logarithmic", "distance": "linear"}, {"samples": {"kind": kind}},
+    )  # fmt: skip
+
+
+def test_missing_numbers_are_counted_in_good_lanes():
+    # Lane 1 is no scene; 3 never touched and 4 have no place where the parcel leaves.
+    assert table_of((4, 3), "grid").missing() == {"leave_x": 2}
+
+
+def test_file_opens_with_numpy(tmp_path):
+    table = table_of((4, 3), "grid")
+    table.save(tmp_path / "t.npz")
+    with np.load(tmp_path / "t.npz", allow_pickle=False) as data:
+        np.testing.assert_array_equal(data["mass"], table.variables["mass"])
+        np.testing.assert_array_equal(data["peak_force"], table.outputs["peak_force"])
+        np.testing.assert_array_equal(data["gradient"][:, 1], table.gradient["distance"])
+        names = [*data["variables"], *data["outputs"]]
+        assert dict(zip(names, data["units"], strict=True)) == table.units
+        meaning = dict(zip(data["status_codes"], data["status_names"], strict=True))
+        assert [meaning[s] for s in data["status"][:4]] == [
+            "SUCCESSFUL", "IMPOSSIBLE", "SUCCESSFUL", "NEVER_TOUCHED",
+        ]  # fmt: skip
+    read = SweepTable.load(tmp_path / "t.npz")
+    assert_same(read, table)
+    np.testing.assert_array_equal(read.axes["distance"], [0.5, 0.75, 1.0])
+    assert read.grid("peak_force").shape == (4, 3)
+    with pytest.raises(ValueError, match="Only a grid has axes"):
+        _ = table_of((12,), "sobol").axes
+
+
+def test_dataset_is_labelled():
+    pytest.importorskip("xarray")
+    table = table_of((4, 3), "grid")
+    data = table.to_xarray()
+    assert dict(data.sizes) == {"mass": 4, "distance": 3}
+    assert data.peak_force.attrs["units"] == "N"
+    assert data.mass.attrs["units"] == "kg"
+    assert data.d_peak_force_d_mass.attrs["units"] == "(N) / (kg)"
+    at = data.peak_force.sel(mass=2.0, distance=0.75)
+    assert float(at) == pytest.approx(100 * 2 * 0.75**2)
+    assert data.status.attrs["flag_meanings"].split()[0] == "IMPOSSIBLE"
+    loose = table_of((12,), "sobol").to_xarray()
+    assert dict(loose.sizes) == {"lane": 12}
+    np.testing.assert_array_equal(loose.mass, table_of((12,), "sobol").variables["mass"])
+
+
+def test_dataset_without_xarray_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(ImportError, match=r"fencejax\[xarray\]"):
+        table_of((4, 3), "grid").to_xarray()
+
+
+# ---- the script
+
+
+def test_figures_fit_the_points():
+    drawn = figures.draw(table_of((4, 3), "grid"))
+    assert set(drawn) == {"peak_force", "leave_x", "elasticities"}
+    axes, bar = drawn["peak_force"].axes[:2]
+    assert axes.get_xlabel() == "distance [m]"
+    assert axes.get_ylabel() == "mass [kg]"
+    assert axes.get_yscale() == "log"
+    assert bar.get_ylabel() == "peak force [N]"
+    # The lane without a scene is left blank, the others hold their values.
+    shown = axes.collections[0].get_array()
+    assert shown is not None
+    assert int(np.ma.count_masked(shown)) == 1
+    loose = figures.draw(table_of((64,), "sobol"))["peak_force"]
+    panels = [panel for panel in loose.axes if panel.get_visible()]
+    assert [panel.get_xlabel() for panel in panels] == ["mass [kg]", "distance [m]"]
+    assert panels[0].get_ylabel() == "peak force [N]"
+
+
+def test_script_writes_its_files_and_says_whether_it_succeeded(whole, tmp_path, capsys):
+    outcome = main(small(tmp_path, plots=True))
+    assert_same(outcome.table, whole)
+    said = capsys.readouterr().out
+    assert "60 of 60 lanes" in said
+    assert "IMPOSSIBLE 10" in said
+    content = json.loads((tmp_path / "result.json").read_text())
+    assert content["statuses"] == whole.counts()
+    assert (tmp_path / "peak_force.png").stat().st_size > 1000
+    assert outcome.succeeded
+    strict = main(small(tmp_path, tolerated=0.01))
+    assert not strict.succeeded
+    assert "more than the 1 % of --tolerated" in capsys.readouterr().out
+
+
+def test_flags():
+    assert configure([]) == SweepConfig()
+    config = configure([
+        "--vary", "mass", "thickness=0.02:0.06:7:linear", "--fixed", "distance=0.9",
+        "--gradient", "impulse",
+    ])  # fmt: skip
+    samples = config.samples()
+    assert samples.names == ("mass", "thickness")
+    assert samples.shape == (48, 7)
+    assert samples.variables[1].scaling == "linear"
+    sweep = config.sweep()
+    assert sweep.family.fixed == {"distance": 0.9}
+    assert sweep.outputs == ("peak_force", "tip_deflection", "impulse")
+    assert configure(["--quick"]).fidelity == "fast"
+
+
+def test_help_names_every_default(capsys):
+    with pytest.raises(SystemExit) as leaving:
+        configure(["--help"])
+    assert leaving.value.code == 0
+    assert capsys.readouterr().out.count("(default:") == len(vars(SweepConfig())) + 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"vary": ("mass=1",)}, "`vary` must read name"),
+        ({"vary": ("mass=a:b",)}, "`vary` must read name"),
+        ({"vary": ("mass=1:2:3",), "sampling": "sobol"}, "must not give points a variable"),
+        ({"fixed": ("distance",)}, "`fixed` must read name=value"),
+        ({"processes": 2}, "`coordinator` must be given"),
+        ({"processes": 2, "process": 2}, "`process` must be below"),
+        ({"scene": "free_fall"}, "`scene` must be one of"),
+        ({"tolerated": 2.0}, "`tolerated` must be within"),
+        ({"points": 1}, "`points` must be at least 2"),
+    ],
+)
+def test_bad_flags_are_refused(changes, text):
+    with pytest.raises(ValueError, match=text):
+        SweepConfig(**changes).sweep()
