@@ -77,7 +77,7 @@ def tune_compiler(devices: int | None = None) -> None:
         )
     os.environ["XLA_FLAGS"] = wanted
 
-def keep(holds: Array, function: Callable[..., Any], *arguments: Any) -> Any:
+def fusion_barrier(holds: Array, function: Callable[..., Any], *arguments: Any) -> Any:
     """`function(*arguments)`, worked out once and put in memory; not a number unless `holds`.
 
     Left to itself (see `fencejax.tune_compiler`), on a CPU the compiler fuses cheap arithmetic into

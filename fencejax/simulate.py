@@ -13,7 +13,7 @@ from jaxtyping import Array
 
 from . import _check
 from ._forward_mode import by_columns
-from ._xla import keep, sound
+from ._xla import fusion_barrier, sound
 from .fidelity import Fidelity
 from .integrators import (
     Clock,
@@ -208,7 +208,7 @@ def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory
     good = sound(scene)
     steps = integrate.count_steps(scene.duration, fidelity.step)
     step = scene.duration / steps
-    mechanics = keep(good, lambda s: Mechanics(s, fidelity), scene)
+    mechanics = fusion_barrier(good, lambda s: Mechanics(s, fidelity), scene)
     begin = scene.start.time(scene.drive)
     zero = jnp.zeros_like(scene.parcel.mass)
     time = zero if begin is None else begin + zero
@@ -224,17 +224,20 @@ def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory
         if begin is not None:
             of_swing = Propagator(*(values[-1] for values in maps))
             maps = Propagator(*(values[:-1] for values in maps))
-            vibration = keep(good, FlexibleLink.swung, link, scene.drive, lengths[-1], of_swing)
+            vibration = fusion_barrier(
+                good, FlexibleLink.swung, link, scene.drive, lengths[-1], of_swing
+            )
         drive = scene.drive.motion(time)
         distance = scene.start.distance()
         if distance is not None:
-            pose = keep(good, _pose, link, drive, vibration, distance)
+            pose = fusion_barrier(good, _pose, link, drive, vibration, distance)
     body = scene.start.body(scene.parcel, scene.belt, pose)
     # Every number as wide as the widest: lanes of a batch may differ in any of them.
     wide = zero + time + sum(body)
     body = Body(*(q + 0 * wide for q in body))
-    clock = keep(good, lambda *given: Clock(given[0], fidelity, given[1], step, given[2]),
-                 link, time, maps)
+    clock = fusion_barrier(
+        good, lambda *given: Clock(given[0], fidelity, given[1], step, given[2]), link, time, maps
+    )
     return mechanics, clock, modal_step.at_rest(mechanics, body, vibration, drive)
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from ..model import FenceState, FlexibleLink, Forces, Lean, Mechanics, Vibration
 from ..parts import DriveMotion
-from ..results import Instant, Tally, accumulators as tally, describe
+from ..results import Sample, Tally, accumulators as tally, describe
 from ..scenes import Body
 from .step_size import Clock
 from .time_loop import adjoint
@@ -84,7 +84,7 @@ def run(
     body: Body,
     vibration: Vibration | None,
     steps: int,
-) -> tuple[Tally, Instant, Array]:
+) -> tuple[Tally, Sample, Array]:
     """Integrate a scene as a plain ordinary differential equation by a solver of diffrax.
 
     Every mode is a state (all of them: the full finite-element model), the contact force follows

@@ -32,7 +32,7 @@ from ..model import (
 from ..parts import DriveMotion
 from ..results import describe
 from ..scenes import Body
-from . import friction_tangent as stick, newton, newton_matrix as tangent
+from . import friction_tangent, newton, newton_matrix
 from .fence_response import FenceEnd
 from .step_size import Clock, Pace, Stride, stride_counts
 
@@ -124,7 +124,7 @@ class _End(eqx.Module):
         points = self.points(unknowns)
         forces = self.forces(unknowns, points)
         begin, end = self.acceleration, forces.acceleration
-        holds = stick.held(mechanics, forces, self.sticking)
+        holds = friction_tangent.held(mechanics, forces, self.sticking)
         if holds is not None and self.held is not None:
             begin = [a - f for a, f in zip(begin, self.held, strict=True)]
             end = [a + f for a, f in zip(end, holds, strict=True)]
@@ -133,9 +133,9 @@ class _End(eqx.Module):
             for v1, v0, a0, a1 in zip(rates, self.body[3:], begin, end, strict=True)
         ]
         scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
-        shares = stick.shares(mechanics, forces, self.sticking)
-        drags = tangent.drags(mechanics, forces, h, self.sticking)
-        block = tangent.rate_matrix(mechanics, forces, h, bool(normals), shares, drags)
+        shares = friction_tangent.shares(mechanics, forces, self.sticking)
+        drags = newton_matrix.drags(mechanics, forces, h, self.sticking)
+        block = newton_matrix.rate_matrix(mechanics, forces, h, bool(normals), shares, drags)
         matrix = [[float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)]
         drifts = self.drifts(points)
         for k, normal in enumerate(normals):
@@ -160,8 +160,8 @@ class _End(eqx.Module):
         for defect in residual[3:]:
             unbalance = jnp.maximum(unbalance, jnp.abs(defect))
         size = unbalance / (force_tolerance(scale.dtype) * scale)
-        sticking = stick.weights(mechanics, forces, h)
-        holds = stick.held(mechanics, forces, sticking)
+        sticking = friction_tangent.weights(mechanics, forces, h)
+        holds = friction_tangent.held(mechanics, forces, sticking)
         return tuple(residual), matrix, size, (forces, unbalance, sticking, holds, drifts)
 
     def drifts(self, points: tuple[FencePoint, ...]) -> list[list[Array]]:
@@ -193,7 +193,7 @@ class _End(eqx.Module):
         if not self.sticking:
             return guess
         forces = self.forces(guess, self.points(guess))
-        slides = stick.slides(self.mechanics, forces, self.sticking)
+        slides = friction_tangent.slides(self.mechanics, forces, self.sticking)
         rates = (v - w for v, w in zip(guess[:3], slides, strict=True))
         return (*rates, *guess[3:])
 
@@ -206,7 +206,7 @@ class _End(eqx.Module):
         back by more than half the `last` one goes where the secant through the two points has its
         root.
         """
-        share = stick.reversal(self.mechanics, extra[0], change, extra[-1])
+        share = friction_tangent.reversal(self.mechanics, extra[0], change, extra[-1])
         mass, inertia = self.mechanics.mass, self.mechanics.inertia
         work, square, last_square = (
             mass * (a[0] * b[0] + a[1] * b[1]) + inertia * a[2] * b[2]
@@ -328,7 +328,7 @@ def at_rest(
     upright = Lean(zero + 1, zero)
     leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
     pace = Pace(zero, zero) if stride_counts(mechanics.fidelity)[-1] > 1 else None
-    sticking = tuple(zero for _ in range(stick.count(mechanics)))
+    sticking = tuple(zero for _ in range(friction_tangent.count(mechanics)))
     held = still if sticking else None
     return Memory(
         body, still, still, fence, places, none, none, none, held, sticking, none, leans, pace

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from equinox.internal import unvmap_any
 from jaxtyping import Array
 
-from .._xla import keep
+from .._xla import fusion_barrier
 
 Unknowns = tuple[Array, ...]
 Matrix = list[list[Array]]
@@ -107,7 +107,7 @@ def solve(
 
             return root_dot, jax.tree.map(total, extra_dot, extra_slopes)
 
-        root_dot, extra_dot = keep(count > 0, moved, tangents[0])
+        root_dot, extra_dot = fusion_barrier(count > 0, moved, tangents[0])
         return ((root, extra), count), ((root_dot, extra_dot), jnp.zeros_like(count))
 
     return run(given, jax.lax.stop_gradient(guess), most)[0]

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..model import Forces, Mechanics
-from . import friction_tangent as stick
+from . import friction_tangent
 
 # Largest slope of friction with the motion, relative to that of the inertia over half a step.
 _MOST_ALONG = 0.7
@@ -25,7 +25,7 @@ def drags(
         (*forces.fence, *forces.border),
         forces.touches,
         forces.responses,
-        stick.spread(mechanics, sticking),
+        friction_tangent.spread(mechanics, sticking),
         strict=True,
     ):
         drag = (1 + weight) * what.normal * response.sliding

@@ -16,9 +16,9 @@ from ..model import Acceleration, Contact, FenceState, FlexibleLink, contact, to
 from ..parts import DriveMotion, Parcel
 from ..results import (
     Energy,
-    Instant,
     Power,
     Result,
+    Sample,
     Status,
     accumulators as tally,
     bent,
@@ -94,8 +94,8 @@ def run(scene: NormalScene, fidelity: Fidelity, history: bool) -> Result:
 
     def advance(args, y, begins, ends):
         state, tallied = y
-        state, instant, length, unbalance = _step(args, state, begins, ends)
-        return state, tally.add(tallied, instant, length, unbalance, tally.Scope(reach))
+        state, sample, length, unbalance = _step(args, state, begins, ends)
+        return state, tally.add(tallied, sample, length, unbalance, tally.Scope(reach))
 
     _, like, _, _ = jax.eval_shape(_step, given, begin, zero, zero)
     body = Body(reach, *(zero,) * 5)
@@ -151,7 +151,7 @@ def _instant(
     fence: FenceState | None,
     gap: Array,
     rate: Array,
-) -> Instant:
+) -> Sample:
     """A sample: the fence lies along x, and the parcel moves along -y onto it."""
     zero = jnp.zeros_like(time)
     energy = Energy(
@@ -168,7 +168,7 @@ def _instant(
         kinetic = 0.5 * link.mass_scale * total(v * v for v in fence.vibration.rate)
         energy = energy._replace(fence=kinetic, strain=strain_energy(link, fence))
         power = power._replace(beam_damping=damping_power(link, fence))
-    return Instant(
+    return Sample(
         time=time,
         body=Body(place, -state.advance, zero, zero, -state.rate, zero),
         acceleration=Acceleration(zero, state.force / parcel.mass, zero),

@@ -12,7 +12,7 @@ from jaxtyping import Array
 
 from ..fidelity import Fidelity
 from ..model import FlexibleLink, Propagator, blocks, relaxation
-from ..results import Instant
+from ..results import Sample
 
 
 class Stride(NamedTuple):
@@ -120,7 +120,7 @@ class Pace(NamedTuple):
 
 def next_count(
     pace: Pace,
-    instant: Instant,
+    sample: Sample,
     normals_before: tuple[Array, ...],
     counts: tuple[int, ...],
     step: float,
@@ -136,12 +136,12 @@ def next_count(
     - A corner at the fence that is being let go is not gone by the end of the step.
     """
     best = jnp.ones_like(pace.steps)
-    corners = (*instant.fence, *instant.border)
+    corners = (*sample.fence, *sample.border)
     changes = [
         (now.normal - before) / jnp.maximum(pace.steps, 1.0)
-        for now, before in zip(instant.fence, normals_before, strict=True)
+        for now, before in zip(sample.fence, normals_before, strict=True)
     ]
-    changes += [0.0 * corner.normal for corner in instant.border]
+    changes += [0.0 * corner.normal for corner in sample.border]
     for count in counts:
         length, ratio = count * step, count / jnp.maximum(pace.steps, 1.0)
         fine = (pace.surprise * ratio**2 <= tolerance) & (ratio <= 2)
@@ -149,7 +149,7 @@ def next_count(
             corner = corners[k]
             reach = corner.gap + 3 * jnp.abs(corner.gap_rate) * length + 0.5 * _CHANGE * length**2
             free = reach < 0
-            if k < len(instant.fence):
+            if k < len(sample.fence):
                 slide = 3 * jnp.abs(corner.sliding) * length
                 near, far = ends[k]
                 free = free | (corner.place - slide > far) | (corner.place + slide < near)

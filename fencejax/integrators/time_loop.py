@@ -19,7 +19,7 @@ from jaxtyping import Array
 
 from ..fidelity import Fidelity
 from ..model import Mechanics
-from ..results import Instant, Tally, accumulators as tally
+from ..results import Sample, Tally, accumulators as tally
 from . import modal_step, step_size as pace
 from .modal_step import Memory
 from .step_size import Clock
@@ -163,7 +163,7 @@ def _run_adaptively(step, begin, ahead, row, steps: int, reverse: bool):
 
 def modal(
     mechanics: Mechanics, clock: Clock, begin: Memory, steps: int, history: bool
-) -> tuple[Tally, Instant | None]:
+) -> tuple[Tally, Sample | None]:
     """Integrate a scene by the package's own solver."""
     fidelity = mechanics.fidelity
     reach = None if mechanics.link is None else mechanics.link.reach

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._xla import keep, sound
+from .._xla import fusion_barrier, sound
 
 _SERIES_TERMS = 14
 _SERIES_RANGE = 0.5
@@ -120,7 +120,7 @@ def propagator(stiffness: Array, damping: Array, step: Array | float) -> Propaga
     With g the response to a unit impulse, G1 and G2 its first and second integrals,
     q = (g' + c g) q0 + g v0 + G1 f0 + G2 (f1 - f0) / h, and the velocity is its derivative.
     """
-    parts = keep(sound((stiffness, damping)), _response, stiffness, damping, step)
+    parts = fusion_barrier(sound((stiffness, damping)), _response, stiffness, damping, step)
     velocity, value, first, second = parts
     q_end = second / step
     v_end = first / step

@@ -9,7 +9,7 @@ import numpy as np
 from ..fidelity import Fidelity
 from ..model import FlexibleLink, hermite, hermite_slope
 from ..parts import SIDES, Fence
-from ..results import Instant, Result
+from ..results import Result, Sample
 from ..scenes import Scene
 from .time_series import single_history
 
@@ -99,7 +99,7 @@ def outline(
     return Outline(np.asarray(history.time), fence, back, parcel, center, forces, total)
 
 
-def _interpolated(history: Instant, times: np.ndarray) -> Instant:
+def _interpolated(history: Sample, times: np.ndarray) -> Sample:
     """The history at other times."""
     clock = np.asarray(history.time, dtype=float)
     good = np.flatnonzero(np.isfinite(clock))
@@ -140,7 +140,7 @@ def _at(arms, corners):
     return tuple(part[:, picks] for part in arms)
 
 
-def _near_tip(scene: Scene, history: Instant, arms):
+def _near_tip(scene: Scene, history: Sample, arms):
     """(x, y) of where on the parcel's sides the fence presses, and its directions (x, y).
 
     The line of a force of direction n and moment m about C_s meets the side from a corner r along
@@ -181,7 +181,7 @@ def _columns(blocks, frames: int) -> np.ndarray:
 class _Bent:
     """The bent fence over frames: deflections at the nodes and slopes."""
 
-    def __init__(self, fence: Fence, history: Instant, fidelity: Fidelity | None):
+    def __init__(self, fence: Fence, history: Sample, fidelity: Fidelity | None):
         assert history.vibration is not None
         frames = len(history.time)
         amplitude = _columns(history.vibration.amplitude, frames)
@@ -207,7 +207,7 @@ class _Bent:
         profile = np.asarray(fence.taper(stations, 1 - stations))
         self._thickness = float(fence.thickness) * np.concatenate([[1.0], profile])
 
-    def _left_out(self, fence: Fence, fidelity: Fidelity, history: Instant):
+    def _left_out(self, fence: Fence, fidelity: Fidelity, history: Sample):
         """What the modes that are not in the history yield at the nodes, statically:
         sum_j r_j sum_i phi_i(x) phi_i(sigma_j) / (m_0 w_i^2), and its slope in x / l_p."""
         whole = FlexibleLink(fence, fidelity.replace(modes=None))

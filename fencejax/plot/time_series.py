@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from .. import _check
-from ..results import Instant, Result
+from ..results import Result, Sample
 from . import style
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class Trace(NamedTuple):
 Signals = Result | Trace | Mapping[str, Result | Trace]
 
 
-def single_history(result: Result) -> Instant:
+def single_history(result: Result) -> Sample:
     """The history of a result.
 
     Raises `ValueError` where it has none, or that of a batch.
@@ -54,7 +54,7 @@ def single_history(result: Result) -> Instant:
     return history
 
 
-def _drive(history: Instant, field: str) -> Any:
+def _drive(history: Sample, field: str) -> Any:
     return None if history.drive is None else getattr(history.drive, field)
 
 
@@ -62,7 +62,7 @@ def _total(contacts) -> Any:
     return sum(np.asarray(contact.normal) for contact in contacts) if contacts else None
 
 
-def _belt_force(history: Instant) -> Any:
+def _belt_force(history: Sample) -> Any:
     belt = history.belt
     return None if belt is None else np.hypot(np.asarray(belt.x), np.asarray(belt.y))
 

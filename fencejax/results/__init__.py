@@ -31,8 +31,8 @@ from .result import (
 )
 from .sample import (
     Energy as Energy,
-    Instant as Instant,
     Power as Power,
+    Sample as Sample,
     bent as bent,
     carried as carried,
     damping_power as damping_power,

@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from ..fidelity import Smoothing
 from ..scenes import Body
-from .sample import Energy, Instant, Power
+from .sample import Energy, Power, Sample
 
 _PRESSING = 1.0
 
@@ -116,7 +116,7 @@ class Tally(NamedTuple):
     motion, and have no derivative.
     """
 
-    last: Instant
+    last: Sample
     origin: Energy
     length: Array | None
     force: Peak
@@ -144,14 +144,14 @@ class Tally(NamedTuple):
     carried: Array
 
 
-def _border_force(instant: Instant) -> Array:
-    return sum((c.normal for c in instant.border), jnp.zeros_like(instant.time))
+def _border_force(sample: Sample) -> Array:
+    return sum((c.normal for c in sample.border), jnp.zeros_like(sample.time))
 
 
-def _gap(instant: Instant, scope: Scope) -> Array:
+def _gap(sample: Sample, scope: Scope) -> Array:
     """The deepest gap of the corners that are over the fence; -1 m where there is none."""
-    gap = jnp.full_like(instant.time, -1.0)
-    for c in instant.fence:
+    gap = jnp.full_like(sample.time, -1.0)
+    for c in sample.fence:
         assert scope.reach is not None
         before_tip = c.place <= scope.reach
         if scope.tip_contact:
@@ -161,7 +161,7 @@ def _gap(instant: Instant, scope: Scope) -> Array:
     return gap
 
 
-def empty(like: Instant, body: Body, alike: bool) -> Tally:
+def empty(like: Sample, body: Body, alike: bool) -> Tally:
     """A tally that has seen nothing yet, of samples of the shape `like`; `alike`: whether all steps
     are of one length."""
     nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
@@ -198,19 +198,19 @@ def empty(like: Instant, body: Body, alike: bool) -> Tally:
     )
 
 
-def _deepest(instant, least):
-    for c in (*instant.fence, *instant.border):
+def _deepest(sample, least):
+    for c in (*sample.fence, *sample.border):
         least = jnp.maximum(least, jnp.where(c.normal > 0, c.gap, 0.0))
     return least
 
 
-def largest_place_so_far(before: Instant, instant: Instant, least: Array) -> Array:
+def largest_place_so_far(before: Sample, sample: Sample, least: Array) -> Array:
     """Largest arc coordinate [m] of a corner that presses with more than 1 N.
 
     The moment at which the load falls through 1 N is interpolated between the samples, so that the
     derivative follows that moment as well.
     """
-    for was, now in zip(before.fence, instant.fence, strict=True):
+    for was, now in zip(before.fence, sample.fence, strict=True):
         least = jnp.maximum(least, jnp.where(now.normal > _PRESSING, now.place, 0.0))
         ends = (was.normal > _PRESSING) & (now.normal <= _PRESSING)
         fall = jnp.where(ends, was.normal - now.normal, 1.0)
@@ -237,27 +237,27 @@ class Slip(NamedTuple):
     speed: Array
 
 
-def _slip(instant: Instant) -> Slip:
+def _slip(sample: Sample) -> Slip:
     """How C_s slips on the belt: against the force grip u, at grip u^2 over that force."""
-    zero = jnp.zeros_like(instant.time)
-    if instant.belt is None:
+    zero = jnp.zeros_like(sample.time)
+    if sample.belt is None:
         return Slip(zero, zero, zero)
-    x, y, moment, dissipated = jax.lax.stop_gradient(instant.belt)
+    x, y, moment, dissipated = jax.lax.stop_gradient(sample.belt)
     force = jnp.sqrt(x**2 + y**2)
     some = jnp.where(force > 0, force, 1.0)
-    by_sliding = dissipated + moment * jax.lax.stop_gradient(instant.body.spin)
+    by_sliding = dissipated + moment * jax.lax.stop_gradient(sample.body.spin)
     speed = jnp.where(force > 0, by_sliding / some, 0.0)
     return Slip(-speed * x / some, -speed * y / some, speed)
 
 
 def _crept(
-    before: Slip, now: Slip, instant: Instant, length: Array, scope: Scope, known: Array
+    before: Slip, now: Slip, sample: Sample, length: Array, scope: Scope, known: Array
 ) -> Array:
     """How long C_s has crept on the belt under the fence's force [s]: its slip s was above 2 eps,
     up to which the belt holds with nine tenths of the largest static friction; counted by what
     static friction still has over kinetic, exp(-(s / w_s)^2). Over a step the slip is taken to go
     straight, its size linearly down to the least and up again."""
-    if instant.belt is None:
+    if sample.belt is None:
         return known
     least, scale = 2 * scope.smoothing.slip_speed, scope.smoothing.static_speed
     x_change, y_change = now.x - before.x, now.y - before.y
@@ -277,13 +277,13 @@ def _crept(
     within = within + jnp.abs(excess(now.speed) - excess(nearest))
     still = jnp.where(now.speed > least, jnp.exp(-((now.speed / scale) ** 2)), 0.0)
     share = jnp.where(moves, within / jnp.where(moves, way, 1.0), still)
-    pressed = jax.lax.stop_gradient(instant.fence_force) > 0
+    pressed = jax.lax.stop_gradient(sample.fence_force) > 0
     return known + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
 
 
-def _turned(before: Instant, instant: Instant, scope: Scope, known: Array) -> Array:
+def _turned(before: Sample, sample: Sample, scope: Scope, known: Array) -> Array:
     """1.0 from when a corner pressed on the fence has come to rest on it or turned round."""
-    for was, now in zip(before.fence, instant.fence, strict=True):
+    for was, now in zip(before.fence, sample.fence, strict=True):
         pressed = (was.normal > 0) & (now.normal > 0)
         rests = jnp.abs(now.sliding) < scope.smoothing.slip_speed
         turns = pressed & (rests | (was.sliding * now.sliding < 0))
@@ -291,41 +291,41 @@ def _turned(before: Instant, instant: Instant, scope: Scope, known: Array) -> Ar
     return known
 
 
-def _slewed(before: Slip, now: Slip, instant: Instant, scope: Scope, known: Array) -> Array:
+def _slewed(before: Slip, now: Slip, sample: Sample, scope: Scope, known: Array) -> Array:
     """1.0 from when C_s, pressed by the fence, has turned round on the belt from step to step."""
-    if instant.belt is None or not instant.fence:
+    if sample.belt is None or not sample.fence:
         return known
     slides = jnp.maximum(before.speed, now.speed) > 2 * scope.smoothing.slip_speed
-    turns = (before.x * now.x + before.y * now.y < 0) & slides & (instant.fence_force > 0)
+    turns = (before.x * now.x + before.y * now.y < 0) & slides & (sample.fence_force > 0)
     return jnp.where(turns, 1.0, known)
 
 
-def _at_peak(peak: Peak, known: AtPeak, instant: Instant, new: AtPeak) -> AtPeak:
+def _at_peak(peak: Peak, known: AtPeak, sample: Sample, new: AtPeak) -> AtPeak:
     """`known`, or what is so now where the force has not been larger; `peak` lacks this sample."""
-    higher = instant.fence_force > peak.value
+    higher = sample.fence_force > peak.value
     after = ~higher & (peak.now >= peak.value)
     known = known._replace(cut=jnp.where(after, jnp.maximum(known.cut, new.cut), known.cut))
     return jax.tree.map(lambda old, now: jnp.where(higher, now, old), known, new)
 
 
-def _hurry(instant: Instant, rough: Array, length: Array) -> Array:
+def _hurry(sample: Sample, rough: Array, length: Array) -> Array:
     """|N''| G [m/s^2]: how fast the static deflection of the modes left out is asked to change,
     times its rate of change."""
     largest = jnp.zeros_like(rough)
-    for compliance, _ in jax.lax.stop_gradient(instant.carried):
+    for compliance, _ in jax.lax.stop_gradient(sample.carried):
         largest = jnp.maximum(largest, compliance)
     pace = jnp.where(length > 0, 1 / jnp.where(length > 0, length, 1.0), 0.0)
     return largest * rough * jax.lax.stop_gradient(pace) ** 2
 
 
-def _carried(instant: Instant, least: Array) -> Array:
+def _carried(sample: Sample, least: Array) -> Array:
     """The largest static deflection under a corner that the modes left out take [m], so far."""
-    for compliance, load in jax.lax.stop_gradient(instant.carried):
+    for compliance, load in jax.lax.stop_gradient(sample.carried):
         least = jnp.maximum(least, compliance * jnp.abs(load))
     return least
 
 
-def _stayed(stay: Stay, instant: Instant, before: Instant, gap: Array, span: Span) -> Stay:
+def _stayed(stay: Stay, sample: Sample, before: Sample, gap: Array, span: Span) -> Stay:
     """Contact begins and ends where the gap, linear over the step, passes zero."""
     # A start at the touch is one at the touch whatever round-off makes of it.
     touch = span.first & (jnp.abs(gap) < 64 * jnp.finfo(gap.dtype).eps)
@@ -345,16 +345,16 @@ def _stayed(stay: Stay, instant: Instant, before: Instant, gap: Array, span: Spa
         gap,
         stay.total + lasted,
         jnp.where(fresh, moment, stay.first),
-        jnp.where(now, instant.time, pick(stay.last, moment)),
-        jnp.where(now, instant.body.x, pick(stay.x, between(before.body.x, instant.body.x))),
-        jnp.where(now, instant.body.y, pick(stay.y, between(before.body.y, instant.body.y))),
+        jnp.where(now, sample.time, pick(stay.last, moment)),
+        jnp.where(now, sample.body.x, pick(stay.x, between(before.body.x, sample.body.x))),
+        jnp.where(now, sample.body.y, pick(stay.y, between(before.body.y, sample.body.y))),
         jnp.where(now, 1.0, stay.touched),
     )
 
 
 def add(
     tally: Tally,
-    instant: Instant,
+    sample: Sample,
     length: Array,
     defect: Array,
     scope: Scope,
@@ -364,7 +364,7 @@ def add(
     Integrals are by the trapezoidal rule, as the motion's are.
     """
     before = tally.last
-    time = instant.time
+    time = sample.time
     first = length == 0
     ratio = 1.0
     if tally.length is not None:
@@ -372,42 +372,42 @@ def add(
         ratio = jnp.where(known, tally.length, 1.0) / jnp.where(known, length, 1.0)
     span = Span(length, first, ratio)
     mean = lambda a, b: 0.5 * length * (a + b)  # noqa: E731
-    work = jax.tree.map(lambda w, a, b: w + mean(a, b), tally.work, before.power, instant.power)
-    stress = tally.stress.update(instant.stress, time, span)
-    higher = instant.stress >= tally.stress.value
+    work = jax.tree.map(lambda w, a, b: w + mean(a, b), tally.work, before.power, sample.power)
+    stress = tally.stress.update(sample.stress, time, span)
+    higher = sample.stress >= tally.stress.value
     # Times count from the scene's first sample.
     second = ~first & (before.time == 0)
-    border = _border_force(instant)
+    border = _border_force(sample)
     force, wall = tally.force, tally.border
-    rough = _bend(force.before, force.now, instant.fence_force, span, second)
-    slip_before, slip = _slip(before), _slip(instant)
-    crept = _crept(slip_before, slip, instant, length, scope, tally.crept)
+    rough = _bend(force.before, force.now, sample.fence_force, span, second)
+    slip_before, slip = _slip(before), _slip(sample)
+    crept = _crept(slip_before, slip, sample, length, scope, tally.crept)
     rough_border = _bend(wall.before, wall.now, border, span, second)
-    apart = (tally.stay.touched > 0) & (instant.fence_force <= 0)
+    apart = (tally.stay.touched > 0) & (sample.fence_force <= 0)
     parted = jnp.where(apart, 1.0, tally.parted)
     roughest = jnp.maximum(tally.rough, rough)
-    turned = _turned(before, instant, scope, tally.turned)
-    slewed = _slewed(slip_before, slip, instant, scope, tally.slewed)
-    at_peak = AtPeak(slip.speed, crept, instant.over_tip, parted * roughest, turned, slewed)
+    turned = _turned(before, sample, scope, tally.turned)
+    slewed = _slewed(slip_before, slip, sample, scope, tally.slewed)
+    at_peak = AtPeak(slip.speed, crept, sample.over_tip, parted * roughest, turned, slewed)
     return Tally(
-        last=instant,
+        last=sample,
         origin=jax.tree.map(
-            lambda kept, new: jnp.where(first, new, kept), tally.origin, instant.energy
+            lambda kept, new: jnp.where(first, new, kept), tally.origin, sample.energy
         ),
         length=None if tally.length is None else length,
-        force=force.update(instant.fence_force, time, span),
-        tip=tally.tip.update(jnp.abs(instant.tip_deflection), time, span),
+        force=force.update(sample.fence_force, time, span),
+        tip=tally.tip.update(jnp.abs(sample.tip_deflection), time, span),
         stress=stress,
-        stress_place=jnp.where(higher, instant.stress_place, tally.stress_place),
-        torque=tally.torque.update(jnp.abs(instant.torque), time, span),
+        stress_place=jnp.where(higher, sample.stress_place, tally.stress_place),
+        torque=tally.torque.update(jnp.abs(sample.torque), time, span),
         border=wall.update(border, time, span),
         work=work,
-        impulse=tally.impulse + mean(before.fence_force, instant.fence_force),
-        stay=_stayed(tally.stay, instant, before, _gap(instant, scope), span),
-        deepest=_deepest(instant, tally.deepest),
-        furthest=jnp.maximum(tally.furthest, instant.body.y),
-        largest_place=largest_place_so_far(before, instant, tally.largest_place),
-        over_tip=jnp.maximum(tally.over_tip, instant.over_tip),
+        impulse=tally.impulse + mean(before.fence_force, sample.fence_force),
+        stay=_stayed(tally.stay, sample, before, _gap(sample, scope), span),
+        deepest=_deepest(sample, tally.deepest),
+        furthest=jnp.maximum(tally.furthest, sample.body.y),
+        largest_place=largest_place_so_far(before, sample, tally.largest_place),
+        over_tip=jnp.maximum(tally.over_tip, sample.over_tip),
         defect=jnp.maximum(tally.defect, defect),
         rough=roughest,
         rough_border=jnp.maximum(tally.rough_border, rough_border),
@@ -415,7 +415,7 @@ def add(
         parted=parted,
         turned=turned,
         slewed=slewed,
-        at_peak=_at_peak(force, tally.at_peak, instant, at_peak),
-        hurry=jnp.maximum(tally.hurry, _hurry(instant, rough, length)),
-        carried=_carried(instant, tally.carried),
+        at_peak=_at_peak(force, tally.at_peak, sample, at_peak),
+        hurry=jnp.maximum(tally.hurry, _hurry(sample, rough, length)),
+        carried=_carried(sample, tally.carried),
     )

@@ -11,7 +11,7 @@ from jaxtyping import Array
 from ..scenes import Body
 from .accumulators import Tally
 from .error_estimate import ErrorEstimate
-from .sample import Energy, Instant, Power
+from .sample import Energy, Power, Sample
 from .status import Status
 
 
@@ -131,7 +131,7 @@ class Result(eqx.Module):
     """Largest force left unbalanced by a step's equations [N]."""
     status: Array
     """A `Status`, as an integer (one a lane)."""
-    history: Instant | None
+    history: Sample | None
     """Every sample, if asked for: each field with the time as its first axis."""
     error: ErrorEstimate | None = None
     """Estimated errors of the fields above, if asked for."""
@@ -186,7 +186,7 @@ class Result(eqx.Module):
         return text if self.error is None else f"{text}\n{'errors':>16}  estimated:\n{self.error}"
 
 
-def gather(tally: Tally, samples: Instant | None, time: Array, status: Array) -> Result:
+def gather(tally: Tally, samples: Sample | None, time: Array, status: Array) -> Result:
     """The result from the running tallies."""
     stay = tally.stay
     return Result(

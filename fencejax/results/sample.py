@@ -51,7 +51,7 @@ class Power(NamedTuple):
     beam_damping: Array
 
 
-class Instant(NamedTuple):
+class Sample(NamedTuple):
     """A sample of a scene. Parts that the scene does not hold are `None` or empty."""
 
     time: Array
@@ -80,7 +80,7 @@ class Instant(NamedTuple):
 
 def describe(
     mechanics: Mechanics, time: Array, body: Body, forces: Forces, fence: FenceState | None
-) -> Instant:
+) -> Sample:
     """Gather a sample from the motion, the forces and the fence's state."""
     zero = jnp.zeros_like(body.x)
     fence_force = sum((c.normal for c in forces.fence), zero)
@@ -117,7 +117,7 @@ def describe(
         torque = _torque(link, fence, forces)
         energy = _fence_energy(link, fence, energy)
         power = _fence_power(link, fence, forces, torque, power)
-    return Instant(
+    return Sample(
         time=time,
         body=body,
         acceleration=forces.acceleration,

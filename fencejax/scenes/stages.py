@@ -50,8 +50,8 @@ def oblique_impact(
     - `fence`, `parcel`, `belt`, `drive`, `fence_friction`: the parts, by default the paper's;
       `None` for `belt` or `fence_friction` leaves the part out.
     - `tip_contact`: whether the fence's tip carries the contact on, against the parcel's side,
-      where the corner runs over it (`fencejax.model.tip`); static. By default it does not: the paper's
-      contact ends there, over `Fidelity.tip_fade`, and `Status.LEFT_OVER_TIP` says so, or
+      where the corner runs over it (`fencejax.model.tip`); static. By default it does not: the
+      paper's contact ends there, over `Fidelity.tip_fade`, and `Status.LEFT_OVER_TIP` says so, or
       `PEAK_AT_TIP` where the force was largest then.
     - `duration` [s], static, default 0.25.
 

@@ -45,7 +45,6 @@ from .recording import (
 )
 from .response import (
     CountProgress as CountProgress,
-    CountProgress as CountProgress,
     Response as Response,
     quantities_of as quantities_of,
 )

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Fidelity
-from ..results import Instant
+from ..results import Sample
 from ..scenes import numbers as scene_numbers
 from ..simulate import simulate
 
@@ -41,7 +41,7 @@ def interpolate(time: Array, knots: Array, values: Array) -> Array:
     return a + s * (rise + s * (3 * (b - a) - 2 * rise - fall + s * (2 * (a - b) + rise + fall)))
 
 
-def _signal(history: Instant, name: str) -> Array:
+def _signal(history: Sample, name: str) -> Array:
     if name == "force":
         return history.fence_force
     if name == "tip_deflection":

@@ -6,7 +6,14 @@ import numpy as np
 
 import fencejax as fj
 from fencejax.scenes import numbers as scene_numbers
-from fencejax.study import DerivativeMeasures, Design, CountProgress, Response, SobolIndices, sensitivity
+from fencejax.study import (
+    CountProgress,
+    DerivativeMeasures,
+    Design,
+    Response,
+    SobolIndices,
+    sensitivity,
+)
 
 
 class Local(NamedTuple):

@@ -11,7 +11,7 @@ import pytest
 import fencejax as fj
 from fencejax.integrators import Pace, next_count, time_loop as integrate
 from fencejax.model import Contact
-from fencejax.results import Instant
+from fencejax.results import Sample
 from fencejax.scenes import Body
 
 NAMES = ("peak_force", "tip_deflection", "impulse", "peak_stress", "furthest_y", "contact_time")
@@ -76,8 +76,8 @@ def instant(gap, gap_rate, normal, place=0.5, sliding=0.0):
     zero = jnp.zeros(())
     contact = Contact(jnp.asarray(normal), zero, jnp.asarray(gap), jnp.asarray(gap_rate),
                       jnp.asarray(place), jnp.asarray(sliding))
-    blank = dict.fromkeys(Instant._fields, zero)
-    return Instant(**blank | {"fence": (contact,), "border": (), "body": Body(*(zero,) * 6)})
+    blank = dict.fromkeys(Sample._fields, zero)
+    return Sample(**blank | {"fence": (contact,), "border": (), "body": Body(*(zero,) * 6)})
 
 
 def chosen(what, *, last=8.0, surprise=0.0, before=0.0):
