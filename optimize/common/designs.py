@@ -4,8 +4,6 @@ import argparse
 import dataclasses
 from collections.abc import Sequence
 
-import numpy as np
-
 import fencejax as fj
 from fencejax.design import VARIABLES, DesignSpace, DesignVariable
 
@@ -53,13 +51,6 @@ def space(
         else:
             chosen.append(name)
     return DesignSpace(chosen, fence, drive)
-
-
-def inside(z: np.ndarray, least: float = 0.01) -> np.ndarray:
-    """Logits of shares moved off the bounds by `least` of the range, where they can move on from:
-    the derivative of a share vanishes at its bounds."""
-    edge = np.log((1 - least) / least)
-    return np.clip(z, -edge, edge)
 
 
 def on_bounds(space: DesignSpace, values) -> list[str]:

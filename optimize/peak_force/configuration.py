@@ -66,8 +66,8 @@ _HELP = {
     "tip_clearance": "shortest distance from a loaded corner to the tip [m]",
     "crossing": "how far the parcel's centre must get past the belt's edge [m]",
     "reserve": "kept in hand of every margin [1], for the difference to the reference fidelity",
-    "method": "sequential quadratic programming (sqp), or an augmented Lagrangian with an inner "
-    "descent by lbfgs or adam",
+    "method": "sequential quadratic programming (sqp), or optax' Adam on an augmented Lagrangian "
+    "(adam)",
     "tolerance": "on stationarity and complementarity [1]",
     "feasibility": "violation of a margin that counts as none [1]",
     "penalty": "penalty on violations at the start [1]",
@@ -91,7 +91,7 @@ def parser() -> argparse.ArgumentParser:
         explained=_HELP,
         special={
             "bounds": designs.BOUNDS_FLAG,
-            "method": {"choices": ("sqp", "lbfgs", "adam")},
+            "method": {"choices": ("sqp", "adam")},
             "fidelity": {"choices": flags.FIDELITIES},
             "sort_masses": {"nargs": "*"},
         },

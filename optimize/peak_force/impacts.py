@@ -81,16 +81,13 @@ def margins(limits: tuple[Limit, ...], measured: Measurement) -> dict[str, Array
 
 
 def problem(
-    space: DesignSpace,
-    impacts: Impacts,
-    limits: tuple[Limit, ...],
-    fidelity: fj.Fidelity,
-    reserve: float,
+    space: DesignSpace, impacts: Impacts, limits: tuple[Limit, ...], reserve: float
 ):
-    """z -> peak forces [N], margins less `reserve` [1], statuses: for `fencejax.minimize`."""
+    """z, fidelity -> peak forces [N], margins less `reserve` [1], statuses: for
+    `fencejax.Program`."""
 
-    def evaluate(z):
-        fence, drive = space.apply(space.from_unconstrained(z))
+    def evaluate(z, fidelity):
+        fence, drive = space.apply(space.from_shares(z))
         measured, _ = measure(fence, drive, impacts, limits, fidelity, signals=False)
         rows = list(margins(limits, measured).values())
         left = jnp.concatenate(rows) - reserve if rows else jnp.zeros(0)

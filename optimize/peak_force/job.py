@@ -24,6 +24,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 
 import fencejax as fj
 from fencejax.design import (
@@ -33,6 +34,7 @@ from fencejax.design import (
     Evaluation,
     Limit,
     Optimum,
+    Program,
     minimize,
 )
 from fencejax.plot import Trace
@@ -164,17 +166,16 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     checks = _Checks(config, space, impacts)
     say(f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling ...")
     optimum = minimize(
-        batch.problem(space, impacts, limits, fidelity, config.reserve),
-        space.to_unconstrained(before),
-        logits=True,
-        method=config.method,
+        Program(batch.problem(space, impacts, limits, config.reserve), fidelity.ladder()),
+        space.to_shares(before),
+        method="sqp" if config.method == "sqp" else optax.adam(1e-2),
         tolerance=config.tolerance,
         feasibility=config.feasibility,
         penalty=config.penalty,
         budget=config.budget,
         progress=lambda record: say(report.progress_line(record)),
     )
-    after = np.asarray(space.from_unconstrained(optimum.point))
+    after = np.asarray(space.from_shares(optimum.point))
     say(f"\nstopped: {optimum.stop.value} ({len(optimum.history)} evaluations)")
     return _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
 
@@ -200,12 +201,19 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
         difference = float(np.max(new["peak_force"]) / np.max(found["peak_force"]) - 1)
         least = min(float(np.min(v)) for v in batch.margins(limits, new).values())
         # The reference must find the same force, and no limit broken.
-        confirmed = abs(difference) <= config.agreement and least >= -config.feasibility
-        confirmed = confirmed and int(np.max(new["status"])) <= fj.Status.LEFT_OVER_TIP
+        status = fj.Status(int(np.max(new["status"])))
+        doubts = {
+            f"the force differs by more than {100 * config.agreement:g} %":
+                not abs(difference) <= config.agreement,
+            "a limit is broken": not least >= -config.feasibility,
+            f"{status.name}: {status.text}": status > fj.Status.LEFT_OVER_TIP,
+        }  # fmt: skip
+        why = [text for text, holds in doubts.items() if holds]
+        confirmed = not why
         say(
             f"reference: peak force {100 * difference:+.3f} % of the optimiser's, smallest margin "
-            f"{least:+.4f}, status {fj.Status(int(np.max(new['status']))).name}: "
-            f"{'confirmed' if confirmed else 'NOT confirmed'}"
+            f"{least:+.4f}, status {status.name}: "
+            f"{'confirmed' if confirmed else 'NOT confirmed, as ' + '; '.join(why)}"
         )
     stacked = checks.sorts(after)
     sorts = {} if stacked is None else {

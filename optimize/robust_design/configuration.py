@@ -48,7 +48,7 @@ class RobustConfig:
     sample: int = 512
     batch: int = 128
     steps: int = 60
-    rate: float = 0.1
+    rate: float = 0.03
     tolerance: float = 5e-3
     feasibility: float = 1e-3
     budget: int = 40
@@ -161,7 +161,7 @@ _HELP = {
     "sample": "parcels of the sample",
     "batch": "parcels of a batch",
     "steps": "stochastic steps",
-    "rate": "of the stochastic steps at the start, in logits of the shares [1]",
+    "rate": "of the stochastic steps at the start, in shares of the ranges [1]",
     "tolerance": "of the sample's problem, on stationarity and complementarity [1]",
     "feasibility": "violation of a margin that counts as none [1]",
     "budget": "evaluations of the sample's problem at most",
