@@ -15,6 +15,7 @@ Problem = Callable[..., tuple[Array, Array, Array]]
 """z (n,), and data where there are any -> objectives (k,), margins (m,), statuses of any shape."""
 
 _DOUBTS = np.array(sorted(NUMERICAL))
+_FEWEST = 8
 
 
 class Numbers(NamedTuple):
@@ -56,7 +57,8 @@ def refined(
 
     Lanes whose status is numerical (`Status.numerical`) are gathered on the host and computed
     again at the next rung, up to the last, whose numbers stand in any case. The number of lanes in
-    a call is a power of two, filled up with the first of them, so that few programs are compiled.
+    a call is a power of two from 8 on, filled up with the first of them, so that few programs are
+    compiled: one lane takes hardly less time than eight.
 
     **Arguments:**
 
@@ -72,8 +74,8 @@ def refined(
         doubtful = np.flatnonzero(np.isin(statuses, _DOUBTS))
         if not doubtful.size:
             break
-        # All of them as they are: the shape that is compiled at the first rung.
-        size = min(1 << int(doubtful.size - 1).bit_length(), statuses.shape[0])
+        # Never more than there are: of few lanes all, so that one program serves any of them.
+        size = min(max(_FEWEST, 1 << int(doubtful.size - 1).bit_length()), statuses.shape[0])
         chosen = np.append(doubtful, np.full(size - doubtful.size, doubtful[0]))
         part = jax.tree.map(lambda leaf, chosen=chosen: np.asarray(leaf)[chosen], lanes)
         finer, now = jax.device_get(compute(rung, part))

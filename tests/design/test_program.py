@@ -36,14 +36,14 @@ def _exact(z, x, bound, error):
 
 
 def test_lanes_in_doubt_alone_are_computed_again():
-    lanes = np.array([1.0, 3.0, 0.5, 5.0, 6.0, 2.0, 7.0])
-    error = np.array([1.0, 0.1, 1.0, 0.0, 0.0, 1.0, 0.0])
+    lanes = np.array([1.0, 3.0, 0.5, 5.0, 6.0, 2.0, 7.0, 3.5, 2.5, 2.1, 2.2, 2.3, 2.4])
+    error = np.where(lanes > 4, 0.0, np.where(lanes > 2, 0.1, 1.0))
     z, bound = np.array([0.3, -0.2]), np.asarray(2.0)
     _SIZES.clear()
     found = _PROGRAM(z, lanes, bound)
-    # Four of the seven, then three of them, each filled up to a power of two.
-    assert sorted({size for size in _SIZES if size[0]}) == [(1, 4), (2, 4)]
-    np.testing.assert_array_equal(found.rungs, [3, 1, 3])
+    # Ten of the thirteen, as there is no call of sixteen of them, then three, filled up to eight.
+    assert sorted({size for size in _SIZES if size[0]}) == [(1, 13), (2, 8)]
+    np.testing.assert_array_equal(found.rungs, [3, 7, 3])
     assert found.status == 0
     objectives, margins = _exact(jnp.asarray(z), lanes, bound, error)
     rows = jax.jacfwd(lambda z: _exact(z, lanes, bound, error))(jnp.asarray(z))

@@ -112,13 +112,13 @@ def test_steps_leave_a_bound_of_the_shares():
 
 
 def test_one_program_serves_every_bound(circle):
-    before = circle._one._cache_size()
+    before = circle._each[0]._cache_size()
     for least in (0.5, 1.0, 2.0):
         data = (np.asarray(least),)
         found = minimize(circle, [3.0, 0.0], data=data, scale=1.0, bounded=False, tolerance=1e-6)
         np.testing.assert_allclose(found.point, [least, least], atol=1e-5)
         np.testing.assert_allclose(found.multipliers, [2 * least], rtol=1e-4)
-    assert circle._one._cache_size() <= before + 1
+    assert circle._each[0]._cache_size() <= before + 1
 
 
 @pytest.mark.parametrize("method", ["sqp", optax.sgd(0.05)])
