@@ -18,7 +18,7 @@ from fencejax.design import (
 
 
 _METHODS = {
-    "sqp": "sqp", "adam": optax.adam(0.03), "lbfgs": optax.lbfgs(0.1, linesearch=None),
+    "sqp": "sqp", "adam": optax.adam(optax.cosine_decay_schedule(0.05, 300)), "lbfgs": optax.lbfgs(0.1, linesearch=None),
     "momentum": optax.sgd(0.02, momentum=0.5),
 }  # fmt: skip
 
