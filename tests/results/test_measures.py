@@ -87,7 +87,7 @@ def test_contact_ends_with_the_force():
 
     (time, last), slope = lasted(15.0), jax.grad(lambda m: lasted(m)[0])(15.0)
     assert float(time) == pytest.approx(float(last), abs=1e-12)
-    # A parabola through three samples, continued by less than a step h: off by h^3 N''' / N', some
+    # A parabola through three samples, continued by less than a step h, is off by h^3 N''' / N',
     # some 1e-7 s here; the step itself, of the second order, by more.
     assert float(time) == pytest.approx(end_of_force(15.0), abs=1e-5)
     exact = (end_of_force(15.3) - end_of_force(14.7)) / 0.6
