@@ -22,7 +22,6 @@ if __name__ == "__main__":
     os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 import fencejax as fj
