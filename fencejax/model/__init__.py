@@ -21,6 +21,12 @@ from .contact import (
     stored_energy as stored_energy,
     viscosity as viscosity,
 )
+from .fence_geometry import (
+    Arc as Arc,
+    FencePoint as FencePoint,
+    arc_point as arc_point,
+    small_point as small_point,
+)
 from .fence_state import (
     FenceState as FenceState,
     ResidualMode as ResidualMode,
@@ -28,8 +34,6 @@ from .fence_state import (
 )
 from .flexible_link import (
     SWING_STEPS as SWING_STEPS,
-    Arc as Arc,
-    FencePoint as FencePoint,
     FlexibleLink as FlexibleLink,
     Shape as Shape,
     Vibration as Vibration,

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..scenes import Body
-from .flexible_link import FencePoint
+from .fence_geometry import FencePoint
 
 
 class Acceleration(NamedTuple):

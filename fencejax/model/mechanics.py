@@ -15,7 +15,8 @@ from ..parts import SIDES, AbstractDrive, DriveMotion, Friction
 from ..scenes import Body, Scene
 from . import contact
 from .belt_contact import BeltContact, BeltForce
-from .flexible_link import FencePoint, FlexibleLink
+from .fence_geometry import FencePoint
+from .flexible_link import FlexibleLink
 from .friction import corner_share
 from .kinematics import Acceleration, Lean, Touch, border_touch, corner_from_arm, fence_touch
 from .tip import Side, around
