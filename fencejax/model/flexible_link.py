@@ -242,7 +242,12 @@ class FlexibleLink(eqx.Module):
         )
 
     def _element(self, place):
-        """Element [0, n) and local coordinate in [0, 1] of an arc coordinate."""
+        """Element [0, n) and local coordinate in [0, 1] of an arc coordinate sigma:
+        floor((sigma - l_s) / Delta l), and what is left of it. On the rigid link it is the first
+        element, beyond the tip the last.
+
+        Paper: (2.9), (2.10). There an error beyond the tip.
+        """
         position = jnp.clip((place - self.rigid_length) / self.length, 0.0, 1.0) * self.elements
         floor = jnp.floor(jax.lax.stop_gradient(position))
         floor = jnp.clip(floor, 0.0, self.elements - 1.0)
