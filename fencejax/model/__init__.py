@@ -13,6 +13,7 @@ from .beam import (
     hermite_slope as hermite_slope,
 )
 from .belt_contact import (
+    BeltContact as BeltContact,
     BeltForce as BeltForce,
 )
 from .contact import (
