@@ -225,8 +225,6 @@ def test_wrong_arguments():
         fj.simulate(fj.Fence())
     with pytest.raises(TypeError, match=r"`fidelity`.*Fidelity.fast\(\)"):
         fj.simulate(fj.scenes.rigid_wall(), fidelity="fast")
-    for status in fj.Status:
-        assert len(status.text) > 5
 
 
 def test_status_of_each_lane():
