@@ -200,7 +200,7 @@ class SceneFamily:
                 f"of {list(self.names)}, but has {vector.shape}."
             )
         made = scene_numbers.replace(self._base, self.names, vector)
-        if not isinstance(vector, Tracer):
+        if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(made)):
             for name in (*self.names, *self.fixed):
                 scene_numbers.check(made, name, float(scene_numbers.read(made, [name])[0]))
             _check_together(made.parcel, made.drive)

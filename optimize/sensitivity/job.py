@@ -167,7 +167,7 @@ def _axis(response: Response, name: str) -> str:
     """The label of an axis over one of the scene's numbers."""
     path = scene_numbers.resolve(response.scene, name)
     words = "place of the first touch R" if name == "distance" else name.replace("_", " ")
-    return f"{words} [{scene_numbers.unit(path)}]"
+    return f"{words} [{scene_numbers.number(response.scene, path).unit}]"
 
 
 def _draw(config: SensitivityConfig, outcome: Outcome, response: Response, line) -> None:
