@@ -8,7 +8,7 @@ import numpy as np
 import fencejax as fj
 from fencejax.design import Limit, objectives
 
-from ..common import designs, flags
+from ..common import designs, flags, named
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,6 +31,7 @@ class CoDesignConfig:
         above=0,
     )
     controls: int = flags.field(8, "control angles of the motion", least=3)
+    taper: str = named.taper_field()
     variables: tuple[str, ...] = flags.field(
         ("thickness", "length_ratio", "youngs_modulus", "control_angles", "cycle_time"),
         "what is designed; control_angles stands for all of them",
@@ -59,6 +60,7 @@ class CoDesignConfig:
         "holds taken for its first mode [m]",
         above=0,
     )
+    limit: tuple[str, ...] = named.limit_field()
     reserve: float = flags.field(
         0.01, "kept in hand of every sort's margin [1], for the difference to a finer fidelity"
     )
@@ -82,12 +84,13 @@ class CoDesignConfig:
     @property
     def limits(self) -> tuple[Limit, ...]:
         """What every sort must hold, apart from the ring-down."""
-        return (
+        limits = (
             objectives.tip_deflection_limit(self.tip_limit),
             objectives.stress_limit(self.stress_limit),
             objectives.diverted_limit(self.crossing),
             Limit(objectives.PEAK_TORQUE, self.torque_limit),
         )
+        return named.limits(limits, self.limit)
 
     @property
     def space(self) -> fj.DesignSpace:
@@ -103,7 +106,8 @@ class CoDesignConfig:
         drive = fj.SplineDrive(np.maximum(angles, 0.0), cycle)
         # No angle below 0: the fence does not go through the border.
         spans = (("control_angles", -1e-3, 1.2), ("cycle_time", 0.6 * self.period, self.period))
-        return designs.space(self.variables, self.bounds, drive=drive, default=spans)
+        fence = fj.Fence(taper=named.taper(self.taper))
+        return designs.space(self.variables, self.bounds, fence, drive, spans)
 
     def quick(self) -> "CoDesignConfig":
         """A small version: two sorts, few control angles, the fast fidelity throughout."""

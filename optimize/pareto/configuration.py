@@ -6,7 +6,7 @@ from pathlib import Path
 import fencejax as fj
 from fencejax.design import Limit, Quantity, objectives
 
-from ..common import designs, flags
+from ..common import designs, flags, named
 from ..common.encounters import KINDS
 
 AGAINST = {
@@ -39,7 +39,9 @@ class ParetoConfig:
         "goes on from there",
     )
     against: str = flags.field(
-        "tip_deflection", "what the peak force is weighed against", choices=tuple(AGAINST)
+        "tip_deflection",
+        f"what the peak force is weighed against: {', '.join(AGAINST)}, {named.OWN} of a Quantity",
+        metavar="QUANTITY",
     )
     scenes: str = flags.field(
         "auto",
@@ -60,6 +62,8 @@ class ParetoConfig:
     duration: float = flags.field(
         0.0, "length of each scene [s]; 0: 0.2 s (impacts), 1.5 s (sorts)", least=0
     )
+    drive: str = named.drive_field()
+    taper: str = named.taper_field()
     variables: tuple[str, ...] = flags.field(
         (), "what is designed; by default what bears on the two quantities", type=str, nargs="*"
     )
@@ -76,6 +80,7 @@ class ParetoConfig:
     crossing: float = flags.field(
         0.0, "how far the parcel's centre must get past the belt's edge [m]"
     )
+    limit: tuple[str, ...] = named.limit_field()
     reserve: float = flags.field(
         0.005, "kept in hand of every margin [1], for the difference to a finer fidelity"
     )
@@ -104,6 +109,7 @@ class ParetoConfig:
 
     def __post_init__(self):
         flags.check(self)
+        named.quantity("against", self.against, AGAINST)
 
     @property
     def kind(self) -> str:
@@ -120,18 +126,18 @@ class ParetoConfig:
     @property
     def designed(self) -> tuple[str, ...]:
         """The variables."""
-        return self.variables or _VARIABLES[self.against]
+        return self.variables or _VARIABLES.get(self.against, _FENCE)
 
     @property
     def space(self) -> fj.DesignSpace:
         """The variables with their bounds."""
-        drive = fj.HarmonicDrive()
-        return designs.space(self.designed, self.bounds, drive=drive, default=_BOUNDS)
+        fence, drive = fj.Fence(taper=named.taper(self.taper)), named.drive(self.drive)
+        return designs.space(self.designed, self.bounds, fence, drive, _BOUNDS)
 
     @property
     def quantity(self) -> Quantity:
         """What the peak force is weighed against."""
-        return AGAINST[self.against]
+        return named.quantity("against", self.against, AGAINST)
 
     @property
     def limits(self) -> tuple[Limit, ...]:
@@ -141,9 +147,9 @@ class ParetoConfig:
             objectives.stress_limit(self.stress_limit),
             objectives.diverted_limit(self.crossing),
         )
-        if self.kind == "sorts":
-            return limits
-        return (*limits, objectives.tip_clearance_limit(self.tip_clearance))
+        if self.kind == "impacts":
+            limits = (*limits, objectives.tip_clearance_limit(self.tip_clearance))
+        return named.limits(limits, self.limit)
 
     def quick(self) -> "ParetoConfig":
         """A small version: few parcels and points, the fast fidelity throughout."""

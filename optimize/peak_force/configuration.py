@@ -3,9 +3,10 @@
 import dataclasses
 from pathlib import Path
 
+import fencejax as fj
 from fencejax.design import VARIABLES, objectives
 
-from ..common import designs, flags
+from ..common import designs, flags, named
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,6 +22,8 @@ class PeakForceConfig:
     duration: float = flags.field(
         0.25, "length of each impact [s]; the parcel must be diverted within it"
     )
+    drive: str = named.drive_field()
+    taper: str = named.taper_field()
     variables: tuple[str, ...] = flags.field(
         ("thickness", "length_ratio", "youngs_modulus"),
         f"what is designed, of {', '.join(VARIABLES)}",
@@ -30,6 +33,7 @@ class PeakForceConfig:
         "bounds in SI units instead of the default ones, as name=lower:upper",
         **designs.BOUNDS_FLAG,
     )
+    objective: str = named.objective_field()
     tip_limit: float = flags.field(0.08, "largest tip deflection [m]")
     stress_limit: float = flags.field(
         40e6, "largest bending stress [Pa]; 40 MPa stays below the yield of PA6, dry or not"
@@ -40,6 +44,7 @@ class PeakForceConfig:
     crossing: float = flags.field(
         0.0, "how far the parcel's centre must get past the belt's edge [m]"
     )
+    limit: tuple[str, ...] = named.limit_field()
     reserve: float = flags.field(
         0.005, "kept in hand of every margin [1], for the difference to the reference fidelity"
     )
@@ -78,12 +83,24 @@ class PeakForceConfig:
     @property
     def limits(self) -> tuple[objectives.Limit, ...]:
         """What every impact must hold."""
-        return (
+        limits = (
             objectives.tip_deflection_limit(self.tip_limit),
             objectives.stress_limit(self.stress_limit),
             objectives.diverted_limit(self.crossing),
             objectives.tip_clearance_limit(self.tip_clearance),
         )
+        return named.limits(limits, self.limit)
+
+    @property
+    def quantity(self) -> fj.Quantity:
+        """What is minimised."""
+        return named.quantity("objective", self.objective)
+
+    @property
+    def space(self) -> fj.DesignSpace:
+        """The variables with their bounds."""
+        fence = fj.Fence(taper=named.taper(self.taper))
+        return designs.space(self.variables, self.bounds, fence, named.drive(self.drive))
 
     def worst_case(self) -> "PeakForceConfig":
         """The paper's worst case alone: its parcel of 15 kg, met near the tip."""

@@ -7,7 +7,7 @@ from typing import Any
 import fencejax as fj
 from fencejax.design import Limit, objectives, risk
 
-from ..common import designs, flags
+from ..common import designs, flags, named
 from ..common.encounters import KINDS
 
 SEVERITIES = {"force": "N", "g_load": "1", "drop_height": "m"}
@@ -50,6 +50,7 @@ class RobustConfig:
     crossing: float = flags.field(
         0.0, "how far the parcel's centre must get past the belt's edge [m]"
     )
+    limit: tuple[str, ...] = named.limit_field()
     mass: Span = flags.field(
         (0.2, 30.0), "span of the parcel mass [kg], even in its logarithm", **_SPAN
     )
@@ -89,6 +90,8 @@ class RobustConfig:
     drive_angle: Span = flags.field(
         (0.2, 0.4), "of impacts: span of the drive angle at the first touch [rad]", **_SPAN
     )
+    drive: str = named.drive_field()
+    taper: str = named.taper_field()
     variables: tuple[str, ...] = flags.field(
         ("thickness", "length_ratio", "youngs_modulus"), "what is designed"
     )
@@ -157,16 +160,18 @@ class RobustConfig:
     @property
     def limits(self) -> tuple[Limit, ...]:
         """What the stated fraction of parcels must hold."""
-        return (
+        limits = (
             objectives.tip_deflection_limit(self.tip_limit),
             objectives.stress_limit(self.stress_limit),
             objectives.diverted_limit(self.crossing),
         )
+        return named.limits(limits, self.limit)
 
     @property
     def space(self) -> fj.DesignSpace:
         """The variables with their bounds."""
-        return designs.space(self.variables, self.bounds)
+        fence = fj.Fence(taper=named.taper(self.taper))
+        return designs.space(self.variables, self.bounds, fence, named.drive(self.drive))
 
     def quick(self) -> "RobustConfig":
         """A small version: few parcels, the fast fidelity throughout."""

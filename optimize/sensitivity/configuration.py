@@ -1,13 +1,14 @@
 """The numbers of the sensitivity study, and a flag for each."""
 
 import dataclasses
+import inspect
 from pathlib import Path
 
 import fencejax as fj
 from fencejax.scenes import AnyScene, numbers as scene_numbers
 from fencejax.study import quantities_of
 
-from ..common import assignments, flags
+from ..common import assignments, flags, named
 
 SCENES = (
     "oblique_impact", "along_fence", "border_and_fence", "whole_sort", "normal_impact",
@@ -49,8 +50,11 @@ class SensitivityConfig:
         "oblique_impact", "which scene, with the paper's numbers", choices=SCENES
     )
     duration: float = flags.field(0.0, "length of each run [s]; 0: the scene's own", least=0)
+    drive: str = named.drive_field()
+    taper: str = named.taper_field()
     outputs: tuple[str, ...] = flags.field(
-        ("peak_force", "tip_deflection", "impulse", "peak_stress"), f"of {', '.join(fj.OBJECTIVES)}"
+        ("peak_force", "tip_deflection", "impulse", "peak_stress"),
+        f"of {', '.join(fj.OBJECTIVES)}, {named.OWN} of a Quantity",
     )
     variables: tuple[str, ...] = flags.field(
         (),
@@ -113,8 +117,18 @@ class SensitivityConfig:
 
     def base(self) -> AnyScene:
         """The scene with the paper's numbers."""
-        duration = self.duration if self.duration > 0 else None
-        return getattr(fj.scenes, self.scene)(duration=duration)
+        make = getattr(fj.scenes, self.scene)
+        parts = {
+            "fence": fj.Fence(taper=named.taper(self.taper)),
+            "drive": named.drive(self.drive),
+            "duration": self.duration if self.duration > 0 else None,
+        }
+        taken = inspect.signature(make).parameters
+        return make(**{name: part for name, part in parts.items() if name in taken})
+
+    def quantities(self) -> tuple[fj.Quantity, ...]:
+        """The outputs."""
+        return tuple(named.quantity("outputs", text) for text in self.outputs)
 
     def inputs(self, scene: AnyScene) -> tuple[fj.DesignVariable, ...]:
         """What varies, with its ranges.
@@ -185,7 +199,7 @@ class SensitivityConfig:
     def check(self) -> None:
         """Raise `ValueError` where a name or a range is none of the scene's."""
         scene = self.base()
-        quantities_of(scene, self.outputs)
+        quantities_of(scene, self.quantities())
         self.inputs(scene)
         self.places(scene)
         self.line(scene)

@@ -98,7 +98,7 @@ def main(config: SensitivityConfig | None = None, *, quiet: bool = False) -> Out
     scene = config.base()
     inputs, line = config.inputs(scene), config.line(scene)
     names = tuple(variable.name for variable in inputs)
-    response = Response(scene, config.outputs, config.knobs, chunk=config.chunk)
+    response = Response(scene, config.quantities(), config.knobs, chunk=config.chunk)
     config.out.mkdir(parents=True, exist_ok=True)
     clock = _Clock(say)
 

@@ -8,16 +8,9 @@ import fencejax as fj
 from fencejax.design import DesignVariable
 from fencejax.study import KINDS, OUTPUTS, VARIABLES, Samples, SceneFamily, Sweep, sampling
 
-from ..common import assignments, flags
+from ..common import assignments, flags, named
 
 _SAMPLINGS = ("grid", "latin_hypercube", "sobol")
-_DRIVES = {
-    "harmonic": fj.HarmonicDrive,
-    "held": fj.HeldDrive,
-    "constant_speed": fj.ConstantSpeedDrive,
-    "trapezoid": fj.TrapezoidDrive,
-    "s_curve": fj.SCurveDrive,
-}
 _FENCES = {"two_link": fj.Fence, "one_link": fj.Fence.one_link}
 
 
@@ -57,9 +50,8 @@ class SweepConfig:
     fence: str = flags.field(
         "two_link", f"the fence that is changed: {', '.join(_FENCES)}", choices=tuple(_FENCES)
     )
-    drive: str = flags.field(
-        "harmonic", f"the drive that is changed: {', '.join(_DRIVES)}", choices=tuple(_DRIVES)
-    )
+    drive: str = named.drive_field()
+    taper: str = named.taper_field()
     outputs: tuple[str, ...] = flags.field(
         ("peak_force", "tip_deflection"), f"what is kept, of {', '.join(OUTPUTS)}", metavar="OUTPUT"
     )
@@ -128,8 +120,8 @@ class SweepConfig:
             self.scene,
             samples.names,
             fixed=dict(assignments.value("fixed", text, "read name=value") for text in self.fixed),
-            fence=_FENCES[self.fence](),
-            drive=_DRIVES[self.drive](),
+            fence=_FENCES[self.fence](taper=named.taper(self.taper)),
+            drive=named.drive(self.drive),
             duration=self.duration or None,
         )
         outputs = self.outputs
