@@ -21,10 +21,10 @@ import time
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 import fencejax as fj
+from fencejax.study import in_chunks
 
 from ..common import command, flags
 from .picture import draw_axes, draw_pairs
@@ -90,16 +90,12 @@ def _run(
         result = fj.simulate(scene, fidelity=fidelity, only=("peak_force",))
         return result.status, result.peak_force
 
-    found, lanes = [], config.lanes
-    for k in range(0, len(rows), lanes):
-        part = rows[k : k + lanes]
-        part = part + [part[-1]] * (lanes - len(part))
-        numbers = {name: jnp.array([row[name] for row in part]) for name in ORDINARY}
-        found.append(jax.device_get(run(numbers)))
-        if (k // lanes) % 8 == 7:
-            say(f"  {min(k + lanes, len(rows))} of {len(rows)}")
-    status, peak = (np.concatenate(parts)[: len(rows)] for parts in zip(*found, strict=True))
-    return status, peak
+    def said(done, total):
+        if done % (8 * config.lanes) == 0:
+            say(f"  {done} of {total}")
+
+    numbers = {name: np.array([row[name] for row in rows]) for name in ORDINARY}
+    return in_chunks(run, numbers, config.lanes, progress=said)
 
 
 RIGHT, OFF, WARNED, REFUSED = range(4)
