@@ -60,7 +60,7 @@ class Evaluator:
 
     def __init__(
         self,
-        compute: Callable[[Vector], Numbers],
+        compute: Callable[..., Numbers],
         bounded: bool,
         scale: float | None,
         budget: int,
@@ -79,15 +79,18 @@ class Evaluator:
         self.first: Evaluation
         self.estimate: Callable[[Evaluation], Multipliers] | None = None
         self._begin = time.perf_counter()
+        # Lanes in doubt once begin at the second rung from then on: a value that jumps between
+        # rungs from point to point has kinks that no optimiser can tell from the problem's own.
+        self._least: np.ndarray | None = None
 
     def _numbers(self, point: Vector) -> tuple[Numbers, bool]:
         """The numbers at a point, and whether they were known already."""
         if self._journal is None:
-            return self._compute(point), False
+            return self._compute(point, least=self._least), False
         known = self._journal.find(point, self._data)
         if known is not None:
             return Numbers(*known), True
-        found = self._compute(point)
+        found = self._compute(point, least=self._least)
         self._journal.add(point, self._data, found)
         return found, False
 
@@ -99,6 +102,8 @@ class Evaluator:
         if self.spent or self.circling:
             return None
         numbers, recalled = self._numbers(point)
+        again = np.minimum(numbers.rungs, 1)
+        self._least = again if self._least is None else np.maximum(self._least, again)
         finite = all(np.all(np.isfinite(part)) for part in numbers)
         failed = not finite or numbers.physical > self._worst_status
         if self.scale is None and not failed:
@@ -127,7 +132,7 @@ class Evaluator:
             failed,
             time.perf_counter() - self._begin,
             tuple(numbers.statuses.tolist()),
-            tuple(numbers.rungs.tolist()),
+            tuple(np.bincount(numbers.rungs).tolist()),
             recalled,
         )
         self.records.append(record)

@@ -100,14 +100,16 @@ class _Together:
     def __init__(self, program: Program | LaneProgram, width: int):
         self._program, self._width = program, width
         self._present = set(range(width))
-        self._asked: dict[int, tuple[Vector, tuple[Any, ...]]] = {}
+        self._asked: dict[int, tuple[Vector, tuple[Any, ...], np.ndarray | None]] = {}
         self._answers: dict[int, Numbers] = {}
         self._failure: BaseException | None = None
         self._change = threading.Condition()
 
-    def __call__(self, place: int, data: tuple[Any, ...], point: Vector) -> Numbers:
+    def __call__(
+        self, place: int, data: tuple[Any, ...], point: Vector, least: np.ndarray | None
+    ) -> Numbers:
         with self._change:
-            self._asked[place] = (point, data)
+            self._asked[place] = (point, data, least)
             self._evaluate_if_complete()
             self._change.wait_for(lambda: place in self._answers or self._failure is not None)
             if self._failure is not None:
@@ -127,8 +129,11 @@ class _Together:
         # Vacant places are filled with a point that is asked for: the shape stays the same.
         filled = asked + [asked[0]] * (self._width - len(asked))
         try:
-            stacked = jax.tree.map(lambda *parts: np.stack(parts), *(data for _, data in filled))
-            many = self._program.many(np.stack([point for point, _ in filled]), *stacked)
+            stacked = jax.tree.map(lambda *parts: np.stack(parts), *(data for _, data, _ in filled))
+            many = self._program.many(
+                np.stack([point for point, *_ in filled]), *stacked,
+                least=[least for *_, least in filled],
+            )  # fmt: skip
             self._answers.update(zip(places, many, strict=False))
         except BaseException as error:
             self._failure = error

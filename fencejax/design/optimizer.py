@@ -146,8 +146,8 @@ def minimize(
     """
     program = problem if isinstance(problem, (Program, LaneProgram)) else Program(problem)
 
-    def compute(point: Vector) -> Numbers:
-        return program(point, *data)
+    def compute(point: Vector, least: np.ndarray | None) -> Numbers:
+        return program(point, *data, least=least)
 
     settings = Settings(
         bounded, method, tolerance, feasibility, penalty, scale, budget, worst_status
@@ -182,7 +182,7 @@ class Settings:
 
     def run(
         self,
-        compute: Callable[[Vector], Numbers],
+        compute: Callable[..., Numbers],
         start: ArrayLike,
         data: tuple[Any, ...] = (),
         multipliers: Multipliers | None = None,
@@ -219,16 +219,53 @@ class Settings:
             run.estimate = lambda _: latest[0]
             sequence = Sequence(self.bounded, self.tolerance, self.feasibility, self.penalty)
             end, held, outcome = sequence.run(run, at, held, latest)
-            left = sequence.left
+            if outcome != "optimal" and not run.spent:
+                best = self._restored(run)
+                if best is not end and best.violation <= self.feasibility < end.violation:
+                    run.outer += 1
+                    end, held, outcome = sequence.run(run, best, held, latest)
+            left = sequence.left if sequence.judged is end else None
         stop = Stop.STAGNATED if outcome == "spent" and run.circling else _ENDS[outcome]
         if stop is not Stop.OPTIMAL:
-            best = min(
-                run.evaluations, key=lambda e: (max(e.violation, self.feasibility), e.worst)
-            )
+            best = self._best(run)
             if best is not end:
                 end, held, left = best, _refit(best, held), None
             stop = _without_optimum(stop, end.violation <= self.feasibility)
         return _outcome(run, end, held, stop, self.feasibility, left)
+
+
+    def _best(self, run: Evaluator) -> Evaluation:
+        """The lowest of the feasible designs, or else the least-violating one."""
+        return min(run.evaluations, key=lambda e: (max(e.violation, self.feasibility), e.worst))
+
+    def _restored(self, run: Evaluator) -> Evaluation:
+        """The best design; where it is not feasible, that after the largest violation alone was
+        lowered from there, as a worst case without limits, within the budget."""
+        best = self._best(run)
+        if best.violation <= self.feasibility:
+            return best
+        largest, estimate = best.violation, run.estimate
+
+        def missing(at: Evaluation) -> Evaluation:
+            return dataclasses.replace(
+                at, objectives=-at.margins / largest, objective_rows=-at.margin_rows / largest,
+                margins=at.margins[:0], margin_rows=at.margin_rows[:0],
+            )  # fmt: skip
+
+        def evaluate(point: Vector) -> Evaluation | None:
+            if run.evaluations[-1].violation <= self.feasibility:
+                return None
+            at = run(point)
+            return None if at is None else missing(at)
+
+        run.outer, run.estimate = run.outer + 1, None
+        at = missing(best)
+        held = _initial(at)
+        Sequence(self.bounded, self.tolerance, self.feasibility, self.penalty).run(
+            evaluate, at, held, [held]
+        )
+        run.estimate = estimate
+        return self._best(run)
 
 
 def _without_optimum(stop: Stop, feasible: bool) -> Stop:

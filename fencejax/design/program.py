@@ -20,8 +20,8 @@ _FEWEST = 8
 
 class Numbers(NamedTuple):
     """What a problem and its Jacobian are at a point, on the host: objectives (k,), margins (m,),
-    their Jacobians (k, n) and (m, n), how often each `Status` occurred, and how many lanes are
-    of each rung of the problem's fidelities."""
+    their Jacobians (k, n) and (m, n), how often each `Status` occurred, and at which rung of the
+    problem's fidelities each lane was computed (one lane for a whole problem)."""
 
     objectives: Vector
     margins: Vector
@@ -51,7 +51,10 @@ class Refined(NamedTuple):
 
 
 def refined(
-    compute: Callable[[int, Any], tuple[Any, Array]], lanes: Any, rungs: int
+    compute: Callable[[int, Any], tuple[Any, Array]],
+    lanes: Any,
+    rungs: int,
+    least: np.ndarray | None = None,
 ) -> Refined:
     """The numbers of lanes, each at the first rung at which they are not in doubt.
 
@@ -66,14 +69,19 @@ def refined(
       first; a compiled function.
     - `lanes`: a pytree whose leaves have the lanes first.
     - `rungs`: how many there are.
+    - `least`: the rung from which each lane begins; by default the first.
     """
-    numbers, statuses = jax.device_get(compute(0, lanes))
+    first = 0 if least is None else int(np.min(least, initial=rungs - 1))
+    numbers, statuses = jax.device_get(compute(first, lanes))
     numbers, statuses = jax.tree.map(np.array, numbers), np.array(statuses)
-    used = np.zeros(statuses.shape[0], dtype=int)
-    for rung in range(1, rungs):
-        doubtful = np.flatnonzero(np.isin(statuses, _DOUBTS))
+    used = np.full(statuses.shape[0], first)
+    for rung in range(first + 1, rungs):
+        wanted = np.isin(statuses, _DOUBTS)
+        if least is not None:
+            wanted = wanted | (least >= rung)
+        doubtful = np.flatnonzero(wanted)
         if not doubtful.size:
-            break
+            continue
         # Never more than there are: of few lanes all, so that one program serves any of them.
         size = min(max(_FEWEST, 1 << int(doubtful.size - 1).bit_length()), statuses.shape[0])
         chosen = np.append(doubtful, np.full(size - doubtful.size, doubtful[0]))
@@ -126,30 +134,38 @@ class Program:
         self._each = [jax.jit(at(chosen)) for chosen in ladder]
         self._many = jax.jit(jax.vmap(at(ladder[0])))
 
-    def __call__(self, point: Vector, *data: Any) -> Numbers:
-        """The numbers at a point."""
-        return self._settled(_hosted(self._each[0](jnp.asarray(point), *data)), point, data)
+    def __call__(
+        self, point: Vector, *data: Any, least: np.ndarray | None = None
+    ) -> Numbers:
+        """The numbers at a point, from the rung `least` (1,) on, by default the first."""
+        first = 0 if least is None else int(least[0])
+        found = _hosted(self._each[first](jnp.asarray(point), *data))
+        return self._settled(found, point, data, first, first)
 
-    def many(self, points: np.ndarray, *data: Any) -> list[Numbers]:
+    def many(
+        self, points: np.ndarray, *data: Any, least: Sequence[np.ndarray | None] | None = None
+    ) -> list[Numbers]:
         """The numbers at several points (w, n), in one vectorised call; every leaf of the data has
-        a first axis of that length. Another w compiles anew."""
+        a first axis of that length. Another w compiles anew. `least`: that of each point."""
         together = _hosted(self._many(jnp.asarray(points), *data))
         return [
             self._settled(
                 tuple(part[i] for part in together), points[i],
-                jax.tree.map(lambda leaf, i=i: leaf[i], data),
+                jax.tree.map(lambda leaf, i=i: leaf[i], data), 0,
+                0 if one is None else int(one[0]),
             )
-            for i in range(len(points))
+            for i, one in enumerate(least or [None] * len(points))
         ]  # fmt: skip
 
-    def _settled(self, found, point: Vector, data: tuple[Any, ...]) -> Numbers:
-        """The numbers of the first rung that is not in doubt, given those of the coarsest."""
-        rung = 0
-        while np.any(found[4][_DOUBTS]) and rung + 1 < self._rungs:
-            rung += 1
+    def _settled(
+        self, found, point: Vector, data: tuple[Any, ...], rung: int, least: int
+    ) -> Numbers:
+        """The numbers of the first rung, from `least` on, that is not in doubt, given those of a
+        rung."""
+        while (rung < least or np.any(found[4][_DOUBTS])) and rung + 1 < self._rungs:
+            rung = max(rung + 1, least)
             found = _hosted(self._each[rung](jnp.asarray(point), *data))
-        used = np.bincount([rung], minlength=self._rungs)
-        return Numbers(*found, used * max(1, int(np.sum(found[4]))))
+        return Numbers(*found, np.array([rung]))
 
 
 class LaneProgram:
@@ -203,22 +219,29 @@ class LaneProgram:
         self._many = jax.jit(jax.vmap(at(fidelities[0])))
         self._whole = jax.jit(whole)
 
-    def __call__(self, point: Vector, *data: Any) -> Numbers:
-        """The numbers at a point."""
-        return self._settled(jnp.asarray(point), data, None)
+    def __call__(
+        self, point: Vector, *data: Any, least: np.ndarray | None = None
+    ) -> Numbers:
+        """The numbers at a point, each lane from its rung `least` on, by default the first."""
+        return self._settled(jnp.asarray(point), data, None, least)
 
-    def many(self, points: np.ndarray, *data: Any) -> list[Numbers]:
+    def many(
+        self, points: np.ndarray, *data: Any, least: Sequence[np.ndarray | None] | None = None
+    ) -> list[Numbers]:
         """As `Program.many`."""
         together = jax.device_get(self._many(jnp.asarray(points), data[0]))
         return [
             self._settled(
                 jnp.asarray(points[i]),
                 *jax.tree.map(lambda leaf, i=i: leaf[i], (data, together)),
+                one,
             )
-            for i in range(len(points))
+            for i, one in enumerate(least or [None] * len(points))
         ]
 
-    def _settled(self, point: Array, data: tuple[Any, ...], known: Any) -> Numbers:
+    def _settled(
+        self, point: Array, data: tuple[Any, ...], known: Any, least: np.ndarray | None
+    ) -> Numbers:
         """The numbers with each lane at its rung; `known`: those of the coarsest, if they are."""
 
         def compute(rung, lanes):
@@ -226,9 +249,9 @@ class LaneProgram:
                 return known
             return self._each[rung](point, lanes)
 
-        (numbers, rows), statuses, rungs = refined(compute, data[0], self._rungs)
+        (numbers, rows), statuses, rungs = refined(compute, data[0], self._rungs, least)
         found = _hosted(self._whole(point, numbers, rows, statuses, *data))
-        return Numbers(*found, np.bincount(rungs, minlength=self._rungs))
+        return Numbers(*found, rungs)
 
 
 def _counted(status) -> Array:

@@ -136,8 +136,8 @@ class _Region:
 
 @dataclasses.dataclass
 class Sequence:
-    """A run: what it is asked for, the penalty of the program, nu, the conditions as last seen, and
-    what the points of all its descents told, by which kinks are judged."""
+    """A run: what it is asked for, the penalty of the program, nu, the conditions as last seen and
+    where, and what the points of all its descents told, by which kinks are judged."""
 
     bounded: bool
     tolerance: float
@@ -145,6 +145,7 @@ class Sequence:
     penalty: float
     nu: float = 0.0
     left: Residual | None = None
+    judged: Evaluation | None = None
     told: list[LocalModel] = dataclasses.field(default_factory=list)
 
     def run(
@@ -163,6 +164,10 @@ class Sequence:
         best = np.inf
         while True:
             at, held, end = self._descend(evaluate, at, held, latest, first)
+            if self.judged is not at:
+                balanced = self._optimal(at, held, LocalModel.of(at))
+                if balanced is not None:
+                    return at, balanced, "optimal"
             merit = self._merit(at)
             if end != "stalled" or merit > best - self.tolerance * max(1.0, abs(best)):
                 return at, held, end
@@ -255,7 +260,7 @@ class Sequence:
     def _optimal(self, at: Evaluation, held: Multipliers, model: LocalModel) -> Multipliers | None:
         """The multipliers with which the conditions hold, at the point or on the sides of its
         kink; `None` where they do not."""
-        self.left = residual(at, held, self.bounded)
+        self.left, self.judged = residual(at, held, self.bounded), at
         beside = model.with_branches(self.told, _BESIDE)
         if max(self.left[:2]) > self.tolerance and beside.widest > 0:
             rows = beside.balanced(self.bounded, self.tolerance)

@@ -101,7 +101,10 @@ def by_batches(population: Population, journal: Journal, say: Callable[..., None
             numbers.margin_rows, numbers.status, False,
         )  # fmt: skip
         steps.append(
-            Step(at.worst * scale, at.violation, *(tuple(n.tolist()) for n in numbers[4:]))
+            Step(
+                at.worst * scale, at.violation, tuple(numbers.statuses.tolist()),
+                tuple(np.bincount(numbers.rungs).tolist()),
+            )  # fmt: skip
         )
         say(_line(number + 1, config, steps[-1], None))
         point = descent.step(at)

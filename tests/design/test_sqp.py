@@ -125,10 +125,10 @@ def test_one_program_serves_every_bound(circle):
 def test_optimum_with_its_multipliers_is_seen_at_once(circle, method):
     data = (np.asarray(1.0),)
     settings = dict(data=data, scale=1.0, bounded=False, method=method)
-    cold = minimize(circle, [3.0, 0.0], tolerance=1e-6, feasibility=1e-6, budget=400, **settings)
+    cold = minimize(circle, [3.0, 0.0], tolerance=1e-4, budget=400, **settings)
     assert cold.converged
     held = Multipliers(cold.weights, cold.multipliers)
-    warm = minimize(circle, cold.point, multipliers=held, tolerance=1e-5, **settings)
+    warm = minimize(circle, cold.point, multipliers=held, tolerance=1e-3, **settings)
     assert warm.converged
     assert len(warm.history) == 1
     with pytest.raises(ValueError, match="`multipliers` must have the shapes"):
