@@ -39,6 +39,7 @@ from .design import (
 )
 from .fidelity import Fidelity as Fidelity
 from .parts import (
+    AbstractContactLaw as AbstractContactLaw,
     AbstractDrive as AbstractDrive,
     AbstractTaper as AbstractTaper,
     Belt as Belt,
@@ -49,6 +50,7 @@ from .parts import (
     Friction as Friction,
     HarmonicDrive as HarmonicDrive,
     HeldDrive as HeldDrive,
+    Kelvin as Kelvin,
     Material as Material,
     Parcel as Parcel,
     PowerTaper as PowerTaper,
@@ -92,6 +94,7 @@ severity = shock
 __version__ = _metadata.version("fencejax")
 
 __all__ = [
+    "AbstractContactLaw",
     "AbstractDrive",
     "AbstractTaper",
     "Belt",
@@ -109,6 +112,7 @@ __all__ = [
     "HarmonicDrive",
     "HeldDrive",
     "Journal",
+    "Kelvin",
     "LIMITS",
     "Ledger",
     "Limit",

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Fidelity
-from ..model import Acceleration, Contact, FenceState, FlexibleLink, contact, total
-from ..parts import DriveMotion, Parcel
+from ..model import Acceleration, Contact, FenceState, FlexibleLink, total
+from ..parts import AbstractContactLaw, DriveMotion, Parcel
 from ..results import (
     Energy,
     Power,
@@ -49,7 +49,7 @@ class _State(NamedTuple):
 class _Blow(NamedTuple):
     """The scalar equation of a step: N = law(gap - give N, rate - give_rate N)."""
 
-    stiffness: Array
+    law: AbstractContactLaw
     viscosity: Array
     gap: Array
     rate: Array
@@ -60,7 +60,7 @@ class _Blow(NamedTuple):
         """Residual, its slope, its size against what is tolerated, and gap, rate, unbalance."""
         (force,) = unknowns
         gap, rate = self.gap - self.give * force, self.rate - self.give_rate * force
-        law = contact.kelvin(self.stiffness, self.viscosity, gap, rate)
+        law = self.law.force(gap, rate, self.viscosity)
         value = force - law.force
         slope = 1 + law.by_gap * self.give + law.by_rate * self.give_rate
         unbalance = jnp.abs(value)
@@ -127,7 +127,8 @@ def _step(given, state: _State, begins: Array, ends: Array):
         yields, yields_rate = fence.compliance(0, 0)
         gap, rate = gap + deflection, rate + deflection_rate
         give, give_rate = give + yields, give_rate + yields_rate
-    blow = _Blow(parcel.stiffness, contact.viscosity(parcel), gap, rate, give, give_rate)
+    law = parcel.contact_law
+    blow = _Blow(law, law.viscosity(parcel.mass), gap, rate, give, give_rate)
     guess = (jnp.maximum(2 * state.force - state.force_before, 0.0),)
     (force,), (gap, rate, unbalance) = newton.solve(
         _Blow.evaluate, _Blow.shorten, blow, guess, clock.iterations
@@ -158,7 +159,7 @@ def _instant(
         0.5 * parcel.mass * state.rate**2,
         zero,
         zero,
-        contact.stored_energy(parcel.stiffness, gap),
+        parcel.contact_law.stored_energy(gap),
     )
     power = Power(zero, zero, zero, state.force * rate, zero, zero, zero, zero)
     place, tip, stress, stress_place = zero, zero, zero, zero

@@ -4,10 +4,7 @@ fence, kinematics of the corners, contact and friction laws, and the balance of 
 May import: `scenes`, `parts`, `fidelity`. Nothing here advances in time.
 """
 
-from . import (
-    beam as beam,
-    contact as contact,
-)
+from . import beam as beam
 from .beam import (
     hermite as hermite,
     hermite_slope as hermite_slope,
@@ -17,9 +14,6 @@ from .belt_contact import (
 )
 from .contact import (
     fade as fade,
-    kelvin as kelvin,
-    stored_energy as stored_energy,
-    viscosity as viscosity,
 )
 from .fence_state import (
     FenceState as FenceState,

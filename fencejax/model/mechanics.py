@@ -11,10 +11,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Fidelity
-from ..parts import SIDES, AbstractDrive, DriveMotion, Friction
+from ..parts import SIDES, AbstractContactLaw, AbstractDrive, DriveMotion, Friction, NormalForce
 from ..scenes import Body, Scene
-from . import contact
 from .belt_contact import BeltContact, BeltForce
+from .contact import fade
 from .flexible_link import FencePoint, FlexibleLink
 from .friction import corner_share
 from .kinematics import Acceleration, Lean, Touch, border_touch, corner_from_arm, fence_touch
@@ -92,7 +92,7 @@ class Mechanics(eqx.Module):
     inertia: Array
     corners: dict[int, tuple[Array, Array]]
     sides: dict[int, Array]
-    stiffness: Array
+    law: AbstractContactLaw
     viscosity: Array
     belt: BeltContact | None
     size: Array
@@ -114,7 +114,8 @@ class Mechanics(eqx.Module):
         behind = {SIDES[number] for number in self.sides}
         touching = sorted({*self.fence_corners, *self.border_corners, *behind})
         self.corners = {number: parcel.corner(number) for number in touching}
-        self.stiffness, self.viscosity = parcel.stiffness, contact.viscosity(parcel)
+        self.law = parcel.contact_law
+        self.viscosity = self.law.viscosity(parcel.mass)
         self.belt = None
         if belt is not None:
             weight = parcel.mass * belt.gravity
@@ -141,10 +142,10 @@ class Mechanics(eqx.Module):
         Where the tip may carry the contact, it does not end there."""
         assert self.link is not None
         length = self.fidelity.tip_fade
-        on_link = contact.fade(-place, length)
+        on_link = fade(-place, length)
         if self.sides:
             return on_link
-        return contact.fade(place - self.link.reach, length) * on_link
+        return fade(place - self.link.reach, length) * on_link
 
     def frame(
         self,
@@ -207,9 +208,9 @@ class Mechanics(eqx.Module):
 
         `normal` is the force where it is an unknown of its own, else `None`.
         """
-        law = contact.kelvin(self.stiffness, self.viscosity, touch.gap, touch.gap_rate)
+        law = self.law.force(touch.gap, touch.gap_rate, self.viscosity)
         if share is not None:
-            law = contact.Kelvin(*(share * value for value in law))
+            law = NormalForce(*(share * value for value in law))
         normal = law.force if normal is None else normal
         drag = by_sliding = jnp.zeros_like(normal)
         if friction is not None:
@@ -239,8 +240,8 @@ class Mechanics(eqx.Module):
             parts = fence_touch(corner, points[k], frame.turn, frame.speed)
             share = frame.shares[k]
             if self.sides:
-                side, fade = self._side(number, arms), self.fidelity.tip_fade
-                parts = around(parts, body.spin, side, frame.edges[k], fade)
+                side, length = self._side(number, arms), self.fidelity.tip_fade
+                parts = around(parts, body.spin, side, frame.edges[k], length)
                 share = parts.remaining(share)
             given = None if normals is None else normals[k]
             what, law, response = self._contact(

@@ -1,14 +1,20 @@
-"""What a scene is made of, as a designer writes it: fence, material, taper, drive, parcel, belt,
-border, friction coefficients, and units. Parts know neither time nor forces.
+"""What a scene is made of, as a designer writes it: fence, material, taper, drive, parcel, contact
+law, belt, border, friction, and units. Parts know no scene and no instant: a contact law here is a
+function of a gap and its rate, and what acts when is the model's.
 
-May import: `_check` alone. A new taper or drive law is a subclass of `AbstractTaper` or
-`AbstractDrive` in a file of its own, exported here; every number in it is an array field, with its
-`Bounds`.
+May import: `_check` alone. A new taper, drive or contact law is a subclass of `AbstractTaper`,
+`AbstractDrive` or `AbstractContactLaw` in a file of its own, exported here; every number in it is
+an array field, with its `Bounds`.
 """
 
 from .belt import (
     Belt as Belt,
     Border as Border,
+)
+from .contact_laws import (
+    AbstractContactLaw as AbstractContactLaw,
+    Kelvin as Kelvin,
+    NormalForce as NormalForce,
 )
 from .drives import (
     CYCLE_TIME as CYCLE_TIME,

@@ -26,7 +26,7 @@ _ROUGH_AGAIN = 0.01
 # step rings the fence as it would not in time, by little, but the derivative counts its phase.
 _RINGING = 1.5
 # So it does under a contact that is all damper, which holds the fence to the corner: its time of
-# relaxation b_p m_p^0.4 / (k_p D), in steps.
+# relaxation dN/dDdot over the secant stiffness N(D, 0) / D, in steps.
 _PINNED = 1e6
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
 # contact: |N''| G / w^2 with their compliance G and w between the highest frequency kept and the
@@ -131,8 +131,10 @@ def of_tally(
     if mechanics.link is not None and mechanics.link.frequency_squared:
         frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.eigenvalues[0]))
         rings = frequency * mechanics.fidelity.step > _RINGING
-        relaxed = _PINNED * mechanics.fidelity.step * mechanics.stiffness * tally.deepest
-        pinned = (mechanics.viscosity > relaxed) & (tally.deepest > 0)
+        still = jnp.zeros_like(tally.deepest)
+        elastic = mechanics.law.force(tally.deepest, still, mechanics.viscosity).force
+        damper = mechanics.law.force(tally.deepest, still + 1, mechanics.viscosity).by_rate
+        pinned = damper * tally.deepest > _PINNED * mechanics.fidelity.step * elastic
         checks.append((Status.STEP_TOO_COARSE, rings & (pinned | (tally.at_peak.turned > 0))))
         assert scene.fence is not None
         turned = tally.carried > _TURNING * scene.fence.flexible_length

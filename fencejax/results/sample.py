@@ -14,7 +14,6 @@ from ..model import (
     Forces,
     Mechanics,
     Vibration,
-    contact,
     dot,
     total,
 )
@@ -87,11 +86,11 @@ def describe(
     kinetic = 0.5 * mechanics.mass * (body.x_rate**2 + body.y_rate**2)
     kinetic = kinetic + 0.5 * mechanics.inertia * body.spin**2
     contacts = [*forces.fence, *forces.border]
-    stored = sum((contact.stored_energy(mechanics.stiffness, c.gap) for c in forces.border), zero)
+    stored = sum((mechanics.law.stored_energy(c.gap) for c in forces.border), zero)
     over_tip = zero
     for k, c in enumerate(forces.fence):
         share, touch = mechanics.fade(c.place), forces.touches[k]
-        stored = stored + touch.remaining(share) * contact.stored_energy(mechanics.stiffness, c.gap)
+        stored = stored + touch.remaining(share) * mechanics.law.stored_energy(c.gap)
         over_tip = jnp.where(mechanics.ends(k, c, touch), 1.0, over_tip)
     tip, stress, place, torque = zero, zero, zero, zero
     energy = Energy(kinetic, zero, zero, stored)

@@ -20,7 +20,9 @@ def _bounded(part: Any):
     if not isinstance(part, eqx.Module):
         return
     for name, bounds in getattr(type(part), "bounds", {}).items():
-        yield jnp.all(bounds.holds(getattr(part, name)))
+        value = getattr(part, name)
+        if value is not None:
+            yield jnp.all(bounds.holds(value))
     for inner in vars(part).values():
         yield from _bounded(inner)
 

@@ -219,9 +219,10 @@ class SceneFamily:
         )
 
     def _parcel(self, numbers: Mapping[str, Any]) -> Parcel:
-        return Parcel(**{
+        fields = {
             name: numbers.get(name, getattr(self.parcel, field)) for name, field in _PARCEL.items()
-        })  # fmt: skip
+        }
+        return Parcel(**fields, contact=self.parcel.contact)
 
     def _with_friction(self, part: str, numbers: Mapping[str, Any]):
         """Belt or border with their numbers among `numbers`."""

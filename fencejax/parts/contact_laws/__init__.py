@@ -1,0 +1,8 @@
+"""Contact laws, one a file: the normal force between a corner of the parcel and what it presses on,
+as a function of the gap and its rate."""
+
+from .abstract import (
+    AbstractContactLaw as AbstractContactLaw,
+    NormalForce as NormalForce,
+)
+from .kelvin import Kelvin as Kelvin
