@@ -39,7 +39,6 @@ from .design import (
 )
 from .fidelity import Fidelity as Fidelity
 from .parts import (
-    AbstractContactLaw as AbstractContactLaw,
     AbstractDrive as AbstractDrive,
     AbstractTaper as AbstractTaper,
     Belt as Belt,
@@ -50,7 +49,6 @@ from .parts import (
     Friction as Friction,
     HarmonicDrive as HarmonicDrive,
     HeldDrive as HeldDrive,
-    Kelvin as Kelvin,
     Material as Material,
     Parcel as Parcel,
     PowerTaper as PowerTaper,
@@ -60,6 +58,7 @@ from .parts import (
     SteppedTaper as SteppedTaper,
     TrapezoidDrive as TrapezoidDrive,
     Uniform as Uniform,
+    contact_laws as contact_laws,
 )
 from .results import (
     ErrorEstimate as ErrorEstimate,
@@ -94,7 +93,6 @@ severity = shock
 __version__ = _metadata.version("fencejax")
 
 __all__ = [
-    "AbstractContactLaw",
     "AbstractDrive",
     "AbstractTaper",
     "Belt",
@@ -112,7 +110,6 @@ __all__ = [
     "HarmonicDrive",
     "HeldDrive",
     "Journal",
-    "Kelvin",
     "LIMITS",
     "Ledger",
     "Limit",
@@ -143,6 +140,7 @@ __all__ = [
     "Uniform",
     "Verification",
     "choose_fidelity",
+    "contact_laws",
     "design",
     "estimate_gradient_error",
     "good",

@@ -7,6 +7,7 @@ May import: `_check` alone. A new taper, drive or contact law is a subclass of `
 an array field, with its `Bounds`.
 """
 
+from . import contact_laws as contact_laws
 from .belt import (
     Belt as Belt,
     Border as Border,

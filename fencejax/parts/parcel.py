@@ -98,7 +98,7 @@ class Parcel(eqx.Module):
                 raise ValueError(
                     f"Argument `{name}` must be None where `contact` is given, but is {value!r}: "
                     f"it is a number of the paper's contact law. Write "
-                    f"contact=fj.Kelvin(stiffness, damping), or leave `contact` out."
+                    f"contact=fj.contact_laws.Kelvin(stiffness, damping), or leave `contact` out."
                 )
 
     @property

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from fencejax import AbstractContactLaw, Kelvin, Parcel
+from fencejax import Parcel
 from fencejax.model import fade
+from fencejax.parts import AbstractContactLaw, Kelvin
 
 EPS = np.finfo(float).eps
 
