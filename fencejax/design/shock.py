@@ -16,7 +16,7 @@ def g_load(force: ArrayLike, mass: ArrayLike, gravity: float = _GRAVITY) -> Arra
 
 def wall_force(speed: ArrayLike, parcel: Parcel) -> Array:
     """N_stiff [N], the peak force of a parcel that meets a rigid wall with a corner at `speed`
-    [m/s], above 0, by its contact law (see `fencejax.contact_laws.AbstractContactLaw.wall_force`)."""
+    [m/s], above 0: `wall_force` of its contact law."""
     return parcel.contact_law.wall_force(speed, parcel.mass)
 
 

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 from .._check import Bounds
 from ..parts import (
+    AbstractContactLaw,
     Belt,
     ConstantSpeedDrive,
     Fence,
@@ -162,6 +163,16 @@ PATHS: Mapping[str, tuple[str, ...]] = {
 
 _BY_PATH = {number.path: number for number in NUMBERS}
 _TAPER = "fence.taper."
+# Where a scene holds a law that has numbers of its own.
+_LAWS: Mapping[str, type[AbstractContactLaw]] = {"parcel.contact": AbstractContactLaw}
+
+
+def _of_law(path: str) -> Number | None:
+    """The number of a law, by the `bounds` of whichever class of that kind has such a field."""
+    place, _, field = path.rpartition(".")
+    laws = _LAWS[place].__subclasses__() if place in _LAWS else ()
+    found = {_of(law, path) for law in laws if field in law.bounds}
+    return found.pop() if len(found) == 1 else None
 
 
 def element(name: str) -> tuple[str, int | None]:
@@ -181,6 +192,9 @@ def at(path: str) -> Number:
             return _BY_PATH[known]
     if path.startswith(_TAPER):
         return Number(path, "1")
+    of_law = _of_law(path)
+    if of_law is not None:
+        return of_law
     raise ValueError(
         f"Argument `name` must be the path of a scene's number, such as {PARCEL[0].path!r}, but is "
         f"{path!r}."

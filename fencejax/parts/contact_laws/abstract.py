@@ -1,12 +1,14 @@
 """What a contact law is, and what follows from any of them: the peak force at a rigid wall."""
 
 import abc
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
+
+from ..._check import Bounds
 
 # Steps of the classical Runge-Kutta method over the time in which the parcel would cross its
 # largest penetration at the speed of approach, and how many such times are covered. Without damping
@@ -34,6 +36,8 @@ class AbstractContactLaw(eqx.Module):
     derivatives of a result are those of the equations. All its numbers are array fields, checked
     against the `bounds` of the class by `fencejax._check.field`.
     """
+
+    bounds: ClassVar[dict[str, Bounds]] = {}
 
     @abc.abstractmethod
     def viscosity(self, mass: Array) -> Array:
