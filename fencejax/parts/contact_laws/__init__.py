@@ -5,4 +5,5 @@ from .abstract import (
     AbstractContactLaw as AbstractContactLaw,
     NormalForce as NormalForce,
 )
+from .hunt_crossley import HuntCrossley as HuntCrossley
 from .kelvin import Kelvin as Kelvin
