@@ -59,6 +59,7 @@ from .parts import (
     TrapezoidDrive as TrapezoidDrive,
     Uniform as Uniform,
     contact_laws as contact_laws,
+    friction_laws as friction_laws,
 )
 from .results import (
     ErrorEstimate as ErrorEstimate,
@@ -143,6 +144,7 @@ __all__ = [
     "contact_laws",
     "design",
     "estimate_gradient_error",
+    "friction_laws",
     "good",
     "holds",
     "identify",

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..model import Acceleration, Forces, Mechanics
-from ..parts import Friction
+from ..parts import AbstractFriction
 
 # Stiffness of a friction [1], its slope with the motion relative to that of the inertia over half a
 # step, above which it holds: up to there the trapezoidal rule does not ring.
@@ -25,7 +25,7 @@ def _holds(stiff: Array) -> Array:
     return (stiff > _STIFF).astype(stiff.dtype)
 
 
-def frictions(mechanics: Mechanics) -> tuple[Friction | None, ...]:
+def frictions(mechanics: Mechanics) -> tuple[AbstractFriction | None, ...]:
     """Of each contact, those at the fence first."""
     at_fence = (mechanics.fence_friction,) * len(mechanics.fence_corners)
     return at_fence + (mechanics.border_friction,) * len(mechanics.border_corners)

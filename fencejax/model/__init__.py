@@ -34,7 +34,6 @@ from .flexible_link import (
 )
 from .friction import (
     belt_grip as belt_grip,
-    coefficient as coefficient,
     corner_share as corner_share,
 )
 from .kinematics import (

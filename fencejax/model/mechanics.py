@@ -11,7 +11,14 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Fidelity
-from ..parts import SIDES, AbstractContactLaw, AbstractDrive, DriveMotion, Friction, NormalForce
+from ..parts import (
+    SIDES,
+    AbstractContactLaw,
+    AbstractDrive,
+    AbstractFriction,
+    DriveMotion,
+    NormalForce,
+)
 from ..scenes import Body, Scene
 from .belt_contact import BeltContact, BeltForce
 from .contact import fade
@@ -98,8 +105,8 @@ class Mechanics(eqx.Module):
     size: Array
     link: FlexibleLink | None
     drive: AbstractDrive | None
-    fence_friction: Friction | None
-    border_friction: Friction | None
+    fence_friction: AbstractFriction | None
+    border_friction: AbstractFriction | None
     fence_corners: tuple[int, ...] = eqx.field(static=True)
     border_corners: tuple[int, ...] = eqx.field(static=True)
     fidelity: Fidelity = eqx.field(static=True)
@@ -203,7 +210,7 @@ class Mechanics(eqx.Module):
         length = self.sides[number]
         return Side((far_x - x) / length, (far_y - y) / length, length)
 
-    def _contact(self, touch: Touch, friction: Friction | None, place, normal, share):
+    def _contact(self, touch: Touch, friction: AbstractFriction | None, place, normal, share):
         """One contact: what it does, the law's normal force and its response.
 
         `normal` is the force where it is an unknown of its own, else `None`.

@@ -1,13 +1,17 @@
 """What a scene is made of, as a designer writes it: fence, material, taper, drive, parcel, contact
-law, belt, border, friction, and units. Parts know no scene and no instant: a contact law here is a
-function of a gap and its rate, and what acts when is the model's.
+law, belt, border, friction law, and units. Parts know no scene and no instant: a contact law here
+is a function of a gap and its rate, a friction law one of a speed, and what acts when is the
+model's.
 
-May import: `_check` alone. A new taper, drive or contact law is a subclass of `AbstractTaper`,
-`AbstractDrive` or `AbstractContactLaw` in a file of its own, exported here; every number in it is
-an array field, with its `Bounds`.
+May import: `_check` alone. A new taper, drive, contact law or friction law is a subclass of
+`AbstractTaper`, `AbstractDrive`, `AbstractContactLaw` or `AbstractFriction` in a file of its own,
+exported by its folder; every number in it is an array field, with its `Bounds`.
 """
 
-from . import contact_laws as contact_laws
+from . import (
+    contact_laws as contact_laws,
+    friction_laws as friction_laws,
+)
 from .belt import (
     Belt as Belt,
     Border as Border,
@@ -31,8 +35,10 @@ from .drives import (
 from .fence import (
     Fence as Fence,
 )
-from .friction import (
+from .friction_laws import (
+    AbstractFriction as AbstractFriction,
     Friction as Friction,
+    FrictionScales as FrictionScales,
 )
 from .material import (
     Material as Material,

@@ -7,7 +7,7 @@ from jaxtyping import Array, ArrayLike
 
 from .. import _check
 from .._check import Bounds
-from .friction import Friction
+from .friction_laws import AbstractFriction, Friction
 
 
 class Belt(eqx.Module):
@@ -15,7 +15,7 @@ class Belt(eqx.Module):
 
     speed: Array
     width: Array
-    friction: Friction
+    friction: AbstractFriction
     gravity: Array
 
     bounds: ClassVar[dict[str, Bounds]] = {
@@ -28,7 +28,7 @@ class Belt(eqx.Module):
         self,
         speed: ArrayLike = 2.0,
         width: ArrayLike = 0.7,
-        friction: Friction | None = None,
+        friction: AbstractFriction | None = None,
         gravity: ArrayLike = 9.81,
     ):
         """**Arguments:**
@@ -47,8 +47,8 @@ class Belt(eqx.Module):
 class Border(eqx.Module):
     """The conveyor border: a still wall along y = 0 with the normal (0, 1)."""
 
-    friction: Friction | None
+    friction: AbstractFriction | None
 
-    def __init__(self, friction: Friction | None | Literal["default"] = "default"):
+    def __init__(self, friction: AbstractFriction | None | Literal["default"] = "default"):
         """**Arguments:** `friction`: default kinetic 0.35, static 0.5; `None` for none."""
         self.friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction

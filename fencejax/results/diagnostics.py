@@ -62,15 +62,14 @@ def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> 
     share |mu_s - mu_k| g T / s of the slip.
     """
     assert scene.belt is not None
-    friction, peak = scene.belt.friction, tally.at_peak
-    jump = jnp.abs(friction.static - friction.kinetic)
-    lost = friction.kinetic * fidelity.slip_speed + jump * fidelity.static_speed
+    peak = tally.at_peak
+    kinetic, jump, largest = scene.belt.friction.scales(peak.slip)
+    lost = kinetic * fidelity.slip_speed + jump * fidelity.static_speed
     now = weight * lost > _SMOOTHED * tally.force.value * peak.slip
     held = jump * scene.belt.gravity * peak.crept
-    steep = [jump > times * friction.kinetic for times, _ in _FALLS]
+    steep = [jump > times * kinetic for times, _ in _FALLS]
     allowed = _CREPT * jnp.select(steep, [share for _, share in _FALLS], 1.0)
     late = jump * weight * held > allowed * tally.force.value * peak.slip
-    largest = jnp.maximum(friction.static, friction.kinetic)
     creep = largest * fidelity.slip_speed + jump * fidelity.static_speed
     early = (peak.crept > 0.25 * fidelity.step) & (creep > _CREEP * largest * peak.slip)
     return (tally.force.value > 0) & (now | late | early)
@@ -80,9 +79,8 @@ def _jolted(scene: Scene, fidelity: Fidelity, tally: Tally) -> Array:
     """Whether it is too much beside the slip at the peak what friction adds in a step's length h,
     mu g h, of a parcel that turned round on the belt before."""
     assert scene.belt is not None
-    friction, peak = scene.belt.friction, tally.at_peak
-    largest = jnp.maximum(friction.static, friction.kinetic)
-    jump = largest * scene.belt.gravity * fidelity.step
+    peak = tally.at_peak
+    jump = scene.belt.friction.scales(peak.slip).largest * scene.belt.gravity * fidelity.step
     return (peak.slewed > 0) & (jump > _JOLT * peak.slip)
 
 

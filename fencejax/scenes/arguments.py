@@ -9,7 +9,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
-from ..parts import AbstractDrive, Belt, Fence, Friction, Parcel
+from ..parts import AbstractDrive, AbstractFriction, Belt, Fence, Friction, Parcel
 
 _CORNERS = (1, 2, 3, 4)
 Default = Literal["default"]
@@ -25,7 +25,9 @@ def corners_of(name: str, corners: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(sorted(set(corners)))
 
 
-def fence_friction_of(friction: Friction | None | Default) -> Friction | None:
+def fence_friction_of(
+    friction: AbstractFriction | None | Default,
+) -> AbstractFriction | None:
     return Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
 
 

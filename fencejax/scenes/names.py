@@ -12,6 +12,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 from .._check import Bounds
 from ..parts import (
     AbstractContactLaw,
+    AbstractFriction,
     Belt,
     ConstantSpeedDrive,
     Fence,
@@ -164,7 +165,12 @@ PATHS: Mapping[str, tuple[str, ...]] = {
 _BY_PATH = {number.path: number for number in NUMBERS}
 _TAPER = "fence.taper."
 # Where a scene holds a law that has numbers of its own.
-_LAWS: Mapping[str, type[AbstractContactLaw]] = {"parcel.contact": AbstractContactLaw}
+_LAWS: Mapping[str, type[AbstractContactLaw] | type[AbstractFriction]] = {
+    "parcel.contact": AbstractContactLaw,
+    "belt.friction": AbstractFriction,
+    "fence_friction": AbstractFriction,
+    "border.friction": AbstractFriction,
+}
 
 
 def _of_law(path: str) -> Number | None:

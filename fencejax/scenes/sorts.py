@@ -5,7 +5,16 @@ import jax.numpy as jnp
 from jaxtyping import ArrayLike
 
 from .. import _check
-from ..parts import CYCLE_TIME, AbstractDrive, Belt, Border, Fence, Friction, HarmonicDrive, Parcel
+from ..parts import (
+    CYCLE_TIME,
+    AbstractDrive,
+    AbstractFriction,
+    Belt,
+    Border,
+    Fence,
+    HarmonicDrive,
+    Parcel,
+)
 from .arguments import (
     Default,
     belt_of,
@@ -78,7 +87,7 @@ def whole_sort(
     parcel: Parcel | None = None,
     belt: Belt | None | Default = "default",
     drive: AbstractDrive | None = None,
-    fence_friction: Friction | None | Default = "default",
+    fence_friction: AbstractFriction | None | Default = "default",
     border: Border | None | Default = "default",
     fence_corners: tuple[int, ...] = (1, 2),
     border_corners: tuple[int, ...] = (1, 2),

@@ -13,6 +13,7 @@ from .. import _check, scenes
 from ..design import DesignSpace, DesignVariable
 from ..parts import (
     AbstractDrive,
+    AbstractFriction,
     Belt,
     Border,
     Fence,
@@ -84,7 +85,7 @@ class SceneFamily:
         drive: AbstractDrive | None = None,
         parcel: Parcel | None = None,
         belt: Belt | None | Default = "default",
-        fence_friction: Friction | None | Default = "default",
+        fence_friction: AbstractFriction | None | Default = "default",
         border: Border | None | Default = "default",
         duration: float | None = None,
         options: Mapping[str, Any] | None = None,
@@ -144,7 +145,7 @@ class SceneFamily:
                 names += _COEFFICIENTS[part]
         return [*names, *KINDS[self.kind]]
 
-    def _frictions(self) -> dict[str, Friction | None]:
+    def _frictions(self) -> dict[str, AbstractFriction | None]:
         border = None if self.border is None else self.border.friction
         return {"fence": self.friction, "border": border}
 
@@ -297,13 +298,17 @@ class SceneFamily:
                     )
 
 
-def _rubbing(friction: Friction | None, part: str, numbers: Mapping[str, Any]) -> Friction | None:
+def _rubbing(
+    friction: AbstractFriction | None, part: str, numbers: Mapping[str, Any]
+) -> AbstractFriction | None:
     """Friction with its coefficients among `numbers`."""
     if friction is None:
         return None
-    return Friction(*(
-        numbers.get(name, getattr(friction, field)) for name, field in _COEFFICIENTS[part].items()
-    ))  # fmt: skip
+    fields = {field.name: getattr(friction, field.name) for field in dataclasses.fields(friction)}
+    coefficients = _COEFFICIENTS[part].items()
+    return type(friction)(
+        **fields | {field: numbers[name] for name, field in coefficients if name in numbers}
+    )
 
 
 def _made_anew(drive: AbstractDrive) -> None:
