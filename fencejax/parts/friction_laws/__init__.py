@@ -6,3 +6,4 @@ from .abstract import (
     FrictionScales as FrictionScales,
 )
 from .coulomb import Friction as Friction
+from .stribeck import Stribeck as Stribeck
