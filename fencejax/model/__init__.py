@@ -57,6 +57,7 @@ from .propagation import (
     propagator as propagator,
     relaxation as relaxation,
 )
+from .state import NormalState as NormalState, SceneState as SceneState
 from .tip import (
     Side as Side,
     around as around,

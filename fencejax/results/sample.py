@@ -13,11 +13,12 @@ from ..model import (
     FlexibleLink,
     Forces,
     Mechanics,
+    NormalState,
     Vibration,
     dot,
     total,
 )
-from ..parts import DriveMotion
+from ..parts import DriveMotion, Parcel
 from ..scenes import Body
 
 
@@ -217,4 +218,40 @@ def _fence_power(
         drive=torque * fence.drive.speed,
         geometry=geometry,
         beam_damping=damping_power(link, fence),
+    )
+
+
+def describe_normal(parcel: Parcel, link: FlexibleLink | None, state: NormalState) -> Sample:
+    """A sample of a scene of the normal direction: the fence lies along x, and the parcel moves
+    along -y onto it."""
+    zero, fence = jnp.zeros_like(state.time), state.fence
+    stored = parcel.contact_law.stored_energy(state.gap)
+    energy = Energy(0.5 * parcel.mass * state.rate**2, zero, zero, stored)
+    power = Power(zero, zero, zero, state.force * state.gap_rate, zero, zero, zero, zero)
+    place, tip, stress, stress_place = zero, zero, zero, zero
+    if link is not None and fence is not None:
+        place = fence.shapes[0].place + zero
+        tip, stress, stress_place = bent(link, fence)
+        kinetic = 0.5 * link.mass_scale * total(v * v for v in fence.vibration.rate)
+        energy = energy._replace(fence=kinetic, strain=strain_energy(link, fence))
+        power = power._replace(beam_damping=damping_power(link, fence))
+    touching = Contact(state.force, zero, state.gap, state.gap_rate, place, zero)
+    return Sample(
+        time=state.time,
+        body=Body(place, -state.advance, zero, zero, -state.rate, zero),
+        acceleration=Acceleration(zero, state.force / parcel.mass, zero),
+        drive=None,
+        vibration=None if fence is None else fence.vibration,
+        fence=(touching,),
+        border=(),
+        belt=None,
+        fence_force=state.force,
+        over_tip=zero,
+        tip_deflection=tip,
+        stress=stress,
+        stress_place=stress_place,
+        torque=zero,
+        energy=energy,
+        power=power,
+        carried=() if fence is None else carried(fence),
     )

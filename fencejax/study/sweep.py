@@ -14,17 +14,15 @@ from jaxtyping import Array
 
 from .. import _check
 from ..fidelity import Fidelity
-from ..results import UNITS, Result
+from ..results import MEASURES, Result
 from ..simulate import simulate
 from .sampling import Samples
 from .scene_family import SceneFamily
 from .sweep_table import IMPOSSIBLE
 
 OUTPUTS: dict[str, str] = {
-    **UNITS,
-    "stress_place": "m",
+    **{name: measure.unit for name, measure in MEASURES.items()},
     "start_time": "s",
-    "defect": "N",
     "final.x": "m",
     "final.y": "m",
     "final.angle": "rad",

@@ -1,6 +1,7 @@
 """Steps of different lengths: right, fewer, differentiable; and the solver under diffrax's loop."""
 
 import functools
+from types import SimpleNamespace
 
 import diffrax
 import jax
@@ -9,10 +10,8 @@ import numpy as np
 import pytest
 
 import fencejax as fj
-from fencejax.integrators import Pace, next_count, time_loop as integrate
+from fencejax.integrators import next_step_size, time_loop as integrate
 from fencejax.model import Contact
-from fencejax.results import Sample
-from fencejax.scenes import Body
 
 NAMES = ("peak_force", "tip_deflection", "impulse", "peak_stress", "furthest_y", "contact_time")
 COARSE = fj.Fidelity(modes=2)
@@ -72,41 +71,45 @@ def test_inside_jit_the_last_sample_fills_the_room():
     np.testing.assert_allclose(inside.fence_force[:taken], outside.fence_force, rtol=1e-9)
 
 
-def instant(gap, gap_rate, normal, place=0.5, sliding=0.0):
+def at_gap(gap, gap_rate, normal, place=0.5, sliding=0.0):
+    """Forces of one corner at the fence."""
     zero = jnp.zeros(())
     contact = Contact(jnp.asarray(normal), zero, jnp.asarray(gap), jnp.asarray(gap_rate),
                       jnp.asarray(place), jnp.asarray(sliding))
-    blank = dict.fromkeys(Sample._fields, zero)
-    return Sample(**blank | {"fence": (contact,), "border": (), "body": Body(*(zero,) * 6)})
+    return SimpleNamespace(fence=(contact,), border=())
 
 
-def chosen(what, *, last=8.0, surprise=0.0, before=0.0):
-    count = next_count(
-        Pace(jnp.asarray(last), jnp.asarray(surprise)), what, (jnp.asarray(before),),
-        (2, 4, 8), 2.5e-4, 5e-3, ((-0.01, jnp.asarray(1.2)),),
+def chosen(what, *, last=8.0, jump=0.0, before=0.0):
+    fidelity = fj.Fidelity(tip_fade=0.01, stride_tolerance=5e-3)
+    link = SimpleNamespace(reach=jnp.asarray(1.19))
+    mechanics = SimpleNamespace(fidelity=fidelity, sides={}, fence_corners=(1,), link=link)
+    clock = SimpleNamespace(counts=(0, 1, 2, 4, 8), step=2.5e-4)
+    size = next_step_size(
+        mechanics, clock, jnp.asarray(last), jnp.asarray(jump), what, (jnp.asarray(before),)
     )
-    return int(count)
+    assert size.last == last
+    return int(size.next)
 
 
 @pytest.mark.parametrize(
     ("what", "options", "count"),
     [
         # Far away, and coming at 1 m/s: 3 h |Ddot| + 25 h^2 is 0.5 mm short of 6.1 mm for 2 ms.
-        (instant(-0.1, 0.0, 0.0), {}, 8),
-        (instant(-0.0056, 1.0, 0.0), {}, 4),
-        (instant(-0.0062, 1.0, 0.0), {}, 8),
-        (instant(-0.9e-4, 0.0, 0.0), {}, 4),
-        (instant(-1e-6, 0.0, 0.0), {}, 1),
-        # No more than twice the last step, and the surprise grows with the square of the length.
-        (instant(-0.1, 0.0, 0.0), {"last": 2.0}, 4),
-        (instant(-0.1, 0.0, 0.0), {"last": 4.0, "surprise": 1.2e-3}, 8),
-        (instant(-0.1, 0.0, 0.0), {"last": 4.0, "surprise": 1.3e-3}, 4),
-        (instant(-0.1, 0.0, 0.0), {"last": 8.0, "surprise": 1.0}, 1),
+        (at_gap(-0.1, 0.0, 0.0), {}, 8),
+        (at_gap(-0.0056, 1.0, 0.0), {}, 4),
+        (at_gap(-0.0062, 1.0, 0.0), {}, 8),
+        (at_gap(-0.9e-4, 0.0, 0.0), {}, 4),
+        (at_gap(-1e-6, 0.0, 0.0), {}, 1),
+        # No more than twice the last step, and the jump grows with the square of the length.
+        (at_gap(-0.1, 0.0, 0.0), {"last": 2.0}, 4),
+        (at_gap(-0.1, 0.0, 0.0), {"last": 4.0, "jump": 1.2e-3}, 8),
+        (at_gap(-0.1, 0.0, 0.0), {"last": 4.0, "jump": 1.3e-3}, 4),
+        (at_gap(-0.1, 0.0, 0.0), {"last": 8.0, "jump": 1.0}, 1),
         # Pressing steadily; let go within four steps; off the fence's end; coming back to it.
-        (instant(1e-3, 0.0, 100.0), {"before": 100.0}, 8),
-        (instant(1e-3, 0.0, 100.0), {"before": 192.0}, 4),
-        (instant(1e-3, 0.0, 0.0, place=1.3, sliding=1.0), {}, 8),
-        (instant(1e-3, 0.0, 0.0, place=1.204, sliding=-1.0), {}, 4),
+        (at_gap(1e-3, 0.0, 100.0), {"before": 100.0}, 8),
+        (at_gap(1e-3, 0.0, 100.0), {"before": 192.0}, 4),
+        (at_gap(1e-3, 0.0, 0.0, place=1.3, sliding=1.0), {}, 8),
+        (at_gap(1e-3, 0.0, 0.0, place=1.204, sliding=-1.0), {}, 4),
     ],
 )
 def test_length_of_the_next_step(what, options, count):

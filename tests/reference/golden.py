@@ -92,8 +92,10 @@ def compute(name):
     gradient, result = jax.jit(jax.grad(run, has_aux=True))(build())
     found = {}
     for prefix, tree in (("", result), ("gradient ", gradient)):
+        if prefix == "":
+            tree = {**tree.measures, **{k: v for k, v in vars(tree).items() if k != "measures"}}
         for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-            key = jax.tree_util.keystr(path).lstrip(".")
+            key = jax.tree_util.keystr(path).lstrip(".").replace("['", "").replace("']", "")
             found[prefix + key] = [float(x) for x in np.atleast_1d(np.asarray(leaf)).ravel()]
     return found
 
