@@ -21,21 +21,12 @@ from .sample import Sample
 _PRESSING = 1.0
 
 
-class Scope(NamedTuple):
-    """What accumulators have to know of their scene: `reach` R_z [m], where the fence ends; with
-    `tip_contact` a corner beyond it is in contact as long as it presses; and how dry friction is
-    smoothed."""
-
-    reach: Array | None
-    tip_contact: bool = False
-    smoothing: Smoothing = Smoothing(1.0, 1.0)
-
-
 class Step(NamedTuple):
     """Two samples next to each other, as an accumulator sees them.
 
     `unbalance` [N] is the force that the step's equations leave unbalanced; `second` whether `now`
-    is the scene's second sample; `known` the states of all accumulators before this step.
+    is the scene's second sample; `smoothing` how dry friction is smoothed; `known` the
+    states of all accumulators before this step.
     """
 
     before: Sample
@@ -43,7 +34,7 @@ class Step(NamedTuple):
     span: Span
     second: Array
     unbalance: Array
-    scope: Scope
+    smoothing: Smoothing
     known: Mapping[str, Any]
 
     def integral(self, before: Array, now: Array) -> Array:
@@ -168,66 +159,102 @@ LARGEST_PLACE = Accumulator(
 
 
 class ContactTimes(NamedTuple):
-    """Times [s] in contact with the fence: in all, first touch, last touch; where C_s was then [m].
+    """Times [s] at which the fence's force acts: how long in all, when first, when last; where C_s
+    was then [m]; and of the step before the last one, by which the force is continued, the force at
+    its end [N], its rate of change [N/s] and the step's length [s].
 
     Flags are 0.0 or 1.0: the state that diffrax carries is floating-point throughout.
     """
 
-    gap: Array
     total: Array
     first: Array
     last: Array
     x: Array
     y: Array
     touched: Array
+    force_before: Array
+    rate_before: Array
+    length_before: Array
 
 
 def _no_contact(nothing: Sample, body: Body) -> ContactTimes:
     zero = nothing.time
     return ContactTimes(
-        zero - 1, zero, zero + jnp.inf, zero - jnp.inf, body.x, body.y, zero
+        zero, zero + jnp.inf, zero - jnp.inf, body.x, body.y, zero, zero, zero, zero
     )
 
 
-def _gap(sample: Sample, scope: Scope) -> Array:
-    """The deepest gap of the corners that are over the fence; -1 m where there is none."""
-    gap = jnp.full_like(sample.time, -1.0)
-    for c in sample.fence:
-        assert scope.reach is not None
-        before_tip = c.place <= scope.reach
-        if scope.tip_contact:
-            before_tip = before_tip | (c.normal > 0)
-        over = (c.place >= 0) & before_tip
-        gap = jnp.maximum(gap, jnp.where(over, c.gap, -1.0))
-    return gap
+def _touch(step: Step) -> Array:
+    """Share of the step [1] after which the first of the corners that press at its end touched:
+    where its gap, linear over the step, passed zero; 0 where it was closed already."""
+    first = jnp.ones_like(step.now.time)
+    for was, now in zip(step.before.fence, step.now.fence, strict=True):
+        crossed = (was.gap < 0) & (now.gap > 0)
+        share = jnp.where(crossed, was.gap / jnp.where(crossed, was.gap - now.gap, 1.0), 0.0)
+        first = jnp.where(now.normal > 0, jnp.minimum(first, share), first)
+    return jnp.where(step.span.first, 0.0, first)
 
 
-def _update_contact(stay: ContactTimes, step: Step) -> ContactTimes:
-    """Contact begins and ends where the gap, linear over the step, passes zero."""
-    before, sample, span = step.before, step.now, step.span
-    gap = _gap(sample, step.scope)
-    # A start at the touch is one at the touch whatever round-off makes of it.
-    touch = span.first & (jnp.abs(gap) < 64 * jnp.finfo(gap.dtype).eps)
-    gap, length = jnp.where(touch, 0.0, gap), span.length
-    was, now = stay.gap > 0, gap > 0
-    change = gap - stay.gap
-    crossed = was != now
-    share = jnp.where(crossed, -stay.gap / jnp.where(crossed, change, 1.0), 0.0)
-    part = jnp.where(now, 1.0 - share, share)
-    lasted = length * jnp.where(crossed, part, jnp.where(now, 1.0, 0.0))
+class _Fall(NamedTuple):
+    """The rate of change [N/s] of the force over the step before the last one, and its length."""
+
+    rate: Array
+    length: Array
+
+
+def _last_change(step: Step, force_before: Array) -> _Fall:
+    length = step.span.length * step.span.ratio
+    change = step.before.fence_force - force_before
+    return _Fall(change / jnp.where(length > 0, length, 1.0), length)
+
+
+def _release(step: Step, state: ContactTimes, change: _Fall) -> Array:
+    """Share of the step [1] after which the force has ended: where the parabola through the last
+    three samples under load falls to zero.
+
+    At the end of a contact the force goes to zero at a finite rate, while the corner is still
+    pressed in: it recovers its shape more slowly than the two part. With N(s) = N_0 - b s + c s^2,
+    s = 2 N_0 / (b + sqrt(b^2 - 4 c N_0)).
+    """
+    force, length = step.before.fence_force, step.span.length
+    whole = change.length + state.length_before
+    bend = jnp.where(state.length_before > 0, change.rate - state.rate_before, 0.0)
+    bend = bend / jnp.where(whole > 0, whole, 1.0)
+    fall = -(change.rate + bend * change.length)
+    square = fall * fall - 4 * bend * force
+    ends = (fall > 0) & (square > 0) & (length > 0)
+    slope = jnp.where(ends, fall + jnp.sqrt(jnp.where(ends, square, 1.0)), 1.0)
+    share = 2 * force / (slope * jnp.where(length > 0, length, 1.0))
+    return jnp.where(ends, jnp.minimum(share, 1.0), 1.0)
+
+
+def _update_contact(state: ContactTimes, step: Step) -> ContactTimes:
+    before, now, length = step.before, step.now, step.span.length
+    was = (before.fence_force > 0) & ~step.span.first
+    acts = now.fence_force > 0
+    begins, ends = acts & ~was, was & ~acts
+    change = _last_change(step, state.force_before)
+    released = jnp.where(ends, _release(step, state, change), 0.0)
+    share = jnp.where(begins, _touch(step), released)
+    part = jnp.where(begins, 1.0 - share, jnp.where(ends, share, jnp.where(acts, 1.0, 0.0)))
     moment = before.time + share * length
-    fresh = now & ~was & (stay.touched == 0)
-    ended = was & ~now
-    pick = lambda old, new: jnp.where(ended, new, old)  # noqa: E731
-    between = lambda a, b: a + share * (b - a)  # noqa: E731
+
+    def between(a: Array, b: Array) -> Array:
+        return a + share * (b - a)
+
+    def latest(at_sample: Array, at_moment: Array, known: Array) -> Array:
+        return jnp.where(acts, at_sample, jnp.where(ends, at_moment, known))
+
     return ContactTimes(
-        gap,
-        stay.total + lasted,
-        jnp.where(fresh, moment, stay.first),
-        jnp.where(now, sample.time, pick(stay.last, moment)),
-        jnp.where(now, sample.body.x, pick(stay.x, between(before.body.x, sample.body.x))),
-        jnp.where(now, sample.body.y, pick(stay.y, between(before.body.y, sample.body.y))),
-        jnp.where(now, 1.0, stay.touched),
+        total=state.total + length * part,
+        first=jnp.where(begins & (state.touched == 0), moment, state.first),
+        last=latest(now.time, moment, state.last),
+        x=latest(now.body.x, between(before.body.x, now.body.x), state.x),
+        y=latest(now.body.y, between(before.body.y, now.body.y), state.y),
+        touched=jnp.where(acts, 1.0, state.touched),
+        force_before=before.fence_force,
+        rate_before=change.rate,
+        length_before=change.length,
     )
 
 

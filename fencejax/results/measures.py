@@ -95,29 +95,27 @@ _ROWS = (
         accumulators.IMPULSE, _itself, _USUAL, label="impulse", shown_unit="N s", digits=3,
     ),
     Measure(
-        "contact_time", "s", "time spent in contact with the fence", _POSITIVE,
+        "contact_time", "s", "how long the fence's force acts, in all", _POSITIVE,
         accumulators.CONTACT, lambda state: state.total, _USUAL, moment=True,
         label="contact", scale=1e3, shown_unit="ms", note="from {first_contact} to {last_contact}",
     ),
     Measure(
-        "first_contact", "s", "time of the first touch", _NONE,
+        "first_contact", "s", "time at which the fence's force begins", _NONE,
         accumulators.CONTACT, _of_contact("first"), _USUAL, moment=True,
         scale=1e3, shown_unit="ms",
     ),
     Measure(
-        "last_contact", "s",
-        "time of the last contact, D = 0; the force ends a little before it, where the two part "
-        "faster than the parcel recovers its shape",
-        _NONE, accumulators.CONTACT, _of_contact("last"), _USUAL, moment=True,
+        "last_contact", "s", "time at which the fence's force ends for the last time", _NONE,
+        accumulators.CONTACT, _of_contact("last"), _USUAL, moment=True,
         scale=1e3, shown_unit="ms",
     ),
     Measure(
-        "leave_x", "m", "x of C_s at the last contact, where the parcel leaves the fence", _NONE,
+        "leave_x", "m", "x of C_s where the fence's force ends for the last time", _NONE,
         accumulators.CONTACT, _of_contact("x"), _WIDE,
-        label="leaves at x", shown_unit="m", digits=3, note="y {leave_y} (C_s, last contact)",
+        label="leaves at x", shown_unit="m", digits=3, note="y {leave_y} (C_s, end of the force)",
     ),
     Measure(
-        "leave_y", "m", "y of C_s at the last contact", _NONE,
+        "leave_y", "m", "y of C_s where the fence's force ends for the last time", _NONE,
         accumulators.CONTACT, _of_contact("y"), _USUAL, shown_unit="m", digits=3,
     ),
     Measure(

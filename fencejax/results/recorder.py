@@ -8,11 +8,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..fidelity import Smoothing
 from ..model import FlexibleLink, Mechanics, NormalState, SceneState
 from ..parts import Parcel
 from ..scenes import Body
 from . import accumulators
-from .accumulators import Accumulator, Scope, Step
+from .accumulators import Accumulator, Step
 from .measures import Measure
 from .peak import Span
 from .resolution import RESOLUTION
@@ -37,12 +38,12 @@ class Record(NamedTuple):
 class AbstractRecorder(eqx.Module):
     """An observer of a time loop that keeps running results.
 
-    - `scope`: what accumulators have to know of the scene.
+    - `smoothing`: how dry friction is smoothed.
     - `wanted`: the accumulators that run, each after those it needs.
     - `alike`: whether all steps are of one length.
     """
 
-    scope: eqx.AbstractVar[Scope]
+    smoothing: eqx.AbstractVar[Smoothing]
     wanted: eqx.AbstractVar[tuple[Accumulator, ...]]
     alike: eqx.AbstractVar[bool]
 
@@ -69,7 +70,7 @@ class AbstractRecorder(eqx.Module):
         span = Span(length, first, ratio)
         # Times count from the scene's first sample.
         second = ~first & (before.time == 0)
-        step = Step(before, now, span, second, unbalance, self.scope, record.states)
+        step = Step(before, now, span, second, unbalance, self.smoothing, record.states)
         states = {each.name: each.update(record.states[each.name], step) for each in self.wanted}
         return Record(now, None if record.length is None else length, states)
 
@@ -102,14 +103,13 @@ class SceneRecorder(AbstractRecorder):
     """Of a scene in the plane."""
 
     mechanics: Mechanics
-    scope: Scope
+    smoothing: Smoothing = eqx.field(static=True)
     wanted: tuple[Accumulator, ...] = eqx.field(static=True)
     alike: bool = eqx.field(static=True)
 
     def __init__(self, mechanics: Mechanics, wanted: tuple[Accumulator, ...], alike: bool):
         self.mechanics, self.wanted, self.alike = mechanics, wanted, alike
-        reach = None if mechanics.link is None else mechanics.link.reach
-        self.scope = Scope(reach, bool(mechanics.sides), mechanics.fidelity.smoothing)
+        self.smoothing = mechanics.fidelity.smoothing
 
     def sample(self, state: SceneState) -> Sample:
         return describe(self.mechanics, *state)
@@ -120,7 +120,7 @@ class NormalRecorder(AbstractRecorder):
 
     parcel: Parcel
     link: FlexibleLink | None
-    scope: Scope
+    smoothing: Smoothing = eqx.field(static=True)
     wanted: tuple[Accumulator, ...] = eqx.field(static=True)
     alike: bool = eqx.field(static=True)
 
@@ -128,8 +128,8 @@ class NormalRecorder(AbstractRecorder):
         self, parcel: Parcel, link: FlexibleLink | None, wanted: tuple[Accumulator, ...]
     ):
         self.parcel, self.link, self.wanted, self.alike = parcel, link, wanted, True
-        reach = jnp.zeros_like(parcel.mass) if link is None else link.reach
-        self.scope = Scope(reach)
+        # Nothing slides: any smoothing does.
+        self.smoothing = Smoothing(1.0, 1.0)
 
     def sample(self, state: NormalState) -> Sample:
         return describe_normal(self.parcel, self.link, state)

@@ -11,8 +11,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..fidelity import Smoothing
 from ..scenes import Body
-from .accumulators import BORDER, CONTACT, FORCE, Accumulator, Scope, Step, border_force
+from .accumulators import BORDER, CONTACT, FORCE, Accumulator, Step, border_force
 from .peak import Peak, second_difference
 from .sample import Sample
 
@@ -77,7 +78,7 @@ def _slip(sample: Sample) -> Slip:
 
 
 def _creep_time(
-    before: Slip, now: Slip, sample: Sample, length: Array, scope: Scope, known: Array
+    before: Slip, now: Slip, sample: Sample, length: Array, smoothing: Smoothing, known: Array
 ) -> Array:
     """How long C_s has crept on the belt under the fence's force [s]: its slip s was above 2 eps,
     up to which the belt holds with nine tenths of the largest static friction; counted by what
@@ -85,7 +86,7 @@ def _creep_time(
     straight, its size linearly down to the least and up again."""
     if sample.belt is None:
         return known
-    least, scale = 2 * scope.smoothing.slip_speed, scope.smoothing.static_speed
+    least, scale = 2 * smoothing.slip_speed, smoothing.static_speed
     x_change, y_change = now.x - before.x, now.y - before.y
     square = x_change**2 + y_change**2
     where = -(before.x * x_change + before.y * y_change) / jnp.where(square > 0, square, 1.0)
@@ -107,23 +108,23 @@ def _creep_time(
     return known + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
 
 
-def _sliding_reversed(before: Sample, sample: Sample, scope: Scope, known: Array) -> Array:
+def _sliding_reversed(before: Sample, sample: Sample, smoothing: Smoothing, known: Array) -> Array:
     """1.0 from when a corner pressed on the fence has come to rest on it or turned round."""
     for was, now in zip(before.fence, sample.fence, strict=True):
         pressed = (was.normal > 0) & (now.normal > 0)
-        rests = jnp.abs(now.sliding) < scope.smoothing.slip_speed
+        rests = jnp.abs(now.sliding) < smoothing.slip_speed
         turns = pressed & (rests | (was.sliding * now.sliding < 0))
         known = jnp.where(turns, 1.0, known)
     return known
 
 
 def _belt_slip_reversed(
-    before: Slip, now: Slip, sample: Sample, scope: Scope, known: Array
+    before: Slip, now: Slip, sample: Sample, smoothing: Smoothing, known: Array
 ) -> Array:
     """1.0 from when C_s, pressed by the fence, has turned round on the belt from step to step."""
     if sample.belt is None or not sample.fence:
         return known
-    slides = jnp.maximum(before.speed, now.speed) > 2 * scope.smoothing.slip_speed
+    slides = jnp.maximum(before.speed, now.speed) > 2 * smoothing.slip_speed
     turns = (before.x * now.x + before.y * now.y < 0) & slides & (sample.fence_force > 0)
     return jnp.where(turns, 1.0, known)
 
@@ -161,18 +162,18 @@ def _start(nothing: Sample, body: Body) -> Resolution:
 
 
 def _update(state: Resolution, step: Step) -> Resolution:
-    before, now, length, scope = step.before, step.now, step.span.length, step.scope
+    before, now, length, smoothing = step.before, step.now, step.span.length, step.smoothing
     force, border = step.known["force"], step.known["border"]
     roughness = second_difference(force.before, force.now, now.fence_force, step.span, step.second)
     slip_before, slip = _slip(before), _slip(now)
-    creep_time = _creep_time(slip_before, slip, now, length, scope, state.creep_time)
+    creep_time = _creep_time(slip_before, slip, now, length, smoothing, state.creep_time)
     at_border = border_force(now)
     of_border = second_difference(border.before, border.now, at_border, step.span, step.second)
     apart = (step.known["contact"].touched > 0) & (now.fence_force <= 0)
     separated = jnp.where(apart, 1.0, state.separated)
     roughest = jnp.maximum(state.roughness, roughness)
-    reversed_ = _sliding_reversed(before, now, scope, state.sliding_reversed)
-    on_belt = _belt_slip_reversed(slip_before, slip, now, scope, state.belt_slip_reversed)
+    reversed_ = _sliding_reversed(before, now, smoothing, state.sliding_reversed)
+    on_belt = _belt_slip_reversed(slip_before, slip, now, smoothing, state.belt_slip_reversed)
     at_peak = AtPeak(slip.speed, creep_time, now.over_tip, separated * roughest, reversed_, on_belt)
     acceleration = _residual_acceleration(now, roughness, length)
     return Resolution(

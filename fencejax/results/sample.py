@@ -65,6 +65,7 @@ class Sample(NamedTuple):
     fence_force: Array
     over_tip: Array
     tip_deflection: Array
+    """Of the tip from the rigid link's line [m], positive where a parcel bends it."""
     stress: Array
     stress_place: Array
     torque: Array
@@ -149,9 +150,10 @@ def carried(fence: FenceState) -> tuple[tuple[Array, Array], ...]:
 
 
 def bent(link: FlexibleLink, fence: FenceState) -> tuple[Array, Array, Array]:
-    """Deflection of the tip [m], the largest bending stress [Pa] and its arc coordinate [m]."""
+    """Deflection of the tip [m], positive where a parcel bends it, the largest bending stress [Pa]
+    and its arc coordinate [m]."""
     amplitude = fence.vibration.amplitude
-    tip = link.tip_deflection(amplitude, fence.lagged, fence.shapes)
+    tip = -link.tip_deflection(amplitude, fence.lagged, fence.shapes)
     stresses = link.bending_stress(amplitude, fence.lagged, fence.shapes)
     worst = jnp.argmax(stresses)
     return tip, stresses[worst], link.rigid_length + link.stations[worst]
