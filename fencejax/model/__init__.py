@@ -47,6 +47,7 @@ from .mechanics import (
     FenceFrame as FenceFrame,
     Forces as Forces,
     Mechanics as Mechanics,
+    Meeting as Meeting,
     force_tolerance as force_tolerance,
 )
 from .mode_shapes import (

@@ -1,20 +1,21 @@
 """What a scene is made of, as a designer writes it: fence, material, taper, drive, parcel, contact
-law, belt, border, friction law, and units. Parts know no scene and no instant: a contact law here
-is a function of a gap and its rate, a friction law one of a speed, and what acts when is the
-model's.
+law, belt, still surfaces, friction law, and units. Parts know no scene and no instant: a contact
+law here is a function of a gap and its rate, a friction law one of a speed, a surface one of a
+point, and what acts when is the model's.
 
-May import: `_check` alone. A new taper, drive, contact law or friction law is a subclass of
-`AbstractTaper`, `AbstractDrive`, `AbstractContactLaw` or `AbstractFriction` in a file of its own,
-exported by its folder; every number in it is an array field, with its `Bounds`.
+May import: `_check` alone. A new taper, drive, contact law, friction law or surface is a subclass
+of `AbstractTaper`, `AbstractDrive`, `AbstractContactLaw`, `AbstractFriction` or `AbstractSurface`
+in a file of its own, exported by its folder; every number in it is an array field, with its
+`Bounds`.
 """
 
 from . import (
     contact_laws as contact_laws,
     friction_laws as friction_laws,
+    surfaces as surfaces,
 )
 from .belt import (
     Belt as Belt,
-    Border as Border,
 )
 from .contact_laws import (
     AbstractContactLaw as AbstractContactLaw,
@@ -46,6 +47,11 @@ from .material import (
 from .parcel import (
     SIDES as SIDES,
     Parcel as Parcel,
+)
+from .surfaces import (
+    AbstractSurface as AbstractSurface,
+    Border as Border,
+    SurfacePoint as SurfacePoint,
 )
 from .taper import (
     AbstractTaper as AbstractTaper,

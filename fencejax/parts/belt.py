@@ -1,6 +1,6 @@
-"""The belt the parcel lies on, and the border beside it."""
+"""The belt the parcel lies on."""
 
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, ArrayLike
@@ -42,13 +42,3 @@ class Belt(eqx.Module):
         self.width = _check.field(self, "width", width)
         self.friction = Friction(kinetic=0.65, static=0.85) if friction is None else friction
         self.gravity = _check.field(self, "gravity", gravity)
-
-
-class Border(eqx.Module):
-    """The conveyor border: a still wall along y = 0 with the normal (0, 1)."""
-
-    friction: AbstractFriction | None
-
-    def __init__(self, friction: AbstractFriction | None | Literal["default"] = "default"):
-        """**Arguments:** `friction`: default kinetic 0.35, static 0.5; `None` for none."""
-        self.friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction

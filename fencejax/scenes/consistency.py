@@ -24,7 +24,8 @@ def _bounded(part: Any):
         if value is not None:
             yield jnp.all(bounds.holds(value))
     for inner in vars(part).values():
-        yield from _bounded(inner)
+        for each in inner if isinstance(inner, tuple) else (inner,):
+            yield from _bounded(each)
 
 
 def _within(value: Array, least: Array | float, most: Array) -> Array:

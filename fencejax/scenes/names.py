@@ -13,6 +13,7 @@ from .._check import Bounds
 from ..parts import (
     AbstractContactLaw,
     AbstractFriction,
+    AbstractSurface,
     Belt,
     ConstantSpeedDrive,
     Fence,
@@ -165,19 +166,23 @@ PATHS: Mapping[str, tuple[str, ...]] = {
 _BY_PATH = {number.path: number for number in NUMBERS}
 _TAPER = "fence.taper."
 # Where a scene holds a law that has numbers of its own.
-_LAWS: Mapping[str, type[AbstractContactLaw] | type[AbstractFriction]] = {
+_LAWS: Mapping[
+    str, type[AbstractContactLaw] | type[AbstractFriction] | type[AbstractSurface]
+] = {
     "parcel.contact": AbstractContactLaw,
     "belt.friction": AbstractFriction,
     "fence_friction": AbstractFriction,
     "border.friction": AbstractFriction,
+    "surfaces": AbstractSurface,
+    "surfaces.friction": AbstractFriction,
 }
 
 
 def _of_law(path: str) -> Number | None:
     """The number of a law, by the `bounds` of whichever class of that kind has such a field."""
-    place, _, field = path.rpartition(".")
+    place, _, field = re.sub(r"\[\d+\]", "", path).rpartition(".")
     laws = _LAWS[place].__subclasses__() if place in _LAWS else ()
-    found = {_of(law, path) for law in laws if field in law.bounds}
+    found = {_of(law, path, field=field) for law in laws if field in law.bounds}
     return found.pop() if len(found) == 1 else None
 
 

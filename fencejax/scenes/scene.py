@@ -4,7 +4,7 @@
 import equinox as eqx
 from jaxtyping import Array
 
-from ..parts import AbstractDrive, AbstractFriction, Belt, Border, Fence, Parcel
+from ..parts import AbstractDrive, AbstractFriction, AbstractSurface, Belt, Border, Fence, Parcel
 from .start import AbstractStart
 
 
@@ -25,6 +25,8 @@ class Scene(eqx.Module):
     border_corners: tuple[int, ...] = eqx.field(static=True)
     duration: float = eqx.field(static=True)
     tip_contact: bool = eqx.field(static=True, default=False)
+    surfaces: tuple[AbstractSurface, ...] = ()
+    surface_corners: tuple[int, ...] = eqx.field(static=True, default=())
 
 
 class NormalScene(eqx.Module):
