@@ -60,6 +60,7 @@ from .parts import (
     Uniform as Uniform,
     contact_laws as contact_laws,
     friction_laws as friction_laws,
+    surfaces as surfaces,
 )
 from .results import (
     ErrorEstimate as ErrorEstimate,
@@ -169,6 +170,7 @@ __all__ = [
     "shock",
     "simulate",
     "study",
+    "surfaces",
     "tune_compiler",
     "verify",
 ]

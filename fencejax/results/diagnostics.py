@@ -65,6 +65,7 @@ class Evidence(NamedTuple):
     force: Peak
     tip: Peak
     border: Peak
+    surface: Peak | None
     touched: Array
     deepest: Array
     over_tip: Array
@@ -81,6 +82,7 @@ def evidence(record: Record) -> Evidence:
             states["force"],
             states["tip"],
             states["border"],
+            states["surface"],
             states["contact"].touched,
             *(states[name] for name in ("deepest", "over_tip", "unbalance", "resolution")),
         )
@@ -144,13 +146,16 @@ def of_record(
     parcel = scene.parcel
     side = jnp.minimum(parcel.length, parcel.breadth)
     checks = [(Status.DEEP_PENETRATION, seen.deepest > side / 2)]
-    forces = jnp.maximum(seen.force.value, seen.border.value)
+    still = seen.border.value
+    if seen.surface is not None:
+        still = jnp.maximum(still, seen.surface.value)
+    forces = jnp.maximum(seen.force.value, still)
     weight = parcel.mass * (0.0 if scene.belt is None else scene.belt.gravity)
     # Where the fence is touched its force must be right beside a large weight, too.
     share = max(1e-3, 4 * force_tolerance(parcel.mass.dtype))
     allowed = share * (forces + jnp.where(seen.touched > 0, 0.0, weight))
     checks.append((Status.STEP_TOO_COARSE, seen.unbalance > allowed + 1e-9))
-    at_border = _ROUGHNESS * seen.border.value + _NEGLIGIBLE_ROUGHNESS * forces
+    at_border = _ROUGHNESS * still + _NEGLIGIBLE_ROUGHNESS * forces
     checks.append((Status.STEP_TOO_COARSE, seen.resolution.border_roughness > at_border))
     again = seen.resolution.at_peak.rebound_roughness > _REBOUND_ROUGHNESS * seen.force.value
     checks.append((Status.STEP_TOO_COARSE, again))
