@@ -6,3 +6,4 @@ from .abstract import (
     SurfacePoint as SurfacePoint,
 )
 from .border import Border as Border
+from .deflector import Deflector as Deflector
