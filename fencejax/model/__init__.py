@@ -10,10 +10,17 @@ from .beam import (
     hermite_slope as hermite_slope,
 )
 from .belt_contact import (
+    BeltContact as BeltContact,
     BeltForce as BeltForce,
 )
 from .contact import (
     fade as fade,
+)
+from .fence_geometry import (
+    Arc as Arc,
+    FencePoint as FencePoint,
+    arc_point as arc_point,
+    small_point as small_point,
 )
 from .fence_state import (
     FenceState as FenceState,
@@ -22,8 +29,6 @@ from .fence_state import (
 )
 from .flexible_link import (
     SWING_STEPS as SWING_STEPS,
-    Arc as Arc,
-    FencePoint as FencePoint,
     FlexibleLink as FlexibleLink,
     Shape as Shape,
     Vibration as Vibration,

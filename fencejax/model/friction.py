@@ -10,8 +10,11 @@ from ..parts import AbstractFriction
 def corner_share(
     friction: AbstractFriction, sliding: Array, smoothing: Smoothing
 ) -> tuple[Array, Array]:
-    """Friction on a corner along the tangent as a share of its normal force, (2.19)_4 smoothed:
-    -mu(w) w / sqrt(w^2 + eps^2) [1], with w the sliding speed [m/s]; and its derivative in w."""
+    """Friction on a corner along the tangent as a share of its normal force:
+    -mu(w) w / sqrt(w^2 + eps^2) [1], with w the sliding speed [m/s]; and its derivative in w.
+
+    Paper: (2.19)_4. There with the sign of w, unsmoothed.
+    """
     square = sliding * sliding
     mu, slope = friction.coefficient(square, smoothing.static_speed)
     inverse = jax.lax.rsqrt(square + smoothing.slip_speed**2)
@@ -22,14 +25,15 @@ def corner_share(
 def belt_grip(
     friction: AbstractFriction, weight: Array, speed_squared: Array, smoothing: Smoothing
 ) -> tuple[Array, Array]:
-    """Goyal's limit surface (2.19)_1-3 as a viscosity [N s/m]: grip = F_max / S, with
-    F_max = mu_1 m_p g (2.20) and S = sqrt(s^2 + eps^2), s^2 = |u|^2 + c^2 phidot^2; and its
-    derivative in s^2.
+    """Goyal's limit surface as a viscosity [N s/m]: grip = F_max / S, with F_max = mu_1 m_p g and
+    S = sqrt(s^2 + eps^2), s^2 = |u|^2 + c^2 phidot^2; and its derivative in s^2.
 
     The belt then acts on the parcel with F_1 = grip u and T = -grip c^2 phidot, where u is the
     belt's velocity less the parcel's [m/s], phidot the parcel's spin [rad/s] and c the mean
     distance of its points from the centre of gravity [m]. `weight` is m_p g [N] and
     `speed_squared` s^2, which is also what mu_1 is taken at. The belt dissipates grip s^2 [W].
+
+    Paper: (2.19)_1-3, (2.20).
     """
     mu, slope = friction.coefficient(speed_squared, smoothing.static_speed)
     inverse = jax.lax.rsqrt(speed_squared + smoothing.slip_speed**2)

@@ -176,7 +176,7 @@ def test_numbers_of_the_law_have_names_and_units():
     scene = fj.scenes.rigid_wall(parcel=fj.Parcel(contact=LAW))
     path = fj.scene_numbers.resolve(scene, "dissipation")
     assert path == "parcel.contact.dissipation"
-    assert fj.scene_numbers.unit(path) == "s/m"
+    assert fj.scene_numbers.number(scene, path).unit == "s/m"
     (value,) = fj.scene_numbers.read(scene, ["secant_stiffness"])
     assert float(value) == 6.065e5
     assert not [name for name in fj.scene_numbers.names(scene) if name == "parcel.stiffness"]

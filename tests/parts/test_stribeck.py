@@ -87,6 +87,6 @@ def test_numbers_of_the_law_have_names_and_units():
     law = fj.friction_laws.Stribeck(**POINT)
     scene = fj.scenes.whole_sort(belt=fj.Belt(friction=law), fence_friction=law)
     path = fj.scene_numbers.resolve(scene, "belt.friction.stribeck_speed")
-    assert fj.scene_numbers.unit(path) == "m/s"
+    assert fj.scene_numbers.number(scene, path).unit == "m/s"
     assert fj.scene_numbers.resolve(scene, "belt_kinetic_friction") == "belt.friction.kinetic"
-    assert fj.scene_numbers.unit("fence_friction.viscous") == "s/m"
+    assert fj.scene_numbers.number(scene, "fence_friction.viscous").unit == "s/m"

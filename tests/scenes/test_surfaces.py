@@ -56,5 +56,6 @@ def test_what_is_no_surface_or_is_entered_at_the_start_is_refused():
 
 
 def test_numbers_of_a_surface_have_units():
-    assert fj.scene_numbers.resolve(FALL, "surfaces[0].friction.kinetic")
-    assert fj.scene_numbers.unit("surfaces[0].friction.kinetic") == "1"
+    scene = dataclasses.replace(FALL, surfaces=(fj.Border(), fj.Border(None)))
+    number = fj.scene_numbers.number(scene, "surfaces[0].friction.kinetic")
+    assert number.bounds == fj.Friction.bounds["kinetic"]

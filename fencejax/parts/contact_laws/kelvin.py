@@ -15,10 +15,12 @@ _MOST, _POINTS = 60.0, 600
 
 
 class Kelvin(AbstractContactLaw):
-    """Modified Kelvin model (2.2): N = max(0, b_p m_p^0.4 Ddot D^2 + k_p D^4) for D > 0, else 0.
+    """Modified Kelvin model: N = max(0, b_p m_p^0.4 Ddot D^2 + k_p D^4) for D > 0, else 0.
 
     The law is continuously differentiable at D = 0, so that the onset needs no smoothing. Its
     restitution against a rigid wall depends on b_p v^0.2 / k_p^0.6 alone.
+
+    Paper: (2.2).
     """
 
     stiffness: Array
@@ -39,7 +41,7 @@ class Kelvin(AbstractContactLaw):
         self.damping = _check.field(self, "damping", damping)
 
     def viscosity(self, mass):
-        """b_p m_p^0.4 [N s / m^3], the coefficient of Ddot D^2 in (2.2)."""
+        """b_p m_p^0.4 [N s / m^3], the coefficient of Ddot D^2 in the law."""
         return self.damping * mass**0.4
 
     def force(self, gap, gap_rate, viscosity):

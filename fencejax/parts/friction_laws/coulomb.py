@@ -12,7 +12,11 @@ from .abstract import AbstractFriction, FrictionScales
 
 class Friction(AbstractFriction):
     """Coulomb friction with a static and a kinetic coefficient, smoothed where it jumps at rest:
-    mu(w) = mu_k + (mu_s - mu_k) exp(-(w / w_s)^2), w_s the `static_speed` of the fidelity."""
+    mu(w) = mu_k + (mu_s - mu_k) exp(-(w / w_s)^2), w_s the `static_speed` of the fidelity.
+
+    Paper: (2.21)-(2.24). There what is at rest is a case of its own, held by the other forces; this
+    law tends to it as w_s and eps fall.
+    """
 
     kinetic: Array
     static: Array

@@ -9,7 +9,10 @@ from .abstract import AbstractSurface, SurfacePoint
 
 
 class Border(AbstractSurface):
-    """The conveyor border: a still wall along y = 0 with the normal (0, 1), (2.34): D = -y."""
+    """The conveyor border: a still wall along y = 0 with the normal (0, 1): D = -y.
+
+    Paper: (2.34).
+    """
 
     friction: AbstractFriction | None
 
