@@ -186,7 +186,7 @@ def test_flags():
     assert configure(["--quick"]).ladder == "quick"
     with pytest.raises(ValueError, match="`repeats` must be at least 3"):
         configure(["--repeats", "1"])
-    with pytest.raises(ValueError, match="`scene` must be of"):
+    with pytest.raises(ValueError, match="`scene` must be one of"):
         WorkPrecisionConfig(scene=("wall",))
 
 

@@ -302,8 +302,7 @@ def test_every_parameter_is_a_number_of_some_scene():
     scene = fj.scenes.whole_sort()
     for name, variable in identify.PARAMETERS.items():
         if name != identify.OFFSET:
-            path = scene_numbers.resolve(scene, name)
-            assert scene_numbers.unit(path) == variable.unit
+            assert scene_numbers.number(scene, name).unit == variable.unit
 
 
 @pytest.fixture(scope="module")

@@ -204,7 +204,7 @@ def test_every_number_has_a_name_a_unit_and_a_place(kind):
     paths = scene_numbers.names(scene)
     short = [scene_numbers.short(scene, path) for path in paths]
     assert [scene_numbers.resolve(scene, name) for name in short] == list(paths)
-    assert all(len(dimension(scene_numbers.unit(path))) == 3 for path in paths)
+    assert all(len(dimension(scene_numbers.number(scene, path).unit)) == 3 for path in paths)
     numbers = np.asarray(scene_numbers.values(scene))
     again = scene_numbers.values(scene_numbers.with_values(scene, numbers))
     np.testing.assert_array_equal(again, numbers)
@@ -272,7 +272,7 @@ def test_rules_of_the_rigid_wall(wall):
     )
     batch = wall.slopes(lanes)
     found = sensitivity.elasticities(batch.values, batch.slopes, lanes)
-    units = [scene_numbers.unit(name) for name in wall.names]
+    units = [scene_numbers.number(wall.scene, name).unit for name in wall.names]
     rules = sensitivity.unit_rules(found, units, ["N", "N s", "s"])
     # Mass and length to the tolerance of the implicit steps, 1e-9.
     assert np.max(np.abs(rules[..., :2])) < 1e-7
