@@ -11,7 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 
-_FORMAT = 1
+_FORMAT = 2
 
 
 def _address(point, data: Any) -> str:
@@ -77,7 +77,9 @@ class Journal:
             objectives, margins = parts[0], parts[1]
             parts[3] = parts[3].reshape(margins.size, -1 if margins.size else parts[2].shape[-1])
             parts[2] = parts[2].reshape(objectives.size, -1)
-            self._known[name] = [p.astype(float) for p in parts[:4]] + [parts[4].astype(int)]
+            self._known[name] = [
+                *(p.astype(float) for p in parts[:4]), *(p.astype(int) for p in parts[4:]),
+            ]  # fmt: skip
 
     def __len__(self) -> int:
         """Number of evaluations that are known."""

@@ -108,6 +108,7 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
         row["verified"] = {
             "fidelity": tradeoff.config.verify,
             "confirmed": point.verified.confirmed,
+            "doubts": point.verified.doubts,
             "peak_force": point.finer.force,
             tradeoff.quantity.name: point.finer.other,
             "error": point.verified.error,
@@ -148,7 +149,7 @@ def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
             "recalled": journal.recalled,
             "elapsed": time.perf_counter() - begin,
             "start": {
-                "design": tradeoff.space.named(tradeoff.space.from_unconstrained(tradeoff.start)),
+                "design": tradeoff.space.named(tradeoff.space.from_shares(tradeoff.start)),
                 "peak_force": tracer.start.force,
                 tradeoff.quantity.name: tracer.start.other,
             },

@@ -12,7 +12,8 @@ or a fresh batch at every step. Either way the paper's fence and the design foun
 fresh sample that the search has not seen, with intervals: bootstrap for the measure, exact ones
 for the shares of parcels that hold the limits.
 
-Parcels whose numbers are bad are left out, counted and reported, and count as breaking the limits.
+Parcels whose numbers are in doubt at the chosen fidelity are computed again at a finer one. Those
+without numbers are left out, counted and reported, and count as breaking the limits.
 Every evaluation is written to `evaluations.jsonl` at once: the same command with the same folder
 goes on where it was interrupted.
 """
@@ -136,7 +137,7 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
         pairs, config.measure, config.level, config.resamples, config.confidence, config.seed
     )
     before, after = (
-        np.asarray(population.space.from_unconstrained(z)) for z in (population.start, found.point)
+        np.asarray(population.space.from_shares(z)) for z in (population.start, found.point)
     )
     outcome = Outcome(
         config, found, before, after, judged, ratio, time.perf_counter() - begin

@@ -165,13 +165,11 @@ def test_horizons_and_steps(duration, step):
     assert float(result.peak_force) == pytest.approx(truth, rel=1e-3) or duration < 1e-3
 
 
-@pytest.mark.parametrize("name", ["coarse", "standard"])
-def test_single_precision(name):
+def test_single_precision():
+    # Short steps are the harder ones; the gradient below is that of `coarse`.
     scene = fj.scenes.oblique_impact(duration=0.08)
-    result = fj.simulate(
-        scene, fidelity=getattr(fj.Fidelity, name)(precision="float32"), only=("peak_force",)
-    )
-    double = fj.simulate(scene, fidelity=getattr(fj.Fidelity, name)(), only=("peak_force",))
+    result = fj.simulate(scene, fidelity=fj.Fidelity(precision="float32"), only=("peak_force",))
+    double = fj.simulate(scene, fidelity=fj.Fidelity(), only=("peak_force",))
     assert int(result.status) == int(double.status)
     # A step's forces are balanced to 2e-3.
     assert float(result.peak_force) == pytest.approx(float(double.peak_force), rel=2e-3)
