@@ -148,6 +148,7 @@ _ROWS = (
     Measure(
         "peak_surface_force", "N", "largest normal force of the surfaces besides the border on the "
         "parcel (all together)", _POSITIVE, accumulators.SURFACE, _value, _USUAL,
+        label="surface force", shown_unit="N", note="largest",
     ),
     Measure(
         "deepest", "m", "largest gap D of a corner under load: how far it was pressed in",
