@@ -76,9 +76,6 @@ _SIGNALS = {
     "drive_angle": ("drive angle [rad]", 1.0, lambda h: _drive(h, "angle")),
     "drive_speed": ("drive speed [rad/s]", 1.0, lambda h: _drive(h, "speed")),
     "border_force": ("force of the border [N]", 1.0, lambda h: _total(h.border)),
-    "surface_force": (
-        "force of other surfaces [N]", 1.0, lambda h: _total(sum(h.surfaces, ())),
-    ),
     "belt_force": ("belt friction [N]", 1.0, _belt_force),
     "parcel_x": ("parcel, x [m]", 1.0, lambda h: h.body.x),
     "parcel_y": ("parcel, y [m]", 1.0, lambda h: h.body.y),
