@@ -87,6 +87,7 @@ from .study import (
     run_sweep as run_sweep,
     sampling as sampling,
     sensitivity as sensitivity,
+    simulate_many as simulate_many,
 )
 
 scene_numbers = scenes.numbers
@@ -166,6 +167,7 @@ __all__ = [
     "severity",
     "shock",
     "simulate",
+    "simulate_many",
     "study",
     "tune_compiler",
     "verify",
