@@ -81,7 +81,8 @@ def _key(config: RobustConfig) -> str:
         "scenes", "severity", "measure", "level", "fraction", "tip_limit", "stress_limit",
         "crossing", "variables", "bounds", "seconds", "fidelity",
     )  # fmt: skip
-    return repr([getattr(config, name) for name in names])
+    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
+    return repr([getattr(config, name) for name in names]) + repr(ladder)
 
 
 def _judgement(population: Population, read: dict[str, np.ndarray]) -> Judgement:
