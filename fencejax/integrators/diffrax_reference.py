@@ -121,19 +121,24 @@ def run(
 
     times = clock.step * jnp.arange(steps + 1, dtype=body.x.dtype)
     tolerance = fidelity.tolerance
-    solvers = {"kvaerno5": diffrax.Kvaerno5, "tsit5": diffrax.Tsit5}
+    solver = fidelity.integrator
+    if isinstance(solver, str):
+        solver = {"kvaerno5": diffrax.Kvaerno5, "tsit5": diffrax.Tsit5}[solver]()
+    first_step, controller = clock.step, diffrax.ConstantStepSize()
+    if isinstance(solver, diffrax.AbstractAdaptiveSolver):
+        # A state that is not a number is refused at every length: it ends at the shortest step.
+        first_step, controller = 1e-6, diffrax.PIDController(
+            rtol=tolerance, atol=1e-3 * tolerance, dtmin=1e-12, force_dtmin=False
+        )
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
-        solvers[fidelity.integrator](),
+        solver,
         t0=times[0],
         t1=times[-1],
-        dt0=1e-6,
+        dt0=first_step,
         y0=(body, vibration),
         saveat=diffrax.SaveAt(ts=times),
-        # A state that is not a number is refused at every length: it ends at the shortest step.
-        stepsize_controller=diffrax.PIDController(
-            rtol=tolerance, atol=1e-3 * tolerance, dtmin=1e-12, force_dtmin=False
-        ),
+        stepsize_controller=controller,
         adjoint=adjoint(fidelity),
         max_steps=500_000,
         throw=False,
