@@ -55,7 +55,8 @@ class Result(eqx.Module):
         return [*super().__dir__(), *self.measures]
 
     def __str__(self) -> str:
-        named = {**self.measures, "start_time": self.start_time, "status": self.status}
+        named = {name: self.measures[name] for name in self._names}
+        named |= {"start_time": self.start_time, "status": self.status}
         named = {name: leaf for name, leaf in named.items() if leaf is not None}
         if any(isinstance(leaf, Tracer) for leaf in named.values()):
             return "Result(traced)"
@@ -64,13 +65,16 @@ class Result(eqx.Module):
         if self.status.ndim:
             return self._summary()
         rows = [("status", Status(int(self.status)).text)]
-        # Compiled, a dictionary comes back in alphabetical order.
-        order = [*(n for n in MEASURES if n in self.measures)]
-        order += [n for n in self.measures if n not in MEASURES]
-        rows += [row for name in order if (row := self._row(name))]
+        rows += [row for name in self._names if (row := self._row(name))]
         rows.append(("energy residual", f"{self.energy.residual:.2e} J"))
         text = "\n".join(f"{name:>16}  {value}".rstrip() for name, value in rows)
         return text if self.error is None else f"{text}\n{'errors':>16}  estimated:\n{self.error}"
+
+    @property
+    def _names(self) -> list[str]:
+        """The measures in the order of their table: compiled, a dictionary comes back sorted."""
+        known = [name for name in MEASURES if name in self.measures]
+        return [*known, *(name for name in self.measures if name not in MEASURES)]
 
     def _summary(self) -> str:
         """A line on a batch."""
