@@ -59,6 +59,9 @@ from .parts import (
     SteppedTaper as SteppedTaper,
     TrapezoidDrive as TrapezoidDrive,
     Uniform as Uniform,
+    contact_laws as contact_laws,
+    friction_laws as friction_laws,
+    surfaces as surfaces,
 )
 from .results import (
     ErrorEstimate as ErrorEstimate,
@@ -144,8 +147,10 @@ __all__ = [
     "Uniform",
     "Verification",
     "choose_fidelity",
+    "contact_laws",
     "design",
     "estimate_gradient_error",
+    "friction_laws",
     "good",
     "holds",
     "identify",
@@ -169,6 +174,7 @@ __all__ = [
     "simulate",
     "simulate_many",
     "study",
+    "surfaces",
     "tune_compiler",
     "verify",
 ]

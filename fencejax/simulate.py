@@ -250,7 +250,7 @@ def _result(scene, fidelity: Fidelity, history: bool, only, own=()) -> Result:
 def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory]:
     """What the integrator begins with: the parts made ready, the clock, and the state at the
     start."""
-    touching = scene.fence_corners or scene.border_corners
+    touching = scene.fence_corners or scene.border_corners or scene.surfaces
     fidelity = fidelity.settled(scene.duration if touching else 0.0)
     good = sound(scene)
     steps = time_loop.count_steps(scene.duration, fidelity.step)
