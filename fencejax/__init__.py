@@ -90,6 +90,7 @@ from .study import (
     run_sweep as run_sweep,
     sampling as sampling,
     sensitivity as sensitivity,
+    simulate_many as simulate_many,
 )
 
 scene_numbers = scenes.numbers
@@ -171,6 +172,7 @@ __all__ = [
     "severity",
     "shock",
     "simulate",
+    "simulate_many",
     "study",
     "surfaces",
     "tune_compiler",

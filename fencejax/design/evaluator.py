@@ -110,7 +110,7 @@ class Evaluator:
             numbers.margins,
             numbers.objective_rows / scale,
             numbers.margin_rows,
-            numbers.status,
+            numbers.physical if failed and numbers.physical else numbers.status,
             failed,
             failed and finite and numbers.physical < Status.INCONSISTENT,
         )

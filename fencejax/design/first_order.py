@@ -48,7 +48,7 @@ class FirstOrder:
         *,
         penalty: float = 10.0,
         bounded: bool = True,
-        share: float = 0.1,
+        share: float = 0.03,
     ):
         """**Arguments:**
 
@@ -57,7 +57,9 @@ class FirstOrder:
         - `held`: the multipliers at the start.
         - `penalty`: rho.
         - `bounded`: whether z are shares in [0, 1].
-        - `share`: of the multipliers' change that is made at a step [1].
+        - `share`: of the multipliers' change that is made at a step [1]. Multipliers that change
+          faster than the transformation forgets, some ten to thirty steps, go round the optimum;
+          where a few steps are all there are, a tenth is better.
         """
         self.held, self.penalty, self.bounded, self.share = held, penalty, bounded, share
         full = optax.with_extra_args_support(transform)

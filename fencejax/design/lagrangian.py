@@ -14,8 +14,9 @@ class Evaluation:
     """Objectives F (k,) and margins g (m,) at a point z (n,), with their Jacobians.
 
     `objectives` and their Jacobian are already divided by the objective's scale. `status` is the
-    largest one of the lanes; `failed` says that the numbers must not be used. Where they are
-    `doubtful` besides, they still tell how values and slopes change towards the point.
+    largest one of the lanes, of a failed evaluation the largest that is not numerical; `failed`
+    says that the numbers must not be used. Where they are `doubtful` besides, they still tell how
+    values and slopes change towards the point.
     """
 
     point: Vector

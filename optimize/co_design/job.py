@@ -54,7 +54,8 @@ def _key(config: CoDesignConfig) -> str:
         out=None, tolerance=1.0, feasibility=1.0, budget=1, verify="fast", agreement=1.0,
         plots=False,
     )  # fmt: skip
-    return repr(dataclasses.replace(config, **free))
+    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
+    return repr(dataclasses.replace(config, **free)) + repr(ladder)
 
 
 def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcome:

@@ -61,7 +61,8 @@ def _key(config: ParetoConfig) -> str:
         out=None, points=3, starts=1, together=False, width=1, tolerance=1.0, budget=1,
         feasibility=1.0, verify="none", agreement=1.0, plots=False,
     )  # fmt: skip
-    return repr(dataclasses.replace(config, **free)) + repr(fj.Fidelity.standard())
+    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
+    return repr(dataclasses.replace(config, **free)) + repr(ladder)
 
 
 def _good(points: list[Point]) -> np.ndarray:

@@ -95,7 +95,7 @@ def by_batches(population: Population, journal: Journal, say: Callable[..., None
         if descent is None:
             scale = float(np.max(np.abs(numbers.objectives))) or 1.0
             held = Multipliers(np.ones(1), np.zeros(numbers.margins.size))
-            descent = FirstOrder(transform, held)
+            descent = FirstOrder(transform, held, share=0.1)
         at = Evaluation(
             point, numbers.objectives / scale, numbers.margins, numbers.objective_rows / scale,
             numbers.margin_rows, numbers.status, False,

@@ -79,9 +79,10 @@ def _key(config: RobustConfig) -> str:
     """What decides the numbers of an evaluation, besides the design and the parcels."""
     names = (
         "scenes", "severity", "measure", "level", "fraction", "tip_limit", "stress_limit",
-        "crossing", "variables", "bounds", "seconds", "fidelity",
+        "crossing", "limit", "drive", "taper", "variables", "bounds", "seconds", "fidelity",
     )  # fmt: skip
-    return repr([getattr(config, name) for name in names])
+    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
+    return repr([getattr(config, name) for name in names]) + repr(ladder)
 
 
 def _judgement(population: Population, read: dict[str, np.ndarray]) -> Judgement:

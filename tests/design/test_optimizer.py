@@ -17,9 +17,11 @@ from fencejax.design import (
 )
 
 _METHODS = {
-    "sqp": "sqp", "adam": optax.adam(0.03), "lbfgs": optax.lbfgs(0.1, linesearch=None),
+    "sqp": "sqp",
+    "adam": optax.adam(optax.cosine_decay_schedule(0.05, 300)),
+    "lbfgs": optax.lbfgs(0.1, linesearch=None),
     "momentum": optax.sgd(0.02, momentum=0.5),
-}  # fmt: skip
+}
 
 
 def _circle(z):
@@ -45,7 +47,8 @@ def _impossible(z):
 
 
 def test_linear_limit():
-    found = minimize(_circle, [2.0, 0.0], scale=1.0, bounded=False, tolerance=1e-5, feasibility=1e-6)
+    settings = dict(scale=1.0, bounded=False, tolerance=1e-5, feasibility=1e-6)
+    found = minimize(_circle, [2.0, 0.0], **settings)
     assert found.converged
     assert found.feasible
     # The error of the optimum is of the order of the tolerances.
@@ -65,7 +68,8 @@ def test_curved_limit():
     exact = jnp.array([0.9, 0.8, 0.04])
     for _ in range(20):
         exact = exact - jnp.linalg.solve(jax.jacfwd(conditions)(exact), conditions(exact))
-    found = minimize(_banana, [-1.0, 1.0], scale=1.0, bounded=False, tolerance=1e-5, feasibility=1e-6)
+    settings = dict(scale=1.0, bounded=False, tolerance=1e-5, feasibility=1e-6)
+    found = minimize(_banana, [-1.0, 1.0], **settings)
     assert found.converged
     np.testing.assert_allclose(found.point, exact[:2], atol=1e-4)
     np.testing.assert_allclose(found.multipliers, exact[2:], rtol=2e-3)

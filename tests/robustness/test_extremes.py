@@ -291,8 +291,8 @@ def test_bad_lanes_leave_the_others_alone():
 PLAIN = fj.Fidelity.fast(modes=1, static_correction=False, geometry="small")
 
 
-def test_sums_over_lanes_are_not_spoiled():
-    """Along columns; `test_statuses` also does it from a sum back, on a cheaper scene."""
+@pytest.mark.parametrize("mode", ["forward", "reverse"])
+def test_sums_over_lanes_are_not_spoiled(mode):
     rows = [ORDINARY, ORDINARY | {"modulus": np.inf}, ORDINARY | {"mass": 1.0}]
     x = {k: jnp.asarray(v) for k, v in stack(rows).items()}
 
@@ -306,7 +306,8 @@ def test_sums_over_lanes_are_not_spoiled():
         forces, held = jax.vmap(one)(x)
         return jnp.sum(forces), held
 
-    slope, held = jax.jacfwd(total, has_aux=True)(1.0)
+    differentiate = jax.jacfwd if mode == "forward" else jax.grad
+    slope, held = differentiate(total, has_aux=True)(1.0)
     assert held.tolist() == [True, False, True]
     above, below = total(1 + 1e-4)[0], total(1 - 1e-4)[0]
     assert float(slope) == pytest.approx(float(above - below) / 2e-4, rel=5e-3)
