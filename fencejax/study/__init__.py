@@ -66,18 +66,22 @@ from .sweep import (
     OUTPUTS as OUTPUTS,
     Sweep as Sweep,
 )
-from .sweep_run import (
-    FILE as FILE,
+from .sweep_program import (
     Plan as Plan,
+)
+from .sweep_run import (
     Progress as Progress,
     run_sweep as run_sweep,
 )
 from .sweep_store import (
+    FILE as FILE,
     Store as Store,
+    sweep_library as sweep_library,
 )
 from .sweep_table import (
     IMPOSSIBLE as IMPOSSIBLE,
     SweepTable as SweepTable,
+    lanes as lanes,
 )
 from .trial import (
     Trial as Trial,

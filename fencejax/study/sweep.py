@@ -18,7 +18,7 @@ from ..results import UNITS, Result
 from ..simulate import simulate
 from .sampling import Samples
 from .scene_family import SceneFamily
-from .sweep_table import IMPOSSIBLE
+from .sweep_table import IMPOSSIBLE, derivative
 
 OUTPUTS: dict[str, str] = {
     **UNITS,
@@ -92,6 +92,17 @@ class Sweep:
             **{v.name: v.unit for v in self.samples.variables},
             **{name: OUTPUTS[name] for name in self.outputs},
         }
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """What is kept of each lane, with its unit: the outputs, and the derivatives of one of
+        them, named `d_OUTPUT_d_VARIABLE`. The status comes beside them."""
+        kept = {name: OUTPUTS[name] for name in self.outputs}
+        if self.gradient_of is not None:
+            unit = OUTPUTS[self.gradient_of]
+            for v in self.samples.variables:
+                kept[derivative(self.gradient_of, v.name)] = f"({unit}) / ({v.unit})"
+        return kept
 
     @property
     def lane(self) -> "Lane":

@@ -11,6 +11,8 @@ from fencejax.study import KINDS, OUTPUTS, VARIABLES, Samples, SceneFamily, Swee
 
 from ..common import assignments, flags
 
+# Cores that a machine may have.
+_MOST_ON_A_MACHINE = 1024
 _SAMPLINGS = ("grid", "latin_hypercube", "sobol")
 _DRIVES = {
     "harmonic": fj.HarmonicDrive,
@@ -43,10 +45,8 @@ class SweepConfig:
     chunk: int = 0
     group: int = 0
     devices: int = 0
-    coordinator: str = "none"
-    processes: int = 1
-    process: int = 0
-    cluster: bool = False
+    workers: int = 0
+    scheduler: str = "none"
     tolerated: float = 0.25
     plots: bool = True
 
@@ -56,16 +56,17 @@ class SweepConfig:
         flags.one_of("fence", self.fence, tuple(_FENCES))
         flags.one_of("drive", self.drive, tuple(_DRIVES))
         flags.one_of("fidelity", self.fidelity, flags.FIDELITIES)
-        flags.at_least(self, points=2, count=1, chunk=0, group=0, devices=0, processes=1, process=0)
-        if self.process >= self.processes:
+        flags.at_least(self, points=2, count=1, chunk=0, group=0, devices=0, workers=0)
+        for name in ("devices", "workers"):
+            if getattr(self, name) > _MOST_ON_A_MACHINE:
+                raise ValueError(
+                    f"Argument `{name}` must be at most {_MOST_ON_A_MACHINE}, but is "
+                    f"{getattr(self, name)}: one a core serves best."
+                )
+        if self.workers and self.scheduler != "none":
             raise ValueError(
-                f"Argument `process` must be below `processes` = {self.processes}, but is "
-                f"{self.process}. They are numbered from 0."
-            )
-        if self.processes > 1 and self.coordinator == "none" and not self.cluster:
-            raise ValueError(
-                "Argument `coordinator` must be given for several processes, but is not. Write "
-                "--coordinator HOST:PORT of process 0, or --cluster where Slurm or MPI starts them."
+                "Argument `workers` starts a Dask cluster on this machine and must be 0 where "
+                f"`scheduler` names another one, but is {self.workers}. Leave one of them out."
             )
         if not 0 <= self.tolerated <= 1:
             raise ValueError(
@@ -149,8 +150,8 @@ def _variable(text: str) -> tuple[DesignVariable, int | None]:
 
 
 _HELP = {
-    "out": "folder for the chunks, sweep.npz, result.json and the figures; the same command goes "
-    "on where it was stopped",
+    "out": "folder for sweep.zarr, result.json and the figures; the same command goes on where it "
+    "was stopped",
     "scene": f"kind of scene: {', '.join(KINDS)}",
     "vary": "what varies, as name, name=lower:upper, or name=lower:upper:points for a grid, each "
     "with :linear or :logarithmic behind if wanted; names: the scene's own and "
@@ -166,13 +167,13 @@ _HELP = {
     "gradient": "output whose derivatives in all variables are kept too, or none",
     "duration": "length of each scene [s]; 0: the scene's own",
     "fidelity": "fast, standard or reference",
-    "chunk": "lanes that a device computes at a time, and that a file holds; 0: chosen",
+    "chunk": "lanes that a device or worker computes at a time, kept together; 0: chosen",
     "group": "lanes that go through their loops together; 0: chosen",
     "devices": "devices that JAX makes of this CPU; 0: one a core",
-    "coordinator": "HOST:PORT of process 0, for several processes",
-    "processes": "number of processes",
-    "process": "number of this process, from 0",
-    "cluster": "ask Slurm, MPI or Kubernetes for the three above",
+    "workers": "processes of a Dask cluster on this machine that compute; 0: this process alone, "
+    "with all its devices, which is as fast",
+    "scheduler": "ADDRESS of a Dask scheduler whose workers compute, such as tcp://HOST:8786 "
+    "(Slurm, Kubernetes: Dask's own packages), or none",
     "tolerated": "share of lanes without good numbers that still counts as success [1]",
     "plots": "draw the figures",
 }
@@ -184,7 +185,7 @@ def parser():
         SweepConfig,
         prog="optimize.sweep",
         description="Compute scenes over a grid, a Latin hypercube or a Sobol sequence, on every "
-        "device of one or several machines, resumably.",
+        "device of this machine or on a Dask cluster, resumably.",
         explained=_HELP,
         special={
             "scene": {"choices": tuple(KINDS)},
