@@ -64,6 +64,7 @@ from .sensitivity import (
 )
 from .sweep import (
     OUTPUTS as OUTPUTS,
+    Lane as Lane,
     Sweep as Sweep,
 )
 from .sweep_program import (

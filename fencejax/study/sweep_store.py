@@ -8,7 +8,6 @@ import json
 import os
 import shutil
 import uuid
-import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -108,13 +107,9 @@ class Store:
             encoding[str(name)] = {"_FillValue": None, "chunks": (self.count,)}
         part = self.path.with_name(f".{FILE}.{uuid.uuid4().hex}")
         try:
-            with warnings.catch_warnings():
-                # That its metadata are in one place, too, is an extension of the format.
-                warnings.filterwarnings("ignore", message="Consolidated metadata")
-                whole.to_zarr(
-                    part, mode="w", compute=False, consolidated=True, zarr_format=3,
-                    encoding=encoding,
-                )  # fmt: skip
+            whole.to_zarr(
+                part, mode="w", compute=False, consolidated=False, zarr_format=3, encoding=encoding
+            )
             try:
                 part.rename(self.path)
             except OSError:

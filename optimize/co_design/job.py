@@ -224,4 +224,4 @@ def _write(outcome: Outcome, journal: Journal) -> None:
 
 def run():
     """The job from the command line."""
-    command.run("co_design", configure, main)
+    command.run("co_design", configure, main, stopped=command.RESUMED)

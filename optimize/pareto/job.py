@@ -205,4 +205,4 @@ def _verdict(front: Front, tracer: Tracer) -> str:
 
 def run():
     """The job from the command line."""
-    command.run("pareto", configure, main)
+    command.run("pareto", configure, main, stopped=command.RESUMED)

@@ -245,4 +245,4 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
 
 def run():
     """The job from the command line."""
-    command.run("robust_design", configure, main)
+    command.run("robust_design", configure, main, stopped=command.RESUMED)

@@ -5,8 +5,8 @@
 computes the points chunk by chunk on every core (or GPU) of the machine, says how far it is, and
 keeps every finished chunk: the same command goes on after a kill. It counts the statuses and
 writes sweep.zarr (an `xarray.Dataset` with variables, outputs, units, statuses:
-`xarray.open_zarr`, or `fencejax.SweepTable.load(out)`), result.json and figures. It needs
-`pip install -e '.[sweep]'`.
+`fencejax.SweepTable.load(out)`, or `xarray.open_zarr(path, consolidated=False)`), result.json and
+figures. It needs `pip install -e '.[sweep]'`.
 
 Larger ones run on a Dask cluster, whose scheduler and workers have the same packages. By hand:
 
@@ -25,6 +25,9 @@ same command goes on. Only this process writes.
 import contextlib
 import dataclasses
 import logging
+import multiprocessing.resource_tracker
+import os
+import signal
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -150,11 +153,7 @@ def _client(config: SweepConfig) -> Iterator[Any]:
     with contextlib.ExitStack() as stack:
         place: Any = config.scheduler
         if config.workers:
-            # Nothing here spills: the memory's limit is the machine's.
-            place = stack.enter_context(distributed.LocalCluster(
-                n_workers=config.workers, threads_per_worker=1, memory_limit=0,
-                dashboard_address=None, silence_logs=logging.CRITICAL,
-            ))  # fmt: skip
+            place = stack.enter_context(_local_cluster(distributed, config.workers))
         try:
             client = distributed.Client(place, timeout=_PATIENCE)
         except (OSError, ValueError) as error:
@@ -163,6 +162,27 @@ def _client(config: SweepConfig) -> Iterator[Any]:
                 "not answer. Start it by `dask scheduler`, and write the address that it says."
             ) from error
         yield stack.enter_context(client)
+
+
+def _local_cluster(distributed: Any, workers: int) -> Any:
+    """Workers on this machine, which leave an interrupt to this process and end with it."""
+    # Python's own helper of such processes: an interrupt ends this one before it has been told, and
+    # it would say so. It lifts the signal mask of the thread that starts it.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore::UserWarning:multiprocessing.resource_tracker")
+    blocks = hasattr(signal, "pthread_sigmask")
+    if blocks:
+        multiprocessing.resource_tracker.ensure_running()
+        # Inherited by the cluster's thread and processes.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        # Nothing here spills: the memory's limit is the machine's.
+        return distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=1, memory_limit=0, dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )  # fmt: skip
+    finally:
+        if blocks:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def _tuned(config: SweepConfig) -> Outcome:
@@ -178,7 +198,7 @@ def run():
         "sweep",
         configure,
         _tuned,
-        refused=(ValueError, TypeError, RuntimeError, ImportError, OSError),
-        stopped="stopped; the same command goes on from here",
+        refused=(ValueError, TypeError, RuntimeError, ImportError),
+        stopped=command.RESUMED,
         tune=False,
     )
