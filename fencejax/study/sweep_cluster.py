@@ -1,6 +1,7 @@
 """A sweep's chunks on a Dask cluster: sent as they are wanted, computed by whom is free."""
 
 import concurrent.futures
+import contextlib
 import functools
 import importlib.metadata
 import itertools
@@ -8,7 +9,7 @@ import pickle
 import threading
 import time
 import uuid
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
@@ -124,7 +125,8 @@ class Cluster:
         self._sweep, self._client, self._settings = sweep, client, _Settings.here()
         lane = sweep.lane
         self._lane = sweep_library("cloudpickle").dumps(lane), digest(lane.describe())
-        self.platform = self._result(client.submit(_platform, self._settings, pure=False))
+        with self._said():
+            self.platform = client.submit(_platform, self._settings, pure=False).result()
 
     def chunks(
         self, plan: Plan, missing: list[int]
@@ -149,17 +151,19 @@ class Cluster:
             return new
 
         try:
-            arriving = self._library.as_completed(send(self._ahead()))
+            with self._said():
+                arriving = self._library.as_completed(send(self._ahead()))
             while sent:
-                if not arriving.has_ready():
-                    if self._client.status != "running":
-                        raise RuntimeError(_GONE)
-                    time.sleep(_LOOKED_AGAIN)
-                    continue
-                future = next(arriving)
-                columns, number = self._result(future), sent.pop(future)
-                future.release()
-                arriving.update(send(max(0, self._ahead() - len(sent))))
+                with self._said():
+                    if not arriving.has_ready():
+                        if self._client.status != "running":
+                            raise RuntimeError(_GONE)
+                        time.sleep(_LOOKED_AGAIN)
+                        continue
+                    future = next(arriving)
+                    columns, number = future.result(), sent.pop(future)
+                    future.release()
+                    arriving.update(send(max(0, self._ahead() - len(sent))))
                 yield number, columns
         finally:
             for future in sent:
@@ -169,18 +173,18 @@ class Cluster:
         threads: Any = self._client.nthreads()
         return max(_LEAST_AHEAD, _AHEAD * sum(threads.values()))
 
-    def _result(self, future: Any) -> Any:
-        """What a worker has found.
-
-        Raises `RuntimeError` where the cluster is lost, or a chunk kills every worker.
-        """
+    @contextlib.contextmanager
+    def _said(self) -> Iterator[None]:
+        """A cluster that is lost, or a chunk that ends every worker, in one line with its
+        remedy."""
         try:
-            return future.result()
+            yield
         except self._library.KilledWorker as error:
             raise RuntimeError(
                 f"A chunk has ended {error.allowed_failures + 1} workers, one after the other: "
                 "they lack memory, most likely. What was computed is kept: give them more and run "
                 "the same sweep again, or take another folder and smaller chunks."
             ) from error
-        except concurrent.futures.CancelledError as error:
+        except (concurrent.futures.CancelledError, OSError) as error:
+            # Dask's own, where a connection is closed, is an OSError.
             raise RuntimeError(_GONE) from error

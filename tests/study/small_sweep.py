@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+import fencejax as fj
 from fencejax.study import IMPOSSIBLE, Lane, SceneFamily, Sweep, sampling
 from optimize.sweep.configuration import SweepConfig
 
@@ -24,6 +25,16 @@ SMALL = SweepConfig(
 
 def small(out, **changes):
     return dataclasses.replace(SMALL, out=out, **changes)
+
+
+def tiny():
+    """16 impacts by the smallest program there is with a fence that bends."""
+    samples = sampling.sobol(["mass", "distance"], 16)
+    family = SceneFamily(
+        "oblique_impact", samples.names, belt=None, fence_friction=None, duration=0.03
+    )
+    fidelity = fj.Fidelity.fast(modes=1, static_correction=False, geometry="small", elements=4)
+    return Sweep(family, samples, ("peak_force", "impulse"), fidelity=fidelity)
 
 
 class PlainLane(Lane):
