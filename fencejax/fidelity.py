@@ -1,9 +1,12 @@
 """Every knob that trades speed for accuracy, in one place."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from . import _check
+
+if TYPE_CHECKING:
+    from diffrax import AbstractSolver
 
 # A scene is long from here on [s]; strides in it are no longer than this [s].
 _LONG, _STRIDE = 0.5, 2e-3
@@ -47,8 +50,11 @@ class Fidelity:
     - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends or, with
       `tip_contact` in the scene, on either side of where it passes from the corner to the tip.
     - `integrator`: `"modal"`, this package's own (exact in the beam, implicit in contact and
-      friction), or a general one of diffrax, `"kvaerno5"` or `"tsit5"`, as an independent check.
-    - `tolerance`: relative tolerance of a general integrator.
+      friction), or a general one as an independent check: any solver of diffrax, such as
+      `diffrax.Kvaerno5()`, or `"kvaerno5"` and `"tsit5"` for short. Explicit ones need steps below
+      4e-8 s where all modes are kept.
+    - `tolerance`: relative tolerance of a general integrator that adapts its steps; one that does
+      not takes steps of `step`.
     - `precision`: `"float32"` or `"float64"` for the computation, whatever the scene's numbers and
       the results are in; by default the scene's own. Double precision asks for JAX's
       `jax_enable_x64`.
@@ -76,7 +82,7 @@ class Fidelity:
     slip_speed: float = 5e-4
     static_speed: float = 2.5e-3
     tip_fade: float = 5e-3
-    integrator: str = "modal"
+    integrator: "str | AbstractSolver" = "modal"
     tolerance: float = 1e-7
     precision: str | None = None
     gradient: str = "forward"
@@ -103,7 +109,17 @@ class Fidelity:
             _check.number(name, getattr(self, name), above=0.0)
         _check.choice("geometry", self.geometry, ("small", "arc", "chord"))
         _check.choice("load", self.load, ("consistent", "shared"))
-        _check.choice("integrator", self.integrator, _INTEGRATORS)
+        if isinstance(self.integrator, str):
+            _check.choice("integrator", self.integrator, _INTEGRATORS)
+        else:
+            from diffrax import AbstractSolver
+
+            if not isinstance(self.integrator, AbstractSolver):
+                raise TypeError(
+                    f"Argument `integrator` must be one of {', '.join(_INTEGRATORS)} or a solver "
+                    f"of diffrax, but is {self.integrator!r}. Write, for example, "
+                    "integrator=diffrax.Kvaerno5()."
+                )
         if self.precision is not None:
             _check.choice("precision", self.precision, ("float32", "float64"))
         _check.choice("gradient", self.gradient, ("forward", "reverse"))

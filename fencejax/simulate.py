@@ -18,15 +18,26 @@ from .fidelity import Fidelity
 from .integrators import (
     Clock,
     Memory,
-    diffrax_reference as general,
+    diffrax_reference,
     modal_step,
-    normal_direction as normal,
+    normal_direction,
     stride_counts,
-    time_loop as integrate,
+    time_loop,
 )
 from .model import SWING_STEPS, FlexibleLink, Mechanics, Propagator, Vibration
 from .parts import AbstractDrive, AbstractTaper, DriveMotion
-from .results import Result, Status, diagnostics as verdict, error, gather
+from .results import (
+    MEASURES,
+    Measure,
+    NormalRecorder,
+    Result,
+    SceneRecorder,
+    Status,
+    diagnostics,
+    error,
+    gather,
+    running,
+)
 from .scenes import Body, NormalScene, Pose, Scene
 
 
@@ -36,6 +47,7 @@ def simulate(
     fidelity: Fidelity | None = None,
     history: bool = True,
     only: Sequence[str] | None = None,
+    measures: Sequence[Measure] = (),
     throw: bool = False,
     estimate_error: bool = False,
 ) -> Result:
@@ -50,6 +62,8 @@ def simulate(
       the times between samples; inside `jit` the last sample is then repeated to fill the room.
     - `only`: names of the fields of `Result` that are wanted; the others but `status` are `None`
       and cost nothing, also in compiling a derivative. `history` then counts only if it is named.
+    - `measures`: measures of one's own, beside those of `fencejax.results.MEASURES`: fields of the
+      result by their names.
     - `throw`: raise on the host if the status is not among those with good numbers.
     - `estimate_error`: put an `ErrorEstimate` into `Result.error`, from two more runs of half as
       many steps (one where there is no friction): about twice the cost.
@@ -79,13 +93,20 @@ def simulate(
             "Argument `fidelity.precision` is 'float64', but JAX is set to single precision. Write "
             'jax.config.update("jax_enable_x64", True) first.'
         )
+    own = tuple(measures)
+    for measure in own:
+        if not isinstance(measure, Measure) or measure.name in (*MEASURES, *_PARTS, "status"):
+            raise ValueError(
+                "Argument `measures` must hold `fencejax.Measure`s with names of their own, but "
+                f"holds {measure!r}."
+            )
     if only is not None:
         for name in only:
-            _check.choice("only", name, _FIELDS)
+            _check.choice("only", name, (*MEASURES, *(m.name for m in own), *_PARTS, "status"))
         only = tuple(sorted({*only, "status"}))
         history = "history" in only
     _refuse(scene, fidelity)
-    result = _result(scene, fidelity, history, only)
+    result = _result(scene, fidelity, history, only, own)
     if estimate_error:
         estimated = error.estimate(_result, scene, fidelity, result)
         result = dataclasses.replace(result, error=estimated)
@@ -143,7 +164,8 @@ def _refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
             )
 
 
-_FIELDS = tuple(f.name for f in dataclasses.fields(Result) if f.name != "error")
+# What a result holds beside its measures.
+_PARTS = ("final", "energy", "start_time", "history")
 
 
 def raise_for(result: Result) -> None:
@@ -156,7 +178,13 @@ def raise_for(result: Result) -> None:
 
 
 @functools.lru_cache(maxsize=256)
-def _program(structure, fidelity: Fidelity, history: bool, only: tuple[str, ...] | None):
+def _program(
+    structure,
+    fidelity: Fidelity,
+    history: bool,
+    only: tuple[str, ...] | None,
+    own: tuple[Measure, ...],
+):
     """The map from a scene's numbers to its result, for scenes of one structure: as it is, and
     compiled. Kept, so that what was traced and compiled once serves again."""
 
@@ -165,17 +193,13 @@ def _program(structure, fidelity: Fidelity, history: bool, only: tuple[str, ...]
         precision = given if fidelity.precision is None else jnp.dtype(fidelity.precision)
         numbers = [number.astype(precision) for number in numbers]
         scene = jax.tree.unflatten(structure, numbers)
-        if isinstance(scene, NormalScene):
-            result = normal.run(scene, fidelity, history)
-        else:
-            result = _run(scene, fidelity, history)
+        result = _run(scene, fidelity, history, only, own)
         result = jax.tree.map(lambda leaf: leaf.astype(given), result)
-        if only is not None:
-            dropped = {name: None for name in _FIELDS if name not in only}
-            result = dataclasses.replace(result, **dropped)
-        return verdict.of_result(scene, result)
+        return diagnostics.of_result(scene, result)
 
-    run = by_columns(outcome, verdict.of_derivatives) if fidelity.gradient == "forward" else outcome
+    run = outcome
+    if fidelity.gradient == "forward":
+        run = by_columns(outcome, diagnostics.of_derivatives)
     options = None
     if fidelity.integrator != "modal":
         # Their programs are ten times as large: as one kernel they take many minutes to optimise.
@@ -183,9 +207,9 @@ def _program(structure, fidelity: Fidelity, history: bool, only: tuple[str, ...]
     return run, jax.jit(run, compiler_options=options)
 
 
-def _result(scene, fidelity: Fidelity, history: bool, only) -> Result:
+def _result(scene, fidelity: Fidelity, history: bool, only, own=()) -> Result:
     numbers, structure = jax.tree.flatten(scene)
-    plain, compiled = _program(structure, fidelity, history, only)
+    plain, compiled = _program(structure, fidelity, history, only, own)
     # Within a transformation the numbers are traced already: one layer less to go through.
     traced = any(isinstance(number, Tracer) for number in numbers)
     result = (plain if traced else compiled)(numbers)
@@ -206,7 +230,7 @@ def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory
     touching = scene.fence_corners or scene.border_corners
     fidelity = fidelity.settled(scene.duration if touching else 0.0)
     good = sound(scene)
-    steps = integrate.count_steps(scene.duration, fidelity.step)
+    steps = time_loop.count_steps(scene.duration, fidelity.step)
     step = scene.duration / steps
     mechanics = fusion_barrier(good, lambda s: Mechanics(s, fidelity), scene)
     begin = scene.start.time(scene.drive)
@@ -258,16 +282,35 @@ def _pose(
     )
 
 
-def _run(scene: Scene, fidelity: Fidelity, history: bool) -> Result:
-    steps = integrate.count_steps(scene.duration, fidelity.step)
-    mechanics, clock, memory = prepared(scene, fidelity)
+def _run(
+    scene: NormalScene | Scene,
+    fidelity: Fidelity,
+    history: bool,
+    only: tuple[str, ...] | None,
+    own: tuple[Measure, ...],
+) -> Result:
+    known = {**MEASURES, **{measure.name: measure for measure in own}}
+    measures = {name: m for name, m in known.items() if only is None or name in only}
+    wanted = {part: only is None or part in only for part in _PARTS}
+    running_sums = running(tuple(measures.values()), wanted["energy"])
     done: Array | float = 1.0
-    if fidelity.integrator == "modal":
-        tally, samples = integrate.modal(mechanics, clock, memory, steps, history)
+    if isinstance(scene, NormalScene):
+        link = normal_direction.prepared(scene, fidelity)
+        recorder = NormalRecorder(scene.parcel, link, running_sums)
+        record, samples, start = normal_direction.run(scene, link, fidelity, recorder, history)
+        status = diagnostics.of_normal_record(scene, link, record)
     else:
-        vibration = None if memory.fence is None else memory.fence.vibration
-        tally, samples, done = general.run(mechanics, clock, memory.body, vibration, steps)
-    return gather(
-        tally, samples if history else None, clock.start,
-        verdict.of_tally(scene, mechanics, tally, done, clock.start),
-    )
+        steps = time_loop.count_steps(scene.duration, fidelity.step)
+        mechanics, clock, memory = prepared(scene, fidelity)
+        start, modal = clock.start, fidelity.integrator == "modal"
+        alike = not modal or clock.counts[-1] == 1
+        recorder = SceneRecorder(mechanics, running_sums, alike)
+        if modal:
+            record, samples = time_loop.modal(mechanics, clock, memory, steps, recorder, history)
+        else:
+            vibration = None if memory.fence is None else memory.fence.vibration
+            record, samples, done = diffrax_reference.run(
+                mechanics, clock, memory.body, vibration, steps, recorder
+            )
+        status = diagnostics.of_record(scene, mechanics, record, done, start)
+    return gather(record, measures, wanted, samples if history else None, start, status)

@@ -54,6 +54,7 @@ from .variables import (
     VARIABLES as VARIABLES,
     DesignSpace as DesignSpace,
     DesignVariable as DesignVariable,
+    variable as variable,
 )
 from .verification import (
     Verification as Verification,

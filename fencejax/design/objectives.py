@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from .. import _check
 from ..parts import Fence
-from ..results import Result
+from ..results import MEASURES, Measure, Result
 from ..scenes import NormalScene, Scene
 
 AnyScene = NormalScene | Scene
@@ -54,46 +54,32 @@ class Quantity:
         return self.read(result, scene)
 
 
-PEAK_FORCE = Quantity(
-    "peak_force", "N", "largest normal force of the fence on the parcel",
-    lambda result, scene: result.peak_force,
-    fields=("peak_force",),
-)  # fmt: skip
-TIP_DEFLECTION = Quantity(
-    "tip_deflection", "m", "largest deflection of the tip from the rigid link's line",
-    lambda result, scene: result.tip_deflection,
-    fields=("tip_deflection",),
-)  # fmt: skip
-PEAK_STRESS = Quantity(
-    "peak_stress", "Pa", "largest bending stress in the flexible link",
-    lambda result, scene: result.peak_stress,
-    fields=("peak_stress",),
-)  # fmt: skip
-IMPULSE = Quantity(
-    "impulse", "N s", "integral of the fence's normal force",
-    lambda result, scene: result.impulse,
-    fields=("impulse",),
-)  # fmt: skip
-PEAK_TORQUE = Quantity(
-    "peak_torque", "N m", "largest moment of the drive at the hinge",
-    lambda result, scene: result.peak_torque,
-    fields=("peak_torque",),
-)  # fmt: skip
-BORDER_FORCE = Quantity(
-    "border_force", "N", "largest normal force of the border on the parcel",
-    lambda result, scene: result.peak_border_force,
-    fields=("peak_border_force",),
-)  # fmt: skip
-CONTACT_TIME = Quantity(
-    "contact_time", "s", "time in contact with the fence",
-    lambda result, scene: result.contact_time,
-    fields=("contact_time",),
-)  # fmt: skip
-INDENTATION = Quantity(
-    "indentation", "m", "how far a corner of the parcel is pressed in",
-    lambda result, scene: result.deepest,
-    fields=("deepest",),
-)  # fmt: skip
+def of_measure(measure: Measure, name: str | None = None) -> Quantity:
+    """A measure of a result as a quantity, by its own name or another."""
+    field = measure.name
+    return Quantity(
+        field if name is None else name,
+        measure.unit,
+        measure.meaning,
+        lambda result, scene: getattr(result, field),
+        fields=(field,),
+    )
+
+
+# Measures that a designer knows by another name.
+_KNOWN_AS = {"peak_border_force": "border_force", "deepest": "indentation"}
+_MEASURED = {
+    quantity.name: quantity
+    for quantity in (of_measure(m, _KNOWN_AS.get(name)) for name, m in MEASURES.items())
+}
+PEAK_FORCE, TIP_DEFLECTION, PEAK_STRESS, IMPULSE, PEAK_TORQUE = (
+    _MEASURED[name]
+    for name in ("peak_force", "tip_deflection", "peak_stress", "impulse", "peak_torque")
+)
+BORDER_FORCE, CONTACT_TIME, INDENTATION = (
+    _MEASURED[name] for name in ("border_force", "contact_time", "indentation")
+)
+
 CROSSING = Quantity(
     "crossing", "m", "how far C_s gets beyond the belt's far edge, max y - s",
     lambda result, scene: result.furthest_y - scene.belt.width,
@@ -142,13 +128,10 @@ def _fence_mass(fence: Fence) -> Array:
 
 
 OBJECTIVES: Mapping[str, Quantity] = {
-    quantity.name: quantity
-    for quantity in (
-        PEAK_FORCE, TIP_DEFLECTION, PEAK_STRESS, IMPULSE, PEAK_TORQUE, BORDER_FORCE,
-        CONTACT_TIME, INDENTATION, CROSSING, TIP_CLEARANCE, RING_ENERGY, FENCE_MASS, CYCLE_TIME,
-    )
-}  # fmt: skip
-"""Every quantity by name."""
+    **_MEASURED,
+    **{q.name: q for q in (CROSSING, TIP_CLEARANCE, RING_ENERGY, FENCE_MASS, CYCLE_TIME)},
+}
+"""Every quantity by name: each measure of a result, and what is made of several or of the scene."""
 
 
 def fields(quantities: Iterable[Quantity]) -> tuple[str, ...] | None:

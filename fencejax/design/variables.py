@@ -12,8 +12,8 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
-from ..parts import AbstractDrive, Fence, HarmonicDrive, Material
-from ..scenes import element, names as scene_names
+from ..parts import AbstractDrive, Fence, HarmonicDrive
+from ..scenes import names as scene_names, numbers
 
 _SCALINGS = ("logarithmic", "linear")
 # Shares of the range nearer to a bound than this are moved here, where the logit is +-13.8.
@@ -30,8 +30,9 @@ class DesignVariable:
 
     **Fields:**
 
-    - `name`: of a fence's number (see `VARIABLES`) or of a drive's field; an element of a vector
-      is `"control_angles[3]"`, and the vector's own name stands for all of its elements.
+    - `name`: of a number of the fence (with its material and taper) or of the drive, by name (see
+      `VARIABLES`) or path, such as `"fence.taper.exponent"`; an element of a vector is
+      `"control_angles[3]"`, and the vector's own name stands for all of its elements.
     - `lower`, `upper`: bounds, in `unit`; `lower` above 0 where the scaling is logarithmic.
     - `unit`: in the SI.
     - `scaling`: `"logarithmic"` or `"linear"`.
@@ -84,13 +85,41 @@ VARIABLES: Mapping[str, DesignVariable] = {
 }
 """Variables with default bounds. `length_ratio` is l_s / l_p at a given reach l_s + l_p."""
 
-_FENCE_NAMES = tuple(scene_names.bounded(scene_names.FENCE))
+
+def variable(
+    name: str,
+    lower: float | None = None,
+    upper: float | None = None,
+    unit: str | None = None,
+    scaling: str | None = None,
+) -> DesignVariable:
+    """A variable by its name or path; what is not given comes from the table of
+    `fencejax.scene_names`. Of what has no default bounds the scaling is linear.
+
+    Raises `ValueError` where the table has no bounds for the name and one is missing.
+    """
+    known = scene_names.known(name)
+    bounded = known is not None and known.lower is not None
+    lower = known.lower if lower is None and known is not None else lower
+    upper = known.upper if upper is None and known is not None else upper
+    if lower is None or upper is None:
+        raise ValueError(
+            f"Argument `{name}` must be given bounds, for it has no default ones. Write "
+            f"DesignVariable({name!r}, lower, upper, unit). With default bounds: "
+            f"{', '.join(scene_names.bounded(scene_names.NUMBERS))}."
+        )
+    if unit is None:
+        unit = "1" if known is None else known.unit
+    if scaling is None:
+        scaling = known.scaling if known is not None and bounded else "linear"
+    return DesignVariable(name, lower, upper, unit, scaling)
 
 
-def _drive_fields(drive: AbstractDrive) -> dict[str, Array]:
-    """The drive's floating-point fields by name."""
-    fields = {field.name: getattr(drive, field.name) for field in dataclasses.fields(drive)}
-    return {name: leaf for name, leaf in fields.items() if eqx.is_inexact_array(leaf)}
+class _Designed(eqx.Module):
+    """What a design may change, under the names that a scene has for it."""
+
+    fence: Fence
+    drive: AbstractDrive
 
 
 class DesignSpace:
@@ -109,8 +138,9 @@ class DesignSpace:
     ):
         """**Arguments:**
 
-        - `variables`: names with the default bounds of `VARIABLES`, or `DesignVariable`s. The
-          name of a vector of the drive stands for all of its elements.
+        - `variables`: names with the default bounds of `VARIABLES`, or `DesignVariable`s of any
+          number of fence and drive (see `fencejax.scene_numbers`). The name of a vector stands
+          for all of its elements.
         - `fence`, `drive`: what everything else is taken from; default `Fence()` and
           `HarmonicDrive()`.
 
@@ -118,7 +148,7 @@ class DesignSpace:
         """
         self.fence = Fence() if fence is None else fence
         self.drive = HarmonicDrive() if drive is None else drive
-        self._fields = _drive_fields(self.drive)
+        self._base = _Designed(self.fence, self.drive)
         if isinstance(variables, (str, DesignVariable)) or not variables:
             raise ValueError(
                 f"Argument `variables` must be a sequence of at least one name or DesignVariable, "
@@ -126,36 +156,27 @@ class DesignSpace:
             )
         chosen = [element for given in variables for element in self._expand(given)]
         self.variables: tuple[DesignVariable, ...] = tuple(chosen)
-        if len(set(self.names)) < len(self.names):
+        paths = [numbers.resolve(self._base, name) for name in self.names]
+        if len(set(paths)) < len(paths):
             raise ValueError(
                 f"Argument `variables` must not repeat a name, but holds {list(self.names)}."
             )
+        numbers.together(self._base, self.names)
         self._in_bounds(self.values_of(self.fence, self.drive))
 
     def _expand(self, given: str | DesignVariable) -> list[DesignVariable]:
         """The scalar variables that a name or a variable stands for."""
         name = given if isinstance(given, str) else given.name
-        field, index = element(name)
-        size = self._fields[field].size if field in self._fields else 1
-        scalar = field not in self._fields or self._fields[field].ndim == 0
-        known = field in _FENCE_NAMES or field in self._fields
-        if not known or (index is not None and (scalar or index >= size)):
+        try:
+            scalars = numbers.elements(self._base, name)
+        except ValueError as error:
+            known = [numbers.short(self._base, path) for path in numbers.names(self._base)]
             raise ValueError(
-                f"Argument `variables` must name numbers of the fence {list(_FENCE_NAMES)} or of "
-                f"the {type(self.drive).__name__} "
-                f"{[f'{n}{list(a.shape) or str()}' for n, a in self._fields.items()]}, but holds "
-                f"{name!r}."
-            )
-        if isinstance(given, str):
-            if field not in VARIABLES:
-                raise ValueError(
-                    f"Argument `variables` must give bounds for {name!r}, which has no default "
-                    f"ones. Write DesignVariable({name!r}, lower, upper, unit)."
-                )
-            given = dataclasses.replace(VARIABLES[field], name=name)
-        if scalar or index is not None:
-            return [given]
-        return [dataclasses.replace(given, name=f"{name}[{k}]") for k in range(size)]
+                f"Argument `variables` must name numbers of the fence or of the "
+                f"{type(self.drive).__name__}, {[*known, *numbers.DERIVED]}, but holds {name!r}."
+            ) from error
+        chosen = variable(given) if isinstance(given, str) else given
+        return [dataclasses.replace(chosen, name=scalar) for scalar in scalars]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -188,21 +209,7 @@ class DesignSpace:
 
     def values_of(self, fence: Fence, drive: AbstractDrive) -> Array:
         """The variables' values [SI] in a given fence and drive."""
-        numbers = {
-            "thickness": fence.thickness,
-            "length_ratio": fence.rigid_length / fence.flexible_length,
-            "reach": fence.reach,
-            "width": fence.width,
-            "youngs_modulus": fence.material.youngs_modulus,
-            "density": fence.material.density,
-            "damping_ratio": fence.material.damping_ratio,
-        }
-        values = []
-        for name in self.names:
-            field, index = element(name)
-            leaf = numbers[field] if field in numbers else getattr(drive, field)
-            values.append(leaf if index is None else leaf[index])
-        return jnp.stack(values)
+        return jnp.stack(numbers.read(_Designed(fence, drive), self.names))
 
     def to_unconstrained(self, values: ArrayLike) -> Array:
         """z from values [SI]. A value on a bound is moved inside by a millionth of the range.
@@ -222,34 +229,8 @@ class DesignSpace:
 
     def apply(self, values: ArrayLike) -> tuple[Fence, AbstractDrive]:
         """The base fence and drive with the variables at `values` [SI]. Bounds are not checked."""
-        named = dict(zip(self.names, self._vector("values", values), strict=True))
-        base, drive = self.fence, self.drive
-        ratio = named.get("length_ratio", base.rigid_length / base.flexible_length)
-        reach = named.get("reach", base.reach)
-        material = base.material
-        rigid, flexible = base.rigid_length, base.flexible_length
-        if "length_ratio" in named or "reach" in named:
-            flexible = reach / (1 + ratio)
-            rigid = flexible * ratio
-        fence = Fence(
-            rigid_length=rigid,
-            flexible_length=flexible,
-            width=named.get("width", base.width),
-            thickness=named.get("thickness", base.thickness),
-            material=Material(
-                named.get("youngs_modulus", material.youngs_modulus),
-                named.get("density", material.density),
-                named.get("damping_ratio", material.damping_ratio),
-            ),
-            taper=base.taper,
-        )
-        for name, value in named.items():
-            field, index = element(name)
-            if field in self._fields:
-                leaf = getattr(drive, field)
-                new = value if index is None else leaf.at[index].set(value)
-                drive = eqx.tree_at(lambda d, f=field: getattr(d, f), drive, new)
-        return fence, drive
+        new = numbers.replace(self._base, self.names, self._vector("values", values))
+        return new.fence, new.drive
 
     def named(self, values: ArrayLike) -> dict[str, float]:
         """Values as plain numbers by name [SI]."""

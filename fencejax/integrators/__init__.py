@@ -19,7 +19,7 @@ from .newton import (
 )
 from .step_size import (
     Clock as Clock,
-    Pace as Pace,
-    next_count as next_count,
+    StepSize as StepSize,
+    next_step_size as next_step_size,
     stride_counts as stride_counts,
 )

@@ -2,16 +2,25 @@
 
 Forces follow from the state alone."""
 
+from typing import Any
 
 import diffrax
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..model import FenceState, FlexibleLink, Forces, Lean, Mechanics, Vibration
+from ..model import (
+    FenceState,
+    FlexibleLink,
+    Forces,
+    Lean,
+    Mechanics,
+    SceneState,
+    Vibration,
+)
 from ..parts import DriveMotion
-from ..results import Sample, Tally, accumulators as tally, describe
 from ..scenes import Body
+from .observer import Observer
 from .step_size import Clock
 from .time_loop import adjoint
 
@@ -84,14 +93,14 @@ def run(
     body: Body,
     vibration: Vibration | None,
     steps: int,
-) -> tuple[Tally, Sample, Array]:
+    observer: Observer,
+) -> tuple[Any, Any, Array]:
     """Integrate a scene as a plain ordinary differential equation by a solver of diffrax.
 
     Every mode is a state (all of them: the full finite-element model), the contact force follows
     from the state, and the foot of each corner is found anew; modes left out do not yield. The
-    samples are those at every
-    `step`; peaks and integrals are taken from them. The last value returned is whether the solver
-    came through.
+    observer is shown the states at every `step`. Returns its record, what it saved at every sample,
+    and whether the solver came through.
     """
     fidelity = mechanics.fidelity
     link = mechanics.link
@@ -112,39 +121,43 @@ def run(
 
     times = clock.step * jnp.arange(steps + 1, dtype=body.x.dtype)
     tolerance = fidelity.tolerance
-    solvers = {"kvaerno5": diffrax.Kvaerno5, "tsit5": diffrax.Tsit5}
+    solver = fidelity.integrator
+    if isinstance(solver, str):
+        solver = {"kvaerno5": diffrax.Kvaerno5, "tsit5": diffrax.Tsit5}[solver]()
+    first_step, controller = clock.step, diffrax.ConstantStepSize()
+    if isinstance(solver, diffrax.AbstractAdaptiveSolver):
+        # A state that is not a number is refused at every length: it ends at the shortest step.
+        first_step, controller = 1e-6, diffrax.PIDController(
+            rtol=tolerance, atol=1e-3 * tolerance, dtmin=1e-12, force_dtmin=False
+        )
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
-        solvers[fidelity.integrator](),
+        solver,
         t0=times[0],
         t1=times[-1],
-        dt0=1e-6,
+        dt0=first_step,
         y0=(body, vibration),
         saveat=diffrax.SaveAt(ts=times),
-        # A state that is not a number is refused at every length: it ends at the shortest step.
-        stepsize_controller=diffrax.PIDController(
-            rtol=tolerance, atol=1e-3 * tolerance, dtmin=1e-12, force_dtmin=False
-        ),
+        stepsize_controller=controller,
         adjoint=adjoint(fidelity),
         max_steps=500_000,
         throw=False,
     )
 
-    def sample(time, y):
+    def state_at(time, y):
         body, vibration = y
         forces, fence = at_state(mechanics, body, vibration, drive_at(time))
-        return describe(mechanics, time, body, forces, fence)
+        return SceneState(time, body, forces, fence)
 
-    samples = jax.vmap(sample)(times, solution.ys)
-    reach = None if link is None else link.reach
-    scope = tally.Scope(reach, bool(mechanics.sides), fidelity.smoothing)
-    one = jax.tree.map(lambda x: x[0], samples)
+    states = jax.vmap(state_at)(times, solution.ys)
+    one = jax.tree.map(lambda x: x[0], states)
 
-    def take(tallied, numbered):
-        instant, length = numbered
-        return tally.add(tallied, instant, length, jnp.zeros_like(length), scope), None
+    def take(record, numbered):
+        state, length = numbered
+        record = observer.update(record, state, length, jnp.zeros_like(length))
+        return record, observer.saved(record)
 
     lengths = jnp.full_like(times, clock.step).at[0].set(0.0)
-    tallied, _ = jax.lax.scan(take, tally.empty(one, body, alike=True), (samples, lengths))
+    record, samples = jax.lax.scan(take, observer.begin(one, body), (states, lengths))
     done = (solution.result == diffrax.RESULTS.successful).astype(times.dtype)
-    return tallied, samples, done
+    return record, samples, done

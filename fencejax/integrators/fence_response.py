@@ -14,9 +14,11 @@ from ..model import (
     ResidualMode,
     Shape,
     Vibration,
+    arc_point,
     bending_loads,
     dot,
     propagate,
+    small_point,
 )
 from ..parts import DriveMotion
 from .step_size import Stride
@@ -172,8 +174,8 @@ class FenceEnd(eqx.Module):
             extra = self._residual(k, normals[k])
             return link.chord_point(shape, self._vibration(normals), *extra)
         if link.geometry == "arc":
-            return link.arc_point(shape, self._arc(k, normals), *self.deflection(k, normals))
-        return link.small_point(shape, *self.deflection(k, normals))
+            return arc_point(shape.place, self._arc(k, normals), *self.deflection(k, normals))
+        return small_point(shape.place, *self.deflection(k, normals))
 
     def _residual(self, k: int, normal):
         """Deflection [m] of the modes left out, its rate [m/s] and their slope."""

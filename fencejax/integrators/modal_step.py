@@ -25,16 +25,16 @@ from ..model import (
     Forces,
     Lean,
     Mechanics,
+    SceneState,
     Vibration,
     bending_loads,
     force_tolerance,
 )
 from ..parts import DriveMotion
-from ..results import describe
 from ..scenes import Body
 from . import friction_tangent, newton, newton_matrix
 from .fence_response import FenceEnd
-from .step_size import Clock, Pace, Stride, stride_counts
+from .step_size import Clock, StepSize, Stride, next_step_size, stride_counts
 
 
 class Leans(NamedTuple):
@@ -68,7 +68,7 @@ class Memory(NamedTuple):
     sticking: tuple[Array, ...]
     gone: tuple[Array, ...]
     leans: tuple[Leans, ...]
-    pace: Pace | None
+    step_size: StepSize | None
 
 
 def _rotated(arm, turn):
@@ -172,7 +172,7 @@ class _End(eqx.Module):
         places = range(len(points))
         return [[self.fence.drift(k, j, points[k].slope) for j in places] for k in places]
 
-    def surprise(self, guess, root, forces: Forces) -> Array:
+    def force_jump(self, guess, root, forces: Forces) -> Array:
         """How far the forces are from those of the guess, relative to their size [1]: each normal
         force to itself and a twentieth of the size of all, the parcel's motion to that size."""
         mechanics, scale = self.mechanics, self.mechanics.force_scale(forces)
@@ -220,8 +220,8 @@ class _End(eqx.Module):
 def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: Array):
     """Advance from sample `begin` to sample `end`, counted in the clock's steps.
 
-    Returns the new memory, its sample, the stride and the largest force [N] that the solved
-    equations leave unbalanced.
+    Returns the new memory, the scene's state there, the length of the step [s] and the largest
+    force [N] that the solved equations leave unbalanced.
     """
     stride = clock.stride(end - begin)
     h = stride.length
@@ -230,8 +230,8 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
     places = tuple(p + h * w for p, w in zip(memory.places, memory.sliding, strict=True))
     ratio = 1.0
-    if memory.pace is not None:
-        ratio = (end - begin) / jnp.maximum(memory.pace.steps, 1.0)
+    if memory.step_size is not None:
+        ratio = (end - begin) / jnp.maximum(memory.step_size.last, 1.0)
     leans = tuple(lean.now.ahead(lean.before, ratio) for lean in memory.leans)
     expected = tuple(
         jnp.maximum(now + ratio * (now - before), 0.0)
@@ -272,10 +272,11 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     )
     after = equations.body_at(root[:3])
     normals = tuple(c.normal for c in forces.fence)
+    size = None
+    if memory.step_size is not None:
+        jump = equations.force_jump(guess, root, forces)
+        size = next_step_size(mechanics, clock, end - begin, jump, forces, memory.normals)
 
-    pace = None
-    if memory.pace is not None:
-        pace = Pace(end - begin, equations.surprise(guess, root, forces))
     state = None if fence is None else fence.state(normals)
     touches = forces.touches[: len(places)]
     sliding = tuple(c.sliding for c in forces.fence)
@@ -298,9 +299,9 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             Leans(touch.lean, lean.now, foreseen)
             for touch, lean, foreseen in zip(touches, memory.leans, leans, strict=False)
         ),
-        pace=pace,
+        step_size=size,
     )
-    return memory, describe(mechanics, time, after, forces, state), stride, unbalance
+    return memory, SceneState(time, after, forces, state), h, unbalance
 
 
 def at_rest(
@@ -327,9 +328,9 @@ def at_rest(
     still = Acceleration(zero, zero, zero)
     upright = Lean(zero + 1, zero)
     leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
-    pace = Pace(zero, zero) if stride_counts(mechanics.fidelity)[-1] > 1 else None
+    size = StepSize(zero, zero + 1) if stride_counts(mechanics.fidelity)[-1] > 1 else None
     sticking = tuple(zero for _ in range(friction_tangent.count(mechanics)))
     held = still if sticking else None
     return Memory(
-        body, still, still, fence, places, none, none, none, held, sticking, none, leans, pace
+        body, still, still, fence, places, none, none, none, held, sticking, none, leans, size
     )

@@ -2,7 +2,6 @@
 long in free flight and where forces change smoothly, one step where something is about to touch,
 to part or to turn round."""
 
-
 from typing import NamedTuple
 
 import equinox as eqx
@@ -11,8 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Fidelity
-from ..model import FlexibleLink, Propagator, blocks, relaxation
-from ..results import Sample
+from ..model import FlexibleLink, Forces, Mechanics, Propagator, blocks, relaxation
 
 
 class Stride(NamedTuple):
@@ -106,54 +104,59 @@ def stride_counts(fidelity: Fidelity) -> tuple[int, ...]:
 _CHANGE = 50.0
 
 
-class Pace(NamedTuple):
-    """What the length of the next step is chosen by.
+class StepSize(NamedTuple):
+    """How many of the clock's steps [1] the `last` step stood for, and the `next` one may."""
 
-    `steps` is how many steps [1] the last one stood for; `surprise` [1] how far the forces at its
-    end were from their straight continuation, relative to their size. It grows with the square of
-    the length.
-    """
-
-    steps: Array
-    surprise: Array
+    last: Array
+    next: Array
 
 
-def next_count(
-    pace: Pace,
-    sample: Sample,
+def next_step_size(
+    mechanics: Mechanics,
+    clock: Clock,
+    last: Array,
+    jump: Array,
+    forces: Forces,
     normals_before: tuple[Array, ...],
-    counts: tuple[int, ...],
-    step: float,
-    tolerance: float,
-    ends: tuple[tuple[float, Array], ...],
-) -> Array:
-    """The largest of `counts` steps [1] that may be taken in one, each of `step` [s].
+) -> StepSize:
+    """How many steps [1] the next one may stand for, after one that stood for `last`.
 
-    - The forces are expected to leave their straight continuation by no more than `tolerance`, and
-      the step is at most twice the last one.
-    - A corner that is free stays free: D + 3 |Ddot| h + a h^2 / 2 < 0, or it stays off the fence,
-      between whose `ends`, arc coordinates [m] for each corner, it can be met.
+    - The forces are expected to leave their straight continuation by no more than
+      `Fidelity.stride_tolerance`: they left it by `jump` [1], relative to their size, over the last
+      step, which grows with the square of the length. The next step is at most twice the last one.
+    - A corner that is free stays free: D + 3 |Ddot| h + a h^2 / 2 < 0, or it stays off the fence.
     - A corner at the fence that is being let go is not gone by the end of the step.
+      `normals_before` are the forces of the fence [N] one step back.
     """
-    best = jnp.ones_like(pace.steps)
-    corners = (*sample.fence, *sample.border)
+    tolerance, longest = mechanics.fidelity.stride_tolerance, jnp.maximum(last, 1.0)
+    best = jnp.ones_like(last)
+    corners = (*forces.fence, *forces.border)
     changes = [
-        (now.normal - before) / jnp.maximum(pace.steps, 1.0)
-        for now, before in zip(sample.fence, normals_before, strict=True)
+        (now.normal - before) / longest
+        for now, before in zip(forces.fence, normals_before, strict=True)
     ]
-    changes += [0.0 * corner.normal for corner in sample.border]
-    for count in counts:
-        length, ratio = count * step, count / jnp.maximum(pace.steps, 1.0)
-        fine = (pace.surprise * ratio**2 <= tolerance) & (ratio <= 2)
+    changes += [0.0 * corner.normal for corner in forces.border]
+    for count in clock.counts[2:]:
+        length, ratio = count * clock.step, count / longest
+        fine = (jump * ratio**2 <= tolerance) & (ratio <= 2)
         for k, change in enumerate(changes):
             corner = corners[k]
             reach = corner.gap + 3 * jnp.abs(corner.gap_rate) * length + 0.5 * _CHANGE * length**2
             free = reach < 0
-            if k < len(sample.fence):
+            if k < len(forces.fence):
                 slide = 3 * jnp.abs(corner.sliding) * length
-                near, far = ends[k]
+                near, far = _span(mechanics, k)
                 free = free | (corner.place - slide > far) | (corner.place + slide < near)
             stays = corner.normal + 2 * count * change > 0
             fine = fine & jnp.where(corner.normal > 0, stays, free)
         best = jnp.where(fine, float(count), best)
-    return best
+    return StepSize(last, best)
+
+
+def _span(mechanics: Mechanics, k: int) -> tuple[float, Array]:
+    """Between which arc coordinates [m] the k-th corner at the fence can meet it. A corner further
+    beyond the tip than its side is long cannot have the tip on that side."""
+    assert mechanics.link is not None
+    fade = mechanics.fidelity.tip_fade
+    side = mechanics.sides.get(mechanics.fence_corners[k], 0.0)
+    return -fade, mechanics.link.reach + fade + side

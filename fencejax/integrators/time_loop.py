@@ -19,9 +19,9 @@ from jaxtyping import Array
 
 from ..fidelity import Fidelity
 from ..model import Mechanics
-from ..results import Sample, Tally, accumulators as tally
-from . import modal_step, step_size as pace
+from . import modal_step
 from .modal_step import Memory
+from .observer import Observer
 from .step_size import Clock
 
 
@@ -162,51 +162,37 @@ def _run_adaptively(step, begin, ahead, row, steps: int, reverse: bool):
 
 
 def modal(
-    mechanics: Mechanics, clock: Clock, begin: Memory, steps: int, history: bool
-) -> tuple[Tally, Sample | None]:
-    """Integrate a scene by the package's own solver."""
-    fidelity = mechanics.fidelity
-    reach = None if mechanics.link is None else mechanics.link.reach
-    scope = tally.Scope(reach, bool(mechanics.sides), fidelity.smoothing)
-    longest = clock.counts[-1]
+    mechanics: Mechanics,
+    clock: Clock,
+    begin: Memory,
+    steps: int,
+    observer: Observer,
+    history: bool,
+) -> tuple[Any, Any]:
+    """Integrate a scene by the package's own solver. Returns the observer's record and, if asked
+    for, what it saved at every sample."""
     # Traced once, however often the loop and the transformations around it look at the step.
     step = jax.jit(modal_step.step)
 
     def advance(args, y, begins, ends):
         mechanics, clock = args
-        memory, tallied = y
-        memory, instant, stride, defect = step(mechanics, clock, memory, begins, ends)
-        return memory, tally.add(tallied, instant, stride.length, defect, scope)
-
-    # A corner further beyond the tip than its side is long cannot have the tip on that side.
-    ends, off = (), fidelity.tip_fade
-    if reach is not None:
-        beyond = [mechanics.sides.get(number, 0.0) for number in mechanics.fence_corners]
-        ends = tuple((-off, reach + off + length) for length in beyond)
+        memory, record = y
+        memory, state, length, unbalance = step(mechanics, clock, memory, begins, ends)
+        return memory, observer.update(record, state, length, unbalance)
 
     def ahead(y, now):
-        memory, tallied = y
-        count = pace.next_count(
-            memory.pace,
-            tallied.last,
-            memory.normals_before,
-            clock.counts[2:],
-            clock.step,
-            fidelity.stride_tolerance,
-            ends,
-        )
+        count = y[0].step_size.next
         return jnp.where((now >= 0) & (now + count <= steps), count, 1.0)
 
     zero = jnp.zeros_like(clock.start)
     _, like, _, _ = jax.eval_shape(step, mechanics, clock, begin, zero, zero)
-    nothing = tally.empty(like, begin.body, alike=longest == 1)
-    (_, tallied), samples = run_steps(
+    (_, record), samples = run_steps(
         Stepper(advance),
-        (begin, nothing),
+        (begin, observer.begin(like, begin.body)),
         (mechanics, clock),
-        (lambda y: y[1].last) if history else None,
+        (lambda y: observer.saved(y[1])) if history else None,
         steps,
-        fidelity,
-        ahead if longest > 1 else None,
+        mechanics.fidelity,
+        ahead if clock.counts[-1] > 1 else None,
     )
-    return tallied, samples
+    return record, samples

@@ -13,6 +13,7 @@ from .beam import (
     hermite_slope as hermite_slope,
 )
 from .belt_contact import (
+    BeltContact as BeltContact,
     BeltForce as BeltForce,
 )
 from .contact import (
@@ -21,6 +22,12 @@ from .contact import (
     stored_energy as stored_energy,
     viscosity as viscosity,
 )
+from .fence_geometry import (
+    Arc as Arc,
+    FencePoint as FencePoint,
+    arc_point as arc_point,
+    small_point as small_point,
+)
 from .fence_state import (
     FenceState as FenceState,
     ResidualMode as ResidualMode,
@@ -28,8 +35,6 @@ from .fence_state import (
 )
 from .flexible_link import (
     SWING_STEPS as SWING_STEPS,
-    Arc as Arc,
-    FencePoint as FencePoint,
     FlexibleLink as FlexibleLink,
     Shape as Shape,
     Vibration as Vibration,
@@ -64,6 +69,7 @@ from .propagation import (
     propagator as propagator,
     relaxation as relaxation,
 )
+from .state import NormalState as NormalState, SceneState as SceneState
 from .tip import (
     Side as Side,
     around as around,

@@ -61,7 +61,10 @@ class BeamTables(NamedTuple):
 
 def hermite(s: Any) -> tuple[Any, Any, Any, Any]:
     """The cubic shape functions at s in [0, 1], for an element of unit length: deflection and slope
-    at the first node, deflection and slope at the second."""
+    at the first node, deflection and slope at the second.
+
+    Paper: (2.17).
+    """
     return (
         1 - 3 * s**2 + 2 * s**3,
         s - 2 * s**2 + s**3,

@@ -1,4 +1,4 @@
-"""The belt under the parcel: Goyal's limit surface (2.19), (2.20)."""
+"""The belt under the parcel: the force of Goyal's limit surface."""
 
 from typing import NamedTuple
 

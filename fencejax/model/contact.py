@@ -9,7 +9,7 @@ from ..parts import Parcel
 
 
 def viscosity(parcel: Parcel) -> Array:
-    """b_p m_p^0.4 [N s / m^3], the coefficient of Ddot D^2 in (2.2)."""
+    """b_p m_p^0.4 [N s / m^3], the coefficient of Ddot D^2 in `kelvin`."""
     return parcel.damping * parcel.mass**0.4
 
 
@@ -22,11 +22,13 @@ class Kelvin(NamedTuple):
 
 
 def kelvin(stiffness: Array, viscosity: Array, gap: Array, gap_rate: Array) -> Kelvin:
-    """Modified Kelvin model (2.2): N = max(0, b_p m_p^0.4 Ddot D^2 + k_p D^4) for D > 0, else 0.
+    """Modified Kelvin model: N = max(0, b_p m_p^0.4 Ddot D^2 + k_p D^4) for D > 0, else 0.
 
     `stiffness` is k_p [N/m^4], `viscosity` b_p m_p^0.4 [N s/m^3], `gap` D [m], positive where the
     corner has gone in, `gap_rate` its rate [m/s]. The law is continuously differentiable at D = 0,
     so that the onset needs no smoothing.
+
+    Paper: (2.2).
     """
     depth = jnp.maximum(gap, 0.0)
     square = depth * depth

@@ -17,6 +17,7 @@ from jaxtyping import Array
 from ..fidelity import Fidelity
 from ..parts import AbstractDrive, DriveMotion, Fence
 from . import beam
+from .fence_geometry import Arc, FencePoint, arc, arc_point, chain, small_point
 from .mode_shapes import MOST_SCALAR_MODES, Blocks, ShapeTable
 from .propagation import Propagator, propagator
 
@@ -66,27 +67,6 @@ class Shape(NamedTuple):
     residual_tip: Array | None
     arc: tuple[tuple[Array, ...], Array] | None
     place: Array
-
-
-class FencePoint(NamedTuple):
-    """A point of the fence in the frame that turns with the rigid link: position (x, y) [m],
-    velocity (x_rate, y_rate) [m/s] relative to that frame, slope [rad]."""
-
-    x: Array
-    y: Array
-    x_rate: Array
-    y_rate: Array
-    slope: Array
-
-
-class Arc(NamedTuple):
-    """What the small-deflection geometry leaves out: points of a bent fence are nearer to the hinge
-    by `short` [m] and lower by `lower` [m], and their rates [m/s]."""
-
-    short: Array
-    lower: Array
-    short_rate: Array
-    lower_rate: Array
 
 
 class FlexibleLink(eqx.Module):
@@ -262,7 +242,12 @@ class FlexibleLink(eqx.Module):
         )
 
     def _element(self, place):
-        """Element [0, n) and local coordinate in [0, 1] of an arc coordinate."""
+        """Element [0, n) and local coordinate in [0, 1] of an arc coordinate sigma:
+        floor((sigma - l_s) / Delta l), and what is left of it. On the rigid link it is the first
+        element, beyond the tip the last.
+
+        Paper: (2.9), (2.10). There an error beyond the tip.
+        """
         position = jnp.clip((place - self.rigid_length) / self.length, 0.0, 1.0) * self.elements
         floor = jnp.floor(jax.lax.stop_gradient(position))
         floor = jnp.clip(floor, 0.0, self.elements - 1.0)
@@ -285,53 +270,26 @@ class FlexibleLink(eqx.Module):
         """The point of the fence at a shape's place, in the geometry of the fidelity."""
         zero = jnp.zeros_like(shape.place)
         if not self.frequency_squared:
-            return self.small_point(shape, zero, zero, zero)
+            return small_point(shape.place, zero, zero, zero)
         if self.geometry == "chord":
             return self.chord_point(shape, state, zero, zero, zero)
         deflection = dot(shape.deflection, state.amplitude)
         rate = dot(shape.deflection, state.rate)
         slope = dot(shape.slope, state.amplitude)
         if self.geometry == "arc":
-            return self.arc_point(shape, self.arc(shape, state), deflection, rate, slope)
-        return self.small_point(shape, deflection, rate, slope)
+            return arc_point(shape.place, self.arc(shape, state), deflection, rate, slope)
+        return small_point(shape.place, deflection, rate, slope)
 
     def arc(self, shape: Shape, state: Vibration) -> Arc:
-        """How far an arc brings a point back and down, and how fast.
-
-        The first three modes count in the second order and the first one in the third.
-        """
+        """What an arc takes off the place of a point, from the first modes."""
         assert shape.arc is not None
-        pairs, cube = shape.arc
-        q = _flat(state.amplitude)[: self.table.arc_modes]
-        v = _flat(state.rate)[: self.table.arc_modes]
-        short = short_rate = jnp.zeros_like(shape.place)
-        at = 0
-        for i in range(self.table.arc_modes):
-            for j in range(i, self.table.arc_modes):
-                short = short + pairs[at] * q[i] * q[j]
-                short_rate = short_rate + pairs[at] * (q[i] * v[j] + v[i] * q[j])
-                at += 1
-        lower, lower_rate = cube * q[0] ** 3, 3 * cube * q[0] ** 2 * v[0]
-        return Arc(short, lower, short_rate, lower_rate)
-
-    def arc_point(
-        self, shape: Shape, arc: Arc, y: Array, y_rate: Array, slope: Array
-    ) -> FencePoint:
-        """The chords' geometry in the limit of many elements, to the third order in the slope:
-        U = (sigma - integral of w'^2 / 2, w - integral of w'^3 / 6), the integrals as `arc`; `y`
-        and `y_rate` are the deflection [m] and its rate."""
-        return FencePoint(
-            shape.place - arc.short, y - arc.lower, -arc.short_rate, y_rate - arc.lower_rate, slope
-        )
-
-    def small_point(self, shape: Shape, deflection: Array, rate: Array, slope: Array) -> FencePoint:
-        """U = sigma t_alpha + w n_alpha: a small deflection normal to the straight line."""
-        return FencePoint(shape.place, deflection, jnp.zeros_like(rate), rate, slope)
+        modes = self.table.arc_modes
+        return arc(*shape.arc, _flat(state.amplitude)[:modes], _flat(state.rate)[:modes])
 
     def chord_point(
         self, shape: Shape, state: Vibration, extra: Array, extra_rate: Array, turn: Array
     ) -> FencePoint:
-        """(2.14)-(2.17): the chords of the elements, each turned by its angle.
+        """A point of the chain of chords.
 
         `extra` [m] is the deflection of the modes left out at this point, `extra_rate` its rate and
         `turn` [rad] their slope.
@@ -346,25 +304,12 @@ class FlexibleLink(eqx.Module):
 
     def _chain(self, place, amplitude):
         """Position in the turning frame of the point at `place` on the chain of chords."""
-        index, s = self._element(place)
-        size = self.length / self.elements
-        deflection = _combined(self.deflection, amplitude)
-        slope = _combined(self.slope, amplitude)
-        angles = jnp.diff(deflection) / size
-        whole = jnp.arange(self.elements, dtype=index.dtype) < index
-        x = self.rigid_length + size * jnp.sum(jnp.where(whole, jnp.cos(angles), 0.0))
-        y = size * jnp.sum(jnp.where(whole, jnp.sin(angles), 0.0))
-        # The partial chord's angle, (w(d) - w_i) / d, by the cubic divided by d: free of 0 / 0.
-        a, c = deflection[index], deflection[index + 1]
-        b, d = slope[index] / self.elements, slope[index + 1] / self.elements
-        angle = (b + s * (3 * (c - a) - 2 * b - d) + s**2 * (2 * (a - c) + b + d)) / size
-        # On the rigid link and beyond the tip the line goes on straight.
-        before = jnp.minimum(place - self.rigid_length, 0.0)
-        beyond = jnp.maximum(place - self.reach, 0.0)
-        end_slope = d / size
-        return (
-            x + s * size * jnp.cos(angle) + before + beyond * jnp.cos(end_slope),
-            y + s * size * jnp.sin(angle) + beyond * jnp.sin(end_slope),
+        return chain(
+            place,
+            *self._element(place),
+            (self.rigid_length, self.length),
+            _combined(self.deflection, amplitude),
+            _combined(self.slope, amplitude),
         )
 
     def bending_stress(self, amplitude: Blocks, loads, shapes) -> Array:

@@ -12,7 +12,11 @@ def coefficient(
     friction: Friction, speed_squared: Array, smoothing: Smoothing
 ) -> tuple[Array, Array]:
     """mu(w) = mu_k + (mu_s - mu_k) exp(-(w / w_s)^2) [1] at w^2 = `speed_squared`, and its
-    derivative in w^2 [s^2/m^2]."""
+    derivative in w^2 [s^2/m^2].
+
+    Paper: (2.21)-(2.24). There what is at rest is a case of its own, held by the other forces; this
+    law tends to it as w_s and eps fall.
+    """
     scale = 1 / smoothing.static_speed**2
     excess = (friction.static - friction.kinetic) * jnp.exp(-scale * speed_squared)
     return friction.kinetic + excess, -scale * excess
@@ -21,8 +25,11 @@ def coefficient(
 def corner_share(
     friction: Friction, sliding: Array, smoothing: Smoothing
 ) -> tuple[Array, Array]:
-    """Friction on a corner along the tangent as a share of its normal force, (2.19)_4 smoothed:
-    -mu(w) w / sqrt(w^2 + eps^2) [1], with w the sliding speed [m/s]; and its derivative in w."""
+    """Friction on a corner along the tangent as a share of its normal force:
+    -mu(w) w / sqrt(w^2 + eps^2) [1], with w the sliding speed [m/s]; and its derivative in w.
+
+    Paper: (2.19)_4. There with the sign of w, unsmoothed.
+    """
     square = sliding * sliding
     mu, slope = coefficient(friction, square, smoothing)
     inverse = jax.lax.rsqrt(square + smoothing.slip_speed**2)
@@ -33,14 +40,15 @@ def corner_share(
 def belt_grip(
     friction: Friction, weight: Array, speed_squared: Array, smoothing: Smoothing
 ) -> tuple[Array, Array]:
-    """Goyal's limit surface (2.19)_1-3 as a viscosity [N s/m]: grip = F_max / S, with
-    F_max = mu_1 m_p g (2.20) and S = sqrt(s^2 + eps^2), s^2 = |u|^2 + c^2 phidot^2; and its
-    derivative in s^2.
+    """Goyal's limit surface as a viscosity [N s/m]: grip = F_max / S, with F_max = mu_1 m_p g and
+    S = sqrt(s^2 + eps^2), s^2 = |u|^2 + c^2 phidot^2; and its derivative in s^2.
 
     The belt then acts on the parcel with F_1 = grip u and T = -grip c^2 phidot, where u is the
     belt's velocity less the parcel's [m/s], phidot the parcel's spin [rad/s] and c the mean
     distance of its points from the centre of gravity [m]. `weight` is m_p g [N] and
     `speed_squared` s^2, which is also what mu_1 is taken at. The belt dissipates grip s^2 [W].
+
+    Paper: (2.19)_1-3, (2.20).
     """
     mu, slope = coefficient(friction, speed_squared, smoothing)
     inverse = jax.lax.rsqrt(speed_squared + smoothing.slip_speed**2)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..scenes import Body
-from .flexible_link import FencePoint
+from .fence_geometry import FencePoint
 
 
 class Acceleration(NamedTuple):
@@ -72,7 +72,10 @@ class Touch(NamedTuple):
 
 
 def corner_from_arm(body: Body, arm_x: Array, arm_y: Array) -> Corner:
-    """Position and velocity of the point of the parcel at `arm` from C_s, in fixed axes."""
+    """Position and velocity of the point of the parcel at `arm` from C_s, in fixed axes.
+
+    Paper: (2.12). There from the polar coordinates of C_s.
+    """
     return Corner(
         arm_x,
         arm_y,
@@ -86,10 +89,13 @@ def corner_from_arm(body: Body, arm_x: Array, arm_y: Array) -> Corner:
 def fence_touch(
     corner: Corner, point: FencePoint, turn: tuple[Array, Array], speed: Array
 ) -> Touch:
-    """Gap (2.13), its rate (2.18) and sliding speed of a corner at a point U of the fence.
+    """Gap, its rate and sliding speed of a corner at a point U of the fence.
 
     D = -(C - U).n, Ddot = -(v_C - v_U).n, w = (v_C - v_U).t; `turn` is (cos, sin) of alpha_w and
-    `speed` its rate [rad/s].
+    `speed` its rate [rad/s]. U is the foot of the perpendicular from C where the foot's offset
+    (C - U).t vanishes.
+
+    Paper: (2.11), (2.13), (2.18). There U is at the arc coordinate OC, the same to the first order.
     """
     cosine, sine = turn
     # U and its velocity in fixed axes.
@@ -114,7 +120,10 @@ def fence_touch(
 
 
 def border_touch(corner: Corner) -> Touch:
-    """The same at the border y = 0: D = -y_C, Ddot = -v_C.(0, 1), w = v_C.(1, 0)."""
+    """The same at the border y = 0: D = -y_C, Ddot = -v_C.(0, 1), w = v_C.(1, 0).
+
+    Paper: (2.34).
+    """
     zero, one = jnp.zeros_like(corner.x), jnp.ones_like(corner.x)
     return Touch(
         gap=-corner.y,

@@ -15,7 +15,8 @@ from ..parts import SIDES, AbstractDrive, DriveMotion, Friction
 from ..scenes import Body, Scene
 from . import contact
 from .belt_contact import BeltContact, BeltForce
-from .flexible_link import FencePoint, FlexibleLink
+from .fence_geometry import FencePoint
+from .flexible_link import FlexibleLink
 from .friction import corner_share
 from .kinematics import Acceleration, Lean, Touch, border_touch, corner_from_arm, fence_touch
 from .tip import Side, around
@@ -229,6 +230,13 @@ class Mechanics(eqx.Module):
 
         `points` are those of the fence under each of `fence_corners`. With `normals` the forces
         [N] of the fence are taken from there instead of from the contact law.
+
+        Newton-Euler in fixed axes: m_p (xddot, yddot) = sum of N n + F t over the corners, plus
+        the belt's force; I_p phiddot = sum of their moments about C_s. It holds for any corners at
+        the fence and at the border.
+
+        Paper: (2.3)-(2.7), (2.31)-(2.33). There in polar coordinates about the hinge, stage by
+        stage and corner by corner.
         """
         total = [jnp.zeros_like(body.x)] * 3
         touches, fence, border, laws, responses = [], [], [], [], []

@@ -123,6 +123,10 @@ def _cubics(value, slope, elements: int):
 
 
 def _lines(value):
-    """The same of linear functions between the nodes."""
+    """The same of linear functions between the nodes: a load at d shared by the two nodes beside
+    it as 1 - d / Delta l and d / Delta l.
+
+    Paper: (2.8).
+    """
     a, rise = value[:-1], value[1:] - value[:-1]
     return a, rise, 0 * rise, 0 * rise

@@ -31,8 +31,11 @@ class AbstractTaper(eqx.Module):
 
 
 class ConstantStrength(AbstractTaper):
-    """g = sqrt(1 - x / l_p), equation (2.1): under a force at the tip every section carries the
-    same bending stress. The thickness at the tip is zero."""
+    """g = sqrt(1 - x / l_p): under a force at the tip every section carries the same bending
+    stress. The thickness at the tip is zero.
+
+    Paper: (2.1).
+    """
 
     def __call__(self, position, tip_distance):
         return tip_distance**0.5

@@ -1,12 +1,11 @@
 """Charts of studies and optimisations: maps, fronts, convergence, gradients."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..design import Record
 from . import style
 
 if TYPE_CHECKING:
@@ -166,8 +165,25 @@ def _logarithmic(axes: "Axes") -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
+class Evaluated(Protocol):
+    """What `convergence` reads of each evaluation of an optimisation: its number, the worst case,
+    the largest violation [1], the residual of the conditions of Karush, Kuhn and Tucker [1], and
+    whether it failed."""
+
+    @property
+    def evaluation(self) -> int: ...
+    @property
+    def objective(self) -> float: ...
+    @property
+    def violation(self) -> float: ...
+    @property
+    def kkt(self) -> float: ...
+    @property
+    def failed(self) -> bool: ...
+
+
 def convergence(
-    history: Sequence[Record],
+    history: Sequence[Evaluated],
     *,
     unit: str = "N",
     scale: float = 1.0,

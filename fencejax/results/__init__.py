@@ -9,26 +9,20 @@ from . import (
     diagnostics as diagnostics,
     error as error,
 )
-from .accumulators import (
-    Tally as Tally,
-)
-from .diagnostics import (
-    unresolved as unresolved,
-)
+from .accumulators import Accumulator as Accumulator, Step as Step
 from .error import (
     GradientEstimate as GradientEstimate,
     estimate_gradient_error as estimate_gradient_error,
 )
-from .error_estimate import (
-    FIELDS as FIELDS,
-    UNITS as UNITS,
-    ErrorEstimate as ErrorEstimate,
+from .error_estimate import ErrorEstimate as ErrorEstimate
+from .ledger import Ledger as Ledger
+from .measures import ESTIMATED as ESTIMATED, MEASURES as MEASURES, Measure as Measure
+from .recorder import (
+    NormalRecorder as NormalRecorder,
+    SceneRecorder as SceneRecorder,
+    running as running,
 )
-from .result import (
-    Ledger as Ledger,
-    Result as Result,
-    gather as gather,
-)
+from .result import Result as Result, gather as gather
 from .sample import (
     Energy as Energy,
     Power as Power,

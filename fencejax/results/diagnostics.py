@@ -2,7 +2,7 @@
 derivatives say."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,47 +12,82 @@ from jaxtyping import Array
 from ..fidelity import Fidelity
 from ..model import FlexibleLink, Mechanics, force_tolerance
 from ..scenes import NormalScene, Scene, consistent
-from .accumulators import Tally
+from .peak import Peak
+from .recorder import Record
+from .resolution import Resolution
 from .result import Result
+from .sample import Sample
 from .status import Status, worst
 
 # A force whose second difference from step to step is a larger share of its peak than this is not
 # resolved: the peak is off by up to a sixth of that share, its gradient by up to twice of it.
-_ROUGH = 0.14
+_ROUGHNESS = 0.14
 # The same where parcel and fence had parted before the peak: a blow depends on when the one before
 # it ended, and its derivative far more so.
-_ROUGH_AGAIN = 0.01
+_REBOUND_ROUGHNESS = 0.01
 # The first mode's angular frequency times the step: above it a friction that turns round within a
 # step rings the fence as it would not in time, by little, but the derivative counts its phase.
 _RINGING = 1.5
 # So it does under a contact that is all damper, which holds the fence to the corner: its time of
 # relaxation b_p m_p^0.4 / (k_p D), in steps.
-_PINNED = 1e6
+_DAMPER_HELD = 1e6
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
 # contact: |N''| G / w^2 with their compliance G and w between the highest frequency kept and the
 # lowest left out.
 _LAGGING = 0.0052
 # What the modes left out may bend the fence statically, as a share of the flexible link's length:
 # their deflection and slope are right, not what these do to the arc's length and to other corners.
-_TURNING = 0.003
+_RESIDUAL_DEFLECTION = 0.003
 # A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
-_UNFELT = 5e-3
+_NEGLIGIBLE_ROUGHNESS = 5e-3
 # Share of the peak force that the belt's friction may lose to its smoothing at the peak.
 _SMOOTHED = 0.004
 # Share of it that a parcel may owe to how friction let go of it before; less where friction falls
 # by more when it lets go, from how many times kinetic friction on, and by how much.
-_CREPT = 0.00105
-_FALLS = ((9.0, 0.0), (2.0, 0.2), (0.7, 0.45))
+_CREEP_LOSS = 0.00105
+_FRICTION_FALLS = ((9.0, 0.0), (2.0, 0.2), (0.7, 0.45))
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
-_CREEP = 0.0082
+_CREEP_SHARE = 0.0082
 # Share of the slip at the peak that the belt's friction may add within a step, of a parcel that
 # turned round on it before: when in the step it did so counts.
-_JOLT = 0.015
+_STEP_SLIP = 0.015
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1].
-_LOST = 40.0
+_RUNAWAY = 40.0
 
 
-def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> Array:
+class Evidence(NamedTuple):
+    """What a status is judged by: the last sample, peaks, whether parcel and fence have touched,
+    the depth of the contact [m], whether a corner ran over the tip, the largest force left
+    unbalanced [N], and whether steps, modes and smoothing resolve the motion. Nothing of it has a
+    derivative."""
+
+    last: Sample
+    force: Peak
+    tip: Peak
+    border: Peak
+    touched: Array
+    deepest: Array
+    over_tip: Array
+    unbalance: Array
+    resolution: Resolution
+
+
+def evidence(record: Record) -> Evidence:
+    """What of a record tells the status."""
+    states = record.states
+    return jax.lax.stop_gradient(
+        Evidence(
+            record.last,
+            states["force"],
+            states["tip"],
+            states["border"],
+            states["contact"].touched,
+            *(states[name] for name in ("deepest", "over_tip", "unbalance", "resolution")),
+        )
+    )
+
+
+def _smoothed(scene: Scene, fidelity: Fidelity, seen: Evidence, weight: Array) -> Array:
     """Whether the smoothing of the belt's friction may move the peak force by more than a share.
 
     At the peak it takes m_p g (mu_k eps + |mu_s - mu_k| w_s) / s of the force, with s the slip
@@ -62,95 +97,119 @@ def _smoothed(scene: Scene, fidelity: Fidelity, tally: Tally, weight: Array) -> 
     share |mu_s - mu_k| g T / s of the slip.
     """
     assert scene.belt is not None
-    friction, peak = scene.belt.friction, tally.at_peak
+    friction, peak = scene.belt.friction, seen.resolution.at_peak
     jump = jnp.abs(friction.static - friction.kinetic)
     lost = friction.kinetic * fidelity.slip_speed + jump * fidelity.static_speed
-    now = weight * lost > _SMOOTHED * tally.force.value * peak.slip
-    held = jump * scene.belt.gravity * peak.crept
-    steep = [jump > times * friction.kinetic for times, _ in _FALLS]
-    allowed = _CREPT * jnp.select(steep, [share for _, share in _FALLS], 1.0)
-    late = jump * weight * held > allowed * tally.force.value * peak.slip
+    now = weight * lost > _SMOOTHED * seen.force.value * peak.slip
+    held = jump * scene.belt.gravity * peak.creep_time
+    steep = [jump > times * friction.kinetic for times, _ in _FRICTION_FALLS]
+    allowed = _CREEP_LOSS * jnp.select(steep, [share for _, share in _FRICTION_FALLS], 1.0)
+    late = jump * weight * held > allowed * seen.force.value * peak.slip
     largest = jnp.maximum(friction.static, friction.kinetic)
     creep = largest * fidelity.slip_speed + jump * fidelity.static_speed
-    early = (peak.crept > 0.25 * fidelity.step) & (creep > _CREEP * largest * peak.slip)
-    return (tally.force.value > 0) & (now | late | early)
+    early = (peak.creep_time > 0.25 * fidelity.step) & (creep > _CREEP_SHARE * largest * peak.slip)
+    return (seen.force.value > 0) & (now | late | early)
 
 
-def _jolted(scene: Scene, fidelity: Fidelity, tally: Tally) -> Array:
+def _belt_slip_unresolved(scene: Scene, fidelity: Fidelity, seen: Evidence) -> Array:
     """Whether it is too much beside the slip at the peak what friction adds in a step's length h,
     mu g h, of a parcel that turned round on the belt before."""
     assert scene.belt is not None
-    friction, peak = scene.belt.friction, tally.at_peak
+    friction, peak = scene.belt.friction, seen.resolution.at_peak
     largest = jnp.maximum(friction.static, friction.kinetic)
     jump = largest * scene.belt.gravity * fidelity.step
-    return (peak.slewed > 0) & (jump > _JOLT * peak.slip)
+    return (peak.belt_slip_reversed > 0) & (jump > _STEP_SLIP * peak.slip)
 
 
 def unresolved(
-    link: FlexibleLink | None, tally: Tally, unfelt: Array | float = 0.0
+    link: FlexibleLink | None, seen: Evidence, tolerated: Array | float = 0.0
 ) -> list[tuple[Status, Array]]:
-    """Whether steps do not resolve the fence's force, of which `unfelt` [N] may be rough, or the
+    """Whether steps do not resolve the fence's force, of which `tolerated` [N] may be rough, or the
     modes kept do not."""
-    checks = [(Status.STEP_TOO_COARSE, tally.rough > _ROUGH * tally.force.value + unfelt)]
+    rough = seen.resolution.roughness > _ROUGHNESS * seen.force.value + tolerated
+    checks = [(Status.STEP_TOO_COARSE, rough)]
     if link is not None and link.frequency_squared:
         # A clamped beam's n-th frequency goes with (n - 1/2)^2.
         kept = link.eigenvalues.shape[-1]
         square = ((kept + 0.5) / (kept - 0.5)) ** 2 * jax.lax.stop_gradient(link.eigenvalues[-1])
-        lag = _LAGGING * square * tally.deepest
-        checks.append((Status.MODES_TOO_FEW, tally.hurry > lag))
+        lag = _LAGGING * square * seen.deepest
+        checks.append((Status.MODES_TOO_FEW, seen.resolution.residual_acceleration > lag))
     return checks
 
 
-def of_tally(
-    scene: Scene, mechanics: Mechanics, tally: Tally, done: Array | float, start_time: Array
+def of_record(
+    scene: Scene, mechanics: Mechanics, record: Record, done: Array | float, start_time: Array
 ) -> Array:
     """The largest status that applies, as a floating-point number."""
-    tally = jax.lax.stop_gradient(tally)
+    seen = evidence(record)
     scene = jax.lax.stop_gradient(scene)
     parcel = scene.parcel
     side = jnp.minimum(parcel.length, parcel.breadth)
-    checks = [(Status.DEEP_PENETRATION, tally.deepest > side / 2)]
-    forces = jnp.maximum(tally.force.value, tally.border.value)
+    checks = [(Status.DEEP_PENETRATION, seen.deepest > side / 2)]
+    forces = jnp.maximum(seen.force.value, seen.border.value)
     weight = parcel.mass * (0.0 if scene.belt is None else scene.belt.gravity)
     # Where the fence is touched its force must be right beside a large weight, too.
     share = max(1e-3, 4 * force_tolerance(parcel.mass.dtype))
-    allowed = share * (forces + jnp.where(tally.stay.touched > 0, 0.0, weight))
-    checks.append((Status.STEP_TOO_COARSE, tally.defect > allowed + 1e-9))
-    at_border = _ROUGH * tally.border.value + _UNFELT * forces
-    checks.append((Status.STEP_TOO_COARSE, tally.rough_border > at_border))
-    again = tally.at_peak.again > _ROUGH_AGAIN * tally.force.value
+    allowed = share * (forces + jnp.where(seen.touched > 0, 0.0, weight))
+    checks.append((Status.STEP_TOO_COARSE, seen.unbalance > allowed + 1e-9))
+    at_border = _ROUGHNESS * seen.border.value + _NEGLIGIBLE_ROUGHNESS * forces
+    checks.append((Status.STEP_TOO_COARSE, seen.resolution.border_roughness > at_border))
+    again = seen.resolution.at_peak.rebound_roughness > _REBOUND_ROUGHNESS * seen.force.value
     checks.append((Status.STEP_TOO_COARSE, again))
-    checks += unresolved(mechanics.link, tally, _UNFELT * forces)
+    checks += unresolved(mechanics.link, seen, _NEGLIGIBLE_ROUGHNESS * forces)
     checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
     checks.append((Status.INCONSISTENT, ~consistent(scene, start_time)))
     if scene.belt is not None and scene.fence_corners:
-        lost = _smoothed(scene, mechanics.fidelity, tally, weight)
-        checks.append((Status.FRICTION_SMOOTHED, lost))
-        jolted = _jolted(scene, mechanics.fidelity, tally)
-        checks.append((Status.STEP_TOO_COARSE, jolted))
+        smoothed = _smoothed(scene, mechanics.fidelity, seen, weight)
+        checks.append((Status.FRICTION_SMOOTHED, smoothed))
+        too_coarse = _belt_slip_unresolved(scene, mechanics.fidelity, seen)
+        checks.append((Status.STEP_TOO_COARSE, too_coarse))
     if mechanics.link is not None and mechanics.link.frequency_squared:
         frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.eigenvalues[0]))
         rings = frequency * mechanics.fidelity.step > _RINGING
-        relaxed = _PINNED * mechanics.fidelity.step * mechanics.stiffness * tally.deepest
-        pinned = (mechanics.viscosity > relaxed) & (tally.deepest > 0)
-        checks.append((Status.STEP_TOO_COARSE, rings & (pinned | (tally.at_peak.turned > 0))))
+        relaxed = _DAMPER_HELD * mechanics.fidelity.step * mechanics.stiffness * seen.deepest
+        pinned = (mechanics.viscosity > relaxed) & (seen.deepest > 0)
+        reversed_ = seen.resolution.at_peak.sliding_reversed > 0
+        checks.append((Status.STEP_TOO_COARSE, rings & (pinned | reversed_)))
         assert scene.fence is not None
-        turned = tally.carried > _TURNING * scene.fence.flexible_length
-        checks.append((Status.MODES_TOO_FEW, turned))
+        allowed = _RESIDUAL_DEFLECTION * scene.fence.flexible_length
+        bends = seen.resolution.residual_deflection > allowed
+        checks.append((Status.MODES_TOO_FEW, bends))
     if scene.fence is not None:
         limit = scene.fence.flexible_length / 4
-        checks.append((Status.LARGE_DEFLECTION, tally.tip.value > limit))
+        checks.append((Status.LARGE_DEFLECTION, seen.tip.value > limit))
         # It runs away: finite still, but its derivatives may be so no more.
-        checks.append((Status.NON_FINITE, tally.tip.value > _LOST * limit))
+        checks.append((Status.NON_FINITE, seen.tip.value > _RUNAWAY * limit))
     if scene.fence_corners:
-        checks.append((Status.NEVER_TOUCHED, tally.stay.touched == 0))
-        checks.append((Status.IN_CONTACT_AT_END, tally.last.fence_force > 0))
-        checks.append((Status.LEFT_OVER_TIP, tally.over_tip > 0))
-        checks.append((Status.PEAK_AT_TIP, tally.at_peak.cut > 0))
-    body = tally.last.body
-    finite = jnp.isfinite(sum(body) + tally.force.value + tally.tip.value)
+        checks.append((Status.NEVER_TOUCHED, seen.touched == 0))
+        checks.append((Status.IN_CONTACT_AT_END, seen.last.fence_force > 0))
+        checks.append((Status.LEFT_OVER_TIP, seen.over_tip > 0))
+        checks.append((Status.PEAK_AT_TIP, seen.resolution.at_peak.over_tip > 0))
+    body = seen.last.body
+    finite = jnp.isfinite(sum(body) + seen.force.value + seen.tip.value)
     checks.append((Status.NON_FINITE, ~finite))
     return worst(checks, body.x)
+
+
+def of_normal_record(scene: NormalScene, link: FlexibleLink | None, record: Record) -> Array:
+    """The largest status that applies to a scene of the normal direction, as a floating-point
+    number."""
+    seen = evidence(record)
+    scene = jax.lax.stop_gradient(scene)
+    side = jnp.minimum(scene.parcel.length, scene.parcel.breadth)
+    checks = [
+        (Status.NEVER_TOUCHED, seen.force.value <= 0),
+        (Status.IN_CONTACT_AT_END, seen.last.fence_force > 0),
+        (Status.DEEP_PENETRATION, seen.deepest > side / 2),
+        (Status.STEP_TOO_COARSE, seen.unbalance > 1e-3 * seen.force.value + 1e-9),
+        (Status.INCONSISTENT, ~consistent(scene)),
+        (Status.NON_FINITE, ~jnp.isfinite(seen.last.body.y + seen.force.value)),
+        *unresolved(link, seen),
+    ]
+    if scene.fence is not None:
+        limit = scene.fence.flexible_length / 4
+        checks.append((Status.LARGE_DEFLECTION, seen.tip.value > limit))
+    return worst(checks, seen.last.body.y)
 
 
 # --- Of a result ----------------------------------------------------------------------------------
@@ -159,6 +218,12 @@ def of_tally(
 _MAY_BE_NAN = ("first_contact", "last_contact", "leave_x", "leave_y", "status")
 # Of a whole result, what shows that derivatives were lost on the way.
 _TELLING = ("final", "tip_deflection")
+
+
+def _fields(result: Result) -> dict[str, Any]:
+    """The measures and the other numbers of a result, by name."""
+    rest = {name: value for name, value in vars(result).items() if name != "measures"}
+    return {**result.measures, **rest}
 
 
 def _finite(fields: Mapping[str, Any]) -> Array:
@@ -192,7 +257,7 @@ def of_result(scene: NormalScene | Scene, result: Result) -> Result:
     if result.energy is not None and result.final is not None:
         gain = _gained(*jax.lax.stop_gradient((scene, result)))
         status = jnp.where(gain, jnp.maximum(status, float(Status.ENERGY_GAINED)), status)
-    finite = jax.lax.stop_gradient(_finite(vars(result)))
+    finite = jax.lax.stop_gradient(_finite(_fields(result)))
     status = jnp.where(finite, status, float(Status.NON_FINITE))
     lost = status >= Status.NON_FINITE
     result = jax.tree.map(
@@ -209,7 +274,7 @@ def of_derivatives(result: Result, columns: Result) -> tuple[Result, Result]:
     tell: looking at all of it would cost the derivatives that nobody reads.
     """
     whole = columns.final is not None
-    finite = _finite({f: c for f, c in vars(columns).items() if not whole or f in _TELLING})
+    finite = _finite({f: c for f, c in _fields(columns).items() if not whole or f in _TELLING})
     status = jnp.where(finite, result.status, float(Status.NON_FINITE))
     columns = jax.tree.map(lambda leaf: jnp.where(finite, leaf, jnp.zeros_like(leaf)), columns)
     return eqx.tree_at(lambda r: r.status, result, status), columns

@@ -10,22 +10,16 @@ from jaxtyping import Array
 
 from ..fidelity import Fidelity
 from ..scenes import NormalScene, Scene
-from .error_estimate import FIELDS, ErrorEstimate
+from .error_estimate import ErrorEstimate
+from .measures import ESTIMATED, MEASURES
 from .result import Result
 
-# Chosen on 240 random impacts and 200 random sorts at `fast` and at `standard`, against
-# `reference` (`tests/random_scenes.py`): in each of these four sets the spread times the factor,
-# rounded up to 2 or 3, is at least the true error in 95 % of the scenes or more. Measured again,
-# and tried on fresh scenes, by `pytest tests/test_error_estimate.py --bench DIR`. The factor of
-# gradients: 120 impacts, peak force and tip deflection in seven variables.
-_USUAL_SAFETY = 2.0
-_SAFETY = {"peak_stress": 3.0, "peak_torque": 3.0, "deepest": 3.0, "leave_x": 3.0}
+# Chosen on 120 impacts, peak force and tip deflection in seven variables; see
+# `fencejax.results.measures` for the factors of values.
 _GRADIENT_SAFETY = 2.5
 # Share of a value by which the geometries other than the paper's chords are off in a bad case. No
 # spread shows it: chords take three times as long in a batch.
 _GEOMETRY = 5e-4
-# Moments and durations are known to a step, however small their spread.
-_TIMES = ("peak_time", "tip_time", "contact_time", "first_contact", "last_contact")
 
 
 def companions(fidelity: Fidelity) -> tuple[Fidelity, Fidelity]:
@@ -62,10 +56,12 @@ def _combine(values, coarse, smooth, share: float, step: float):
     errors = {}
     for name, value in values.items():
         spread = _spread(value, coarse[name], smooth[name])
-        error = _SAFETY.get(name, _USUAL_SAFETY) * spread
+        factor = MEASURES[name].error_factor
+        assert factor is not None
+        error = factor * spread
         # Round-off of some hundred steps, for a spread that happens to vanish.
         least = max(share, 64 * float(jnp.finfo(value.dtype).eps)) * jnp.abs(value)
-        error = error + (step if name in _TIMES else least)
+        error = error + (step if MEASURES[name].moment else least)
         known = jnp.isnan(value) | jnp.isfinite(spread)
         errors[name] = jnp.where(known, error, jnp.inf)
     return errors
@@ -79,22 +75,21 @@ def estimate(
 ) -> ErrorEstimate:
     """The error of a result at `fidelity`, from two more runs.
 
-    `run(scene, fidelity, history, only)` gives a result with the fields named in `only`. Fields
-    that are `None` in `result` have no estimate. A scene without friction needs one more run
+    `run(scene, fidelity, history, only)` gives a result with the fields named in `only`. Measures
+    that `result` lacks have no estimate. A scene without friction needs one more run
     alone.
     """
-    values = {name: getattr(result, name) for name in FIELDS}
-    values = {name: value for name, value in values.items() if value is not None}
+    values = {name: result.measures[name] for name in ESTIMATED if name in result.measures}
     scene, values = jax.lax.stop_gradient((scene, values))
     only = tuple(sorted((*values, "status")))
     first, second = companions(fidelity)
     coarse = run(scene, first, False, only)
     smooth = run(scene, second, False, only) if _rubs(scene) else coarse
-    others = ({name: getattr(r, name) for name in values} for r in (coarse, smooth))
+    others = ({name: r.measures[name] for name in values} for r in (coarse, smooth))
     bends = isinstance(scene, Scene) and scene.fence is not None
     share = _GEOMETRY if bends and fidelity.geometry != "chord" else 0.0
     found = _combine(values, *others, share, fidelity.step)
-    return ErrorEstimate(**{name: found.get(name) for name in FIELDS})
+    return ErrorEstimate(found)
 
 
 def _rubs(scene: Scene | NormalScene) -> bool:

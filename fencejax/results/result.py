@@ -1,216 +1,144 @@
 """What a simulation returns."""
 
-import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array
 
 from ..scenes import Body
-from .accumulators import Tally
 from .error_estimate import ErrorEstimate
-from .sample import Energy, Power, Sample
+from .ledger import Ledger, ledger
+from .measures import MEASURES, Measure
+from .recorder import Record
+from .sample import Sample
 from .status import Status
-
-
-class Ledger(eqx.Module):
-    """The energy ledger of a scene [J]: changes of what is held, work done, energy dissipated.
-
-    residual = changes + dissipated + contact - work. It vanishes at the order of the step.
-    """
-
-    parcel_kinetic: Array
-    """Change of the parcel's kinetic energy."""
-    fence_kinetic: Array
-    """Change of the fence's kinetic energy."""
-    strain: Array
-    """Change of the energy of bending."""
-    contact_stored: Array
-    """Change of the elastic energy of the contacts."""
-    drive_work: Array
-    """Work of the drive at the hinge."""
-    belt_work: Array
-    """Work of the belt's motion on the parcel."""
-    geometry_work: Array
-    """Work that small-deflection beam theory leaves out (see `fencejax.results.Power`)."""
-    contact_loss: Array
-    """Dissipated in the contacts."""
-    fence_friction_loss: Array
-    """Dissipated by corners sliding along the fence."""
-    border_friction_loss: Array
-    """Dissipated by corners sliding along the border."""
-    belt_friction_loss: Array
-    """Dissipated between parcel and belt."""
-    damping_loss: Array
-    """Dissipated in the fence's material."""
-
-    @property
-    def residual(self) -> Array:
-        """What does not balance [J]."""
-        held = self.parcel_kinetic + self.fence_kinetic + self.strain + self.contact_stored
-        lost = (
-            self.contact_loss
-            + self.fence_friction_loss
-            + self.border_friction_loss
-            + self.belt_friction_loss
-            + self.damping_loss
-        )
-        return held + lost - self.drive_work - self.belt_work - self.geometry_work
-
-
-def ledger(begin: Energy, end: Energy, work: Power) -> Ledger:
-    """The ledger from the energies held at the begin and at the end, with the integrals of the
-    powers between them."""
-    stored = end.contact - begin.contact
-    return Ledger(
-        parcel_kinetic=end.parcel - begin.parcel,
-        fence_kinetic=end.fence - begin.fence,
-        strain=end.strain - begin.strain,
-        contact_stored=stored,
-        drive_work=work.drive,
-        belt_work=work.belt,
-        geometry_work=work.geometry,
-        contact_loss=work.contact - stored,
-        fence_friction_loss=work.fence_friction,
-        border_friction_loss=work.border_friction,
-        belt_friction_loss=work.belt_friction,
-        damping_loss=work.beam_damping,
-    )
 
 
 class Result(eqx.Module):
     """The outcome of a scene. Times are since its start [s]; the drive's clock then read
-    `start_time`. What the scene has no part for is 0, or `None` in the history; fields that were
-    not asked for (`simulate(only=...)`) are `None`."""
+    `start_time`. What the scene has no part for is 0, or `None` in the history; what was not asked
+    for (`simulate(only=...)`) is `None`.
 
-    peak_force: Array
-    """Largest normal force of the fence on the parcel [N] (all its corners together), refined
-    between steps. For the rigid wall, N_stiff."""
-    peak_time: Array
-    """Time of the peak force [s]."""
-    tip_deflection: Array
-    """Largest deflection of the tip from the rigid link's line [m], either way."""
-    tip_time: Array
-    """Time of the largest tip deflection [s]."""
-    peak_stress: Array
-    """Largest bending stress in the flexible link [Pa]."""
-    stress_place: Array
-    """Arc coordinate of the largest bending stress, from the hinge [m]."""
-    impulse: Array
-    """Integral of the fence's normal force [N s]."""
-    contact_time: Array
-    """Time spent in contact with the fence [s]."""
-    first_contact: Array
-    """Time of the first touch [s]; NaN if there is none."""
-    last_contact: Array
-    """Time of the last contact, D = 0 [s]; NaN if there is none. The force ends a little before it,
-    where the two part faster than the parcel recovers its shape."""
-    leave_x: Array
-    """x of C_s at the last contact, where the parcel leaves the fence [m]; NaN if there is none."""
-    leave_y: Array
-    """y of C_s at the last contact [m]; NaN if there is none."""
-    furthest_y: Array
-    """Largest y of C_s at a step [m]: how far the parcel got across the belt."""
-    largest_place: Array
-    """Largest arc coordinate of a corner under load [m]: how far out the contact got."""
-    peak_border_force: Array
-    """Largest normal force of the border on the parcel [N]."""
-    peak_torque: Array
-    """Largest moment of the drive at the hinge, either way [N m]."""
-    deepest: Array
-    """Largest gap D of a corner under load [m]: how far it was pressed in."""
+    Every measure is a field: `result.peak_force`.
+    """
+
+    measures: dict[str, Array]
+    """The measures by name, as they were asked for."""
     final: Body
     """The parcel's motion at the end."""
     energy: Ledger
     """The energy ledger [J]."""
     start_time: Array
     """The drive's clock at the start [s]."""
-    defect: Array
-    """Largest force left unbalanced by a step's equations [N]."""
     status: Array
     """A `Status`, as an integer (one a lane)."""
     history: Sample | None
     """Every sample, if asked for: each field with the time as its first axis."""
     error: ErrorEstimate | None = None
-    """Estimated errors of the fields above, if asked for."""
+    """Estimated errors of the measures, if asked for."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name == "measures":
+            raise AttributeError(name)
+        if name in self.measures:
+            return self.measures[name]
+        if name in MEASURES:
+            return None
+        raise AttributeError(
+            f"A result has no field `{name}`. Its measures are {', '.join(self.measures)}."
+        )
+
+    def __dir__(self):
+        return [*super().__dir__(), *self.measures]
 
     def __str__(self) -> str:
-        named = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        named = {name: self.measures[name] for name in self._names}
+        named |= {"start_time": self.start_time, "status": self.status}
+        named = {name: leaf for name, leaf in named.items() if leaf is not None}
         if any(isinstance(leaf, Tracer) for leaf in named.values()):
             return "Result(traced)"
-        if any(leaf is None for name, leaf in named.items() if name not in ("history", "error")):
-            kept = (f"{name} {leaf}" for name, leaf in named.items() if leaf is not None)
-            return "\n".join(kept)
-        leaf = self.peak_force
-        if leaf.ndim:
-            counts = np.unique(np.asarray(self.status), return_counts=True)
-            names = ", ".join(
-                f"{Status(int(s)).name} {n}" for s, n in zip(*counts, strict=True)
-            )
-            force = np.asarray(leaf)
-            return (
-                f"Result of {leaf.shape} lanes: {names}; peak force "
-                f"{force.min():.4g} ... {force.max():.4g} N"
-            )
-        rows = [
-            ("status", Status(int(self.status)).text, ""),
-            ("peak force", f"{self.peak_force:.2f} N", f"at {1e3 * self.peak_time:.2f} ms"),
-        ]
-        if np.isfinite(self.first_contact):
-            between = f"from {1e3 * self.first_contact:.2f} to {1e3 * self.last_contact:.2f} ms"
-            place = f"({self.leave_x:.3f}, {self.leave_y:.3f}) m"
-            rows += [
-                ("impulse", f"{self.impulse:.3f} N s", ""),
-                ("contact", f"{1e3 * self.contact_time:.2f} ms", between),
-                ("leaves at", place, "(C_s, last contact)"),
-            ]
-        rows += [
-            (
-                "tip deflection",
-                f"{1e3 * self.tip_deflection:.2f} mm",
-                f"at {1e3 * self.tip_time:.2f} ms",
-            ),
-            (
-                "bending stress",
-                f"{1e-6 * self.peak_stress:.2f} MPa",
-                f"at {self.stress_place:.3f} m from the hinge",
-            ),
-            ("drive torque", f"{self.peak_torque:.2f} N m", "largest"),
-            ("border force", f"{self.peak_border_force:.2f} N", "largest"),
-            ("pressed in by", f"{1e3 * self.deepest:.2f} mm", ""),
-            ("energy residual", f"{self.energy.residual:.2e} J", ""),
-        ]
-        text = "\n".join(f"{name:>16}  {value}  {note}".rstrip() for name, value, note in rows)
+        if self.energy is None or self.final is None:
+            return "\n".join(f"{name} {leaf}" for name, leaf in named.items())
+        if self.status.ndim:
+            return self._summary()
+        rows = [("status", Status(int(self.status)).text)]
+        rows += [row for name in self._names if (row := self._row(name))]
+        rows.append(("energy residual", f"{self.energy.residual:.2e} J"))
+        text = "\n".join(f"{name:>16}  {value}".rstrip() for name, value in rows)
         return text if self.error is None else f"{text}\n{'errors':>16}  estimated:\n{self.error}"
 
+    @property
+    def _names(self) -> list[str]:
+        """The measures in the order of their table: compiled, a dictionary comes back sorted."""
+        known = [name for name in MEASURES if name in self.measures]
+        return [*known, *(name for name in self.measures if name not in MEASURES)]
 
-def gather(tally: Tally, samples: Sample | None, time: Array, status: Array) -> Result:
-    """The result from the running tallies."""
-    stay = tally.stay
+    def _summary(self) -> str:
+        """A line on a batch."""
+        counts = np.unique(np.asarray(self.status), return_counts=True)
+        names = ", ".join(f"{Status(int(s)).name} {n}" for s, n in zip(*counts, strict=True))
+        force = np.asarray(self.measures["peak_force"])
+        return (
+            f"Result of {force.shape} lanes: {names}; peak force "
+            f"{force.min():.4g} ... {force.max():.4g} N"
+        )
+
+    def _shown(self, name: str) -> str:
+        measure = MEASURES.get(name)
+        if measure is None:
+            return f"{self.measures[name]:.6g}"
+        number = measure.scale * self.measures[name]
+        return f"{number:.{measure.digits}f} {measure.shown_unit or measure.unit}"
+
+    def _row(self, name: str) -> tuple[str, str] | None:
+        """Label and text of a measure's row; none for what has no label, or was not there."""
+        measure = MEASURES.get(name)
+        if measure is None:
+            return name, self._shown(name)
+        untouched = measure.accumulator.name == "contact" and np.isnan(self.first_contact)
+        if not measure.label or untouched:
+            return None
+        note = measure.note.format_map(_Shown(self))
+        return measure.label, f"{self._shown(name)}  {note}"
+
+
+class _Shown(dict):
+    """The measures of a result as text, by name."""
+
+    def __init__(self, result: Result):
+        self._result = result
+
+    def __missing__(self, name: str) -> str:
+        return self._result._shown(name)
+
+
+def _if(wanted: bool, value: Any) -> Any:
+    """The value; `None` where it is not wanted."""
+    return value if wanted else None
+
+
+def gather(
+    record: Record,
+    measures: Mapping[str, Measure],
+    wanted: Mapping[str, bool],
+    samples: Sample | None,
+    start_time: Array,
+    status: Array,
+) -> Result:
+    """The result from a record: the `measures`, and of `final`, `energy` and `start_time` what is
+    `wanted`."""
+    states = record.states
+    energy = None
+    if wanted["energy"]:
+        energy = ledger(states["origin"], record.last.energy, states["work"])
     return Result(
-        peak_force=tally.force.value,
-        peak_time=tally.force.time,
-        tip_deflection=tally.tip.value,
-        tip_time=tally.tip.time,
-        peak_stress=tally.stress.value,
-        stress_place=tally.stress_place,
-        impulse=tally.impulse,
-        contact_time=stay.total,
-        first_contact=jnp.where(stay.touched > 0, stay.first, jnp.nan),
-        last_contact=jnp.where(stay.touched > 0, stay.last, jnp.nan),
-        leave_x=jnp.where(stay.touched > 0, stay.x, jnp.nan),
-        leave_y=jnp.where(stay.touched > 0, stay.y, jnp.nan),
-        furthest_y=tally.furthest,
-        largest_place=tally.largest_place,
-        peak_border_force=tally.border.value,
-        peak_torque=tally.torque.value,
-        deepest=tally.deepest,
-        final=tally.last.body,
-        energy=ledger(tally.origin, tally.last.energy, tally.work),
-        start_time=time,
-        defect=tally.defect,
+        measures={name: m.read(states[m.accumulator.name]) for name, m in measures.items()},
+        final=_if(wanted["final"], record.last.body),
+        energy=_if(energy is not None, energy),
+        start_time=_if(wanted["start_time"], start_time),
         status=status,
         history=samples,
     )

@@ -13,12 +13,13 @@ from ..model import (
     FlexibleLink,
     Forces,
     Mechanics,
+    NormalState,
     Vibration,
     contact,
     dot,
     total,
 )
-from ..parts import DriveMotion
+from ..parts import DriveMotion, Parcel
 from ..scenes import Body
 
 
@@ -65,6 +66,7 @@ class Sample(NamedTuple):
     fence_force: Array
     over_tip: Array
     tip_deflection: Array
+    """Of the tip from the rigid link's line [m], positive where a parcel bends it."""
     stress: Array
     stress_place: Array
     torque: Array
@@ -149,9 +151,10 @@ def carried(fence: FenceState) -> tuple[tuple[Array, Array], ...]:
 
 
 def bent(link: FlexibleLink, fence: FenceState) -> tuple[Array, Array, Array]:
-    """Deflection of the tip [m], the largest bending stress [Pa] and its arc coordinate [m]."""
+    """Deflection of the tip [m], positive where a parcel bends it, the largest bending stress [Pa]
+    and its arc coordinate [m]."""
     amplitude = fence.vibration.amplitude
-    tip = link.tip_deflection(amplitude, fence.lagged, fence.shapes)
+    tip = -link.tip_deflection(amplitude, fence.lagged, fence.shapes)
     stresses = link.bending_stress(amplitude, fence.lagged, fence.shapes)
     worst = jnp.argmax(stresses)
     return tip, stresses[worst], link.rigid_length + link.stations[worst]
@@ -218,4 +221,40 @@ def _fence_power(
         drive=torque * fence.drive.speed,
         geometry=geometry,
         beam_damping=damping_power(link, fence),
+    )
+
+
+def describe_normal(parcel: Parcel, link: FlexibleLink | None, state: NormalState) -> Sample:
+    """A sample of a scene of the normal direction: the fence lies along x, and the parcel moves
+    along -y onto it."""
+    zero, fence = jnp.zeros_like(state.time), state.fence
+    stored = contact.stored_energy(parcel.stiffness, state.gap)
+    energy = Energy(0.5 * parcel.mass * state.rate**2, zero, zero, stored)
+    power = Power(zero, zero, zero, state.force * state.gap_rate, zero, zero, zero, zero)
+    place, tip, stress, stress_place = zero, zero, zero, zero
+    if link is not None and fence is not None:
+        place = fence.shapes[0].place + zero
+        tip, stress, stress_place = bent(link, fence)
+        kinetic = 0.5 * link.mass_scale * total(v * v for v in fence.vibration.rate)
+        energy = energy._replace(fence=kinetic, strain=strain_energy(link, fence))
+        power = power._replace(beam_damping=damping_power(link, fence))
+    touching = Contact(state.force, zero, state.gap, state.gap_rate, place, zero)
+    return Sample(
+        time=state.time,
+        body=Body(place, -state.advance, zero, zero, -state.rate, zero),
+        acceleration=Acceleration(zero, state.force / parcel.mass, zero),
+        drive=None,
+        vibration=None if fence is None else fence.vibration,
+        fence=(touching,),
+        border=(),
+        belt=None,
+        fence_force=state.force,
+        over_tip=zero,
+        tip_deflection=tip,
+        stress=stress,
+        stress_place=stress_place,
+        torque=zero,
+        energy=energy,
+        power=power,
+        carried=() if fence is None else carried(fence),
     )

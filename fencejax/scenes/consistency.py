@@ -10,7 +10,7 @@ from jaxtyping import Array
 
 from .._check import Bounds
 from .scene import NormalScene, Scene
-from .start import AsGiven, AtTouch, OnBelt
+from .start import AsGiven, AtTouch, BetweenBorderAndFence, OnBelt
 
 _ROUNDING = 1e-6
 
@@ -52,7 +52,8 @@ def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> A
 
     - every field of parcel, belt, friction, fence, material, taper and drive, and the start's;
     - the centre of gravity inside the rectangle, the drive's stroke long enough;
-    - the place of the touch on the fence, and its angle one that the drive has at `start_time` [s].
+    - the place of the touch on the fence, and its angle one that the drive has at `start_time` [s];
+    - a parcel between border and fence spans from one to the other.
     """
     parcel = scene.parcel
     checks = list(_bounded(scene))
@@ -74,6 +75,11 @@ def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> A
         if isinstance(scene.start, AtTouch) and scene.start.parcel_angle is None:
             x, y = parcel.corner(scene.start.corner)
             checks.append((x != 0) | (y != 0))
+        if isinstance(scene.start, BetweenBorderAndFence):
+            ax, ay = parcel.corner(scene.start.fence_corner)
+            bx, by = parcel.corner(scene.start.border_corner)
+            rise = scene.start.place * jnp.sin(scene.start.drive_angle)
+            checks.append(rise**2 <= ((ax - bx) ** 2 + (ay - by) ** 2) * (1 + _ROUNDING))
     if place is not None and scene.fence is not None:
         checks.append(_within(place, 0.0, scene.fence.reach))
     every = checks[0]

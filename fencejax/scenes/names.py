@@ -32,20 +32,28 @@ class Number(NamedTuple):
 
     - `path`: where a scene holds it, such as `"fence.material.density"`; of a vector, the path of
       the whole. What is made of several numbers (see `DERIVED`) has its name instead.
-    - `unit`: in the SI.
+    - `bounds`: its unit, and what the part that holds it asks for.
     - `name`: what it is called beside its path. Two numbers that no scene has at once may share it.
     - `lower`, `upper`: default bounds [`unit`] of designs and sweeps, if it has any, with their
       `scaling` (see `fencejax.DesignVariable`).
-    - `sign`: what the part that holds it asks for: `"above 0"`, `"at least 0"` or nothing.
     """
 
     path: str
-    unit: str
+    bounds: Bounds
     name: str | None = None
     lower: float | None = None
     upper: float | None = None
     scaling: str = "logarithmic"
-    sign: str = ""
+
+    @property
+    def unit(self) -> str:
+        """In the SI."""
+        return self.bounds.unit
+
+    @property
+    def sign(self) -> str:
+        """`"above 0"`, `"at least 0"` or nothing."""
+        return ABOVE if self.bounds.above == 0 else LEAST if self.bounds.least == 0 else ""
 
 
 ABOVE, LEAST = "above 0", "at least 0"
@@ -60,28 +68,22 @@ class _Part(Protocol):
     bounds: ClassVar[dict[str, Bounds]]
 
 
-def _of(
-    part: type[_Part],
-    path: str,
-    name: str | None = None,
-    lower: float | None = None,
-    upper: float | None = None,
-    scaling: str = "logarithmic",
-    *,
-    field: str | None = None,
-) -> Number:
-    """A number with the unit and the sign of a part's `field`, by default the end of the path."""
-    bounds = part.bounds[field or path.rpartition(".")[2]]
-    sign = ABOVE if bounds.above == 0 else LEAST if bounds.least == 0 else ""
-    return Number(path, bounds.unit, name, lower, upper, scaling, sign)
+def _of(part: type[_Part], path: str, *rest: Any, field: str | None = None) -> Number:
+    """A number with the bounds of a part's `field`, by default the end of the path."""
+    return Number(path, part.bounds[field or path.rpartition(".")[2]], *rest)
+
+
+def _free(path: str, unit: str, *rest: Any, **bounds: float) -> Number:
+    """A number that no part asks anything of."""
+    return Number(path, Bounds(unit, **bounds), *rest)
 
 
 # The flexible link is at least half of the reach; the moduli run from polyethylene to glass-filled
 # polyamide.
 FENCE = (
     _of(Fence, "fence.thickness", "thickness", 0.01, 0.09),
-    Number("length_ratio", "1", "length_ratio", 0.0, 1.0, _LINE, LEAST),
-    Number("reach", "m", "reach", 0.9, 1.8, sign=ABOVE),
+    _free("length_ratio", "1", "length_ratio", 0.0, 1.0, _LINE, least=0),
+    _free("reach", "m", "reach", 0.9, 1.8, above=0),
     _of(Fence, "fence.width", "width", 0.03, 0.40),
     _of(Material, "fence.material.youngs_modulus", "youngs_modulus", 0.5e9, 10e9),
     _of(Material, "fence.material.density", "density", 900.0, 2000.0),
@@ -129,29 +131,30 @@ FRICTION = (
 )
 # How the scene begins; `distance` is where the parcel touches.
 START = (
-    Number("start.place", "m", "distance", 0.5, 1.1, _LINE, LEAST),
-    Number("start.drive_angle", "rad", "drive_angle", 0.1, 0.5, _LINE),
-    Number("start.parcel_angle", "rad", "parcel_angle", -0.5, 0.5, _LINE),
-    Number("start.front", "m", "front", -0.5, 0.5, _LINE),
-    Number("start.offset", "m", "offset", 0.0, 0.3, _LINE, LEAST),
-    Number("start.angle", "rad", "angle", -0.5, 0.5, _LINE),
-    Number("start.velocity[0]", "m/s"),
-    Number("start.velocity[1]", "m/s"),
-    Number("start.velocity[2]", "rad/s"),
-    Number("start.motion.x", "m"),
-    Number("start.motion.y", "m"),
-    Number("start.motion.angle", "rad"),
-    Number("start.motion.x_rate", "m/s"),
-    Number("start.motion.y_rate", "m/s"),
-    Number("start.motion.spin", "rad/s"),
+    _free("start.place", "m", "distance", 0.5, 1.1, _LINE, least=0),
+    _free("start.drive_angle", "rad", "drive_angle", 0.1, 0.5, _LINE),
+    _free("start.parcel_angle", "rad", "parcel_angle", -0.5, 0.5, _LINE),
+    _free("start.front", "m", "front", -0.5, 0.5, _LINE),
+    _free("start.offset", "m", "offset", 0.0, 0.3, _LINE, least=0),
+    _free("start.angle", "rad", "angle", -0.5, 0.5, _LINE),
+    _free("start.velocity[0]", "m/s"),
+    _free("start.velocity[1]", "m/s"),
+    _free("start.velocity[2]", "rad/s"),
+    _free("start.motion.x", "m"),
+    _free("start.motion.y", "m"),
+    _free("start.motion.angle", "rad"),
+    _free("start.motion.x_rate", "m/s"),
+    _free("start.motion.y_rate", "m/s"),
+    _free("start.motion.spin", "rad/s"),
 )
 # A scene with one coordinate holds these itself.
 NORMAL = (
-    Number("speed", "m/s", "speed"),
-    Number("distance", "m", "distance", sign=LEAST),
+    _free("speed", "m/s", "speed"),
+    _free("distance", "m", "distance", least=0),
 )
 NUMBERS = (*FENCE, *DRIVE, *PARCEL, *BELT, *FRICTION, *START, *NORMAL)
-"""All of them. Numbers of a taper are not named: all are ratios [1]."""
+"""All that have a name, or that no part describes. Any other number is found by its path, with the
+bounds of the part that holds it (see `fencejax.scene_numbers.number`)."""
 
 PATHS: Mapping[str, tuple[str, ...]] = {
     name: tuple(number.path for number in NUMBERS if number.name == name)
@@ -160,8 +163,7 @@ PATHS: Mapping[str, tuple[str, ...]] = {
 }
 """Paths of a name; a scene has one of them at most."""
 
-_BY_PATH = {number.path: number for number in NUMBERS}
-_TAPER = "fence.taper."
+BY_PATH = {number.path: number for number in NUMBERS}
 
 
 def element(name: str) -> tuple[str, int | None]:
@@ -171,16 +173,24 @@ def element(name: str) -> tuple[str, int | None]:
     return (name, None) if match is None else (match[1], int(match[2]))
 
 
+def known(name: str) -> Number | None:
+    """The number of the table with a path or a name, or that of the vector it is an element of;
+    of several with a name the first that has default bounds. `None` if there is none."""
+    for one in (name, element(name)[0]):
+        found = [BY_PATH[path] for path in (one, *PATHS.get(one, ())) if path in BY_PATH]
+        if found:
+            return next((number for number in found if number.lower is not None), found[0])
+    return None
+
+
 def at(path: str) -> Number:
     """The number at a path, or that of the vector it is an element of.
 
-    Raises `ValueError` for a path that no scene has.
+    Raises `ValueError` for a path that is none of the table's.
     """
-    for known in (path, element(path)[0]):
-        if known in _BY_PATH:
-            return _BY_PATH[known]
-    if path.startswith(_TAPER):
-        return Number(path, "1")
+    found = BY_PATH.get(path, BY_PATH.get(element(path)[0]))
+    if found is not None:
+        return found
     raise ValueError(
         f"Argument `name` must be the path of a scene's number, such as {PARCEL[0].path!r}, but is "
         f"{path!r}."

@@ -1,36 +1,45 @@
 """The numbers of a scene by name: what there is, in which unit, and how to read and replace it.
 
-Every number has its path, `"fence.material.youngs_modulus"`, and most have a name beside it
-(`fencejax.scene_names`), the one that design variables and sweeps use: `"youngs_modulus"`,
-`"mass"`, `"belt_speed"`, `"fence_kinetic_friction"`, `"distance"` (where the parcel touches). Any
-end of a path does where it is clear. An element of a vector is `"control_angles[3]"`. Two names
-stand for what a designer thinks in: `"reach"` is l_s + l_p at a constant l_s / l_p,
-`"length_ratio"` is l_s / l_p at a constant reach.
+Every numeric leaf of a scene is a number, with its path: `"fence.material.youngs_modulus"`,
+`"fence.taper.exponent"`, `"drive.control_angles[3]"`. Most have a name beside it
+(`fencejax.scene_names`): `"youngs_modulus"`, `"mass"`, `"belt_speed"`, `"fence_kinetic_friction"`,
+`"distance"` (where the parcel touches). Any end of a path does where it is clear. Two names stand
+for what a designer thinks in: `"reach"` is l_s + l_p at a constant l_s / l_p, `"length_ratio"` is
+l_s / l_p at a constant reach.
+
+Design variables, sweeps, sensitivities, identification and the choice of a fidelity all name
+numbers so, and read and replace them by `read` and `replace`. What they are the numbers of need not
+be a whole scene: a fence and a drive under these names will do.
 """
 
+import functools
 from collections.abc import Sequence
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
+from .. import _check
+from .._check import Bounds
 from . import names as scene_names
-from .names import ABOVE, DERIVED as DERIVED, LEAST, PATHS, element
+from .names import BY_PATH, DERIVED as DERIVED, PATHS, Number, element
 from .scene import NormalScene, Scene
 
 AnyScene = NormalScene | Scene
+_Parts = TypeVar("_Parts")
 
 _LENGTHS = ("fence.rigid_length", "fence.flexible_length")
 
 
-def _paths(scene: AnyScene) -> list[tuple[str, tuple[int, ...]]]:
+def _paths(scene) -> list[tuple[str, tuple[int, ...]]]:
     """Path and shape of every leaf."""
     leaves, _ = jax.tree_util.tree_flatten_with_path(scene)
     return [(jax.tree_util.keystr(path).lstrip("."), np.shape(leaf)) for path, leaf in leaves]
 
 
-def names(scene: AnyScene) -> tuple[str, ...]:
+def names(scene) -> tuple[str, ...]:
     """The paths of all numbers of a scene, in the order of `values`."""
     found = []
     for path, shape in _paths(scene):
@@ -43,14 +52,34 @@ def names(scene: AnyScene) -> tuple[str, ...]:
 
 
 def unit(name: str) -> str:
-    """The unit [SI] of a number, by its path or by one of the names of `DERIVED`.
+    """The unit [SI] of a number of the table, by its path or by one of the names of `DERIVED`.
 
-    Raises `ValueError` for a path that no scene has.
+    Raises `ValueError` for a path that the table does not hold: see `number`.
     """
     return scene_names.at(name).unit
 
 
-def resolve(scene: AnyScene, name: str) -> str:
+def number(scene, name: str) -> Number:
+    """What a name stands for in a scene: its path, unit and bounds, and default bounds if it has
+    any. Of a number that the table does not hold, the part that holds it says unit and bounds, by
+    the `bounds` of its class; without these it is a ratio [1].
+
+    Raises `ValueError` where there is no such number, or more than one.
+    """
+    path = resolve(scene, name)
+    whole = element(path)[0]
+    found = BY_PATH.get(path, BY_PATH.get(whole))
+    if path in DERIVED and found is not None:
+        return found
+    owner, _, field = whole.rpartition(".")
+    part = functools.reduce(getattr, owner.split("."), scene) if owner else scene
+    bounds = getattr(type(part), "bounds", {}).get(field)
+    if found is None:
+        return Number(path, Bounds() if bounds is None else bounds)
+    return found if bounds is None else found._replace(bounds=bounds)
+
+
+def resolve(scene, name: str) -> str:
     """The path (or name of `DERIVED`) that `name` stands for in a scene.
 
     Raises `ValueError` where there is none, or more than one.
@@ -71,7 +100,29 @@ def resolve(scene: AnyScene, name: str) -> str:
     raise ValueError(f"Argument `name` must {what}, one of {choices}, but is {name!r}.")
 
 
-def short(scene: AnyScene, path: str) -> str:
+def elements(scene, name: str) -> tuple[str, ...]:
+    """The names of a vector's elements where `name` is a vector's, and else `name` alone.
+
+    Raises `ValueError` where a scene has neither.
+    """
+    paths = dict(_paths(scene))
+    for path in PATHS.get(name, tuple(p for p in paths if p == name or p.endswith(f".{name}"))):
+        if paths.get(path):
+            return tuple(f"{name}[{k}]" for k in range(paths[path][0]))
+    resolve(scene, name)
+    return (name,)
+
+
+def has(scene, name: str) -> bool:
+    """Whether a name stands for a number of a scene."""
+    try:
+        resolve(scene, name)
+    except ValueError:
+        return False
+    return True
+
+
+def short(scene, path: str) -> str:
     """The name of a number that `resolve` takes for it, or its path if it has none."""
     for name, candidates in PATHS.items():
         if path in candidates:
@@ -82,12 +133,12 @@ def short(scene: AnyScene, path: str) -> str:
     return end if [p for p in names(scene) if p.endswith(f".{end}")] == [path] else path
 
 
-def values(scene: AnyScene) -> Array:
+def values(scene) -> Array:
     """All numbers of a scene [SI], of shape (N,)."""
     return jnp.concatenate([jnp.ravel(jnp.asarray(leaf)) for leaf in jax.tree.leaves(scene)])
 
 
-def with_values(scene: AnyScene, numbers: ArrayLike) -> AnyScene:
+def with_values(scene: _Parts, numbers: ArrayLike) -> _Parts:
     """The scene with all its numbers replaced, from shape (N,). Nothing is checked."""
     numbers = jnp.asarray(numbers)
     leaves, structure = jax.tree.flatten(scene)
@@ -99,28 +150,24 @@ def with_values(scene: AnyScene, numbers: ArrayLike) -> AnyScene:
     return jax.tree.unflatten(structure, new)
 
 
-def read(scene: AnyScene, chosen: Sequence[str]) -> list[Array]:
+def read(scene, chosen: Sequence[str]) -> list[Array]:
     """The numbers of some names [SI]."""
     leaves = dict(zip([path for path, _ in _paths(scene)], jax.tree.leaves(scene), strict=True))
 
-    def number(path):
-        if path in leaves:
-            return leaves[path]
-        name, place = element(path)
-        return leaves[name][place]
+    def one(path):
+        if path == "reach":
+            return one(_LENGTHS[0]) + one(_LENGTHS[1])
+        if path == "length_ratio":
+            return one(_LENGTHS[0]) / one(_LENGTHS[1])
+        name, place = (path, None) if path in leaves else element(path)
+        return leaves[name] if place is None else leaves[name][place]
 
-    found = []
-    for name in chosen:
-        path = resolve(scene, name)
-        if path in DERIVED:
-            rigid, flexible = (number(end) for end in _LENGTHS)
-            found.append(rigid + flexible if path == "reach" else rigid / flexible)
-        else:
-            found.append(number(path))
-    return found
+    return [one(resolve(scene, name)) for name in chosen]
 
 
-def replace(scene: AnyScene, chosen: Sequence[str], given: Sequence[ArrayLike] | Array) -> AnyScene:
+def replace(
+    scene: _Parts, chosen: Sequence[str], given: Sequence[ArrayLike] | Array
+) -> _Parts:
     """The scene with the numbers of some names [SI] replaced by those given.
 
     Differentiable, and free of checks: see `check`.
@@ -128,16 +175,16 @@ def replace(scene: AnyScene, chosen: Sequence[str], given: Sequence[ArrayLike] |
     paths = [path for path, _ in _paths(scene)]
     leaves, structure = jax.tree.flatten(scene)
     derived = {}
-    for k, name in enumerate(chosen):
+    for name, value in zip(chosen, given, strict=True):
         path = resolve(scene, name)
         if path in DERIVED:
-            derived[path] = jnp.asarray(given[k], dtype=float)
+            derived[path] = jnp.asarray(value, dtype=float)
         elif path in paths:
-            leaves[paths.index(path)] = jnp.asarray(given[k], dtype=float)
+            leaves[paths.index(path)] = jnp.asarray(value, dtype=float)
         else:
             owner, place = element(path)
             index = paths.index(owner)
-            leaves[index] = jnp.asarray(leaves[index]).at[place].set(given[k])
+            leaves[index] = jnp.asarray(leaves[index]).at[place].set(value)
     if derived:
         rigid, flexible = (leaves[paths.index(end)] for end in _LENGTHS)
         reach = derived.get("reach", rigid + flexible)
@@ -148,26 +195,21 @@ def replace(scene: AnyScene, chosen: Sequence[str], given: Sequence[ArrayLike] |
     return jax.tree.unflatten(structure, leaves)
 
 
-def check(scene: AnyScene, name: str, value: float) -> None:
+def check(scene, name: str, value: float) -> None:
     """Raise `ValueError` where a number of the scene cannot have the value [SI], or where a
     distance lies beyond the scene's own fence."""
-    path = resolve(scene, name)
-    number = scene_names.at(path)
-    word = None
-    if not np.isfinite(value):
-        word = "finite"
-    elif number.sign == ABOVE and value <= 0 or number.sign == LEAST and value < 0:
-        word = number.sign
-    elif path in ("start.place", "distance") and scene.fence is not None:
+    found = number(scene, name)
+    _check.scalar(name, value, **found.bounds._asdict())
+    if found.path in ("start.place", "distance") and scene.fence is not None:
         reach = float(scene.fence.reach)
-        word = f"at most {reach:g}, where the fence ends" if value > reach else None
-    if word is not None:
-        raise ValueError(
-            f"Argument `{name}` must be {word} [{number.unit}], but is {value:g}."
-        )
+        if value > reach:
+            raise ValueError(
+                f"Argument `{name}` must be at most {reach:g}, where the fence ends "
+                f"[{found.unit}], but is {value:g}."
+            )
 
 
-def together(scene: AnyScene, chosen: Sequence[str]) -> tuple[str, ...]:
+def together(scene, chosen: Sequence[str]) -> tuple[str, ...]:
     """The paths of some names.
 
     Raises `ValueError` where two of them set the same number.
@@ -184,42 +226,26 @@ def together(scene: AnyScene, chosen: Sequence[str]) -> tuple[str, ...]:
     return paths
 
 
-def vary(scene: AnyScene, chosen: Sequence[str], given: ArrayLike) -> np.ndarray:
+def vary(scene, chosen: Sequence[str], given: ArrayLike) -> np.ndarray:
     """All numbers of the scene with some replaced lane by lane: (P, n) -> (P, N), on the host."""
-    paths, known = together(scene, chosen), names(scene)
-    given = np.asarray(given, dtype=float)
-    lanes = np.repeat(np.asarray(values(scene))[None], len(given), axis=0)
-    derived = {}
-    for path, column in zip(paths, given.T, strict=True):
-        if path in DERIVED:
-            derived[path] = column
-        else:
-            lanes[:, known.index(path)] = column
-    if derived:
-        ends = [known.index(end) for end in _LENGTHS]
-        rigid, flexible = lanes[:, ends].T
-        reach = derived.get("reach", rigid + flexible)
-        ratio = derived.get("length_ratio", rigid / flexible)
-        lanes[:, ends[1]] = reach / (1 + ratio)
-        lanes[:, ends[0]] = reach * ratio / (1 + ratio)
-    return lanes
+    chosen = together(scene, chosen)
+    return np.asarray(
+        jax.vmap(lambda row: values(replace(scene, chosen, row)))(jnp.asarray(given, dtype=float))
+    )
 
 
-def named(scene: AnyScene, chosen: Sequence[str], lanes: ArrayLike) -> np.ndarray:
+def named(scene, chosen: Sequence[str], lanes: ArrayLike) -> np.ndarray:
     """Numbers by some names in lanes of all numbers: (P, N) -> (P, n), on the host."""
-    known, lanes = names(scene), np.asarray(lanes, dtype=float)
-    columns = []
-    for path in together(scene, chosen):
-        if path in DERIVED:
-            rigid, flexible = (lanes[:, known.index(end)] for end in _LENGTHS)
-            columns.append(rigid + flexible if path == "reach" else rigid / flexible)
-        else:
-            columns.append(lanes[:, known.index(path)])
-    return np.stack(columns, axis=1)
+    chosen = together(scene, chosen)
+    return np.asarray(
+        jax.vmap(lambda lane: jnp.stack(read(with_values(scene, lane), chosen)))(
+            jnp.asarray(lanes, dtype=float)
+        )
+    )
 
 
 def slopes_in(
-    scene: AnyScene, chosen: Sequence[str], lanes: ArrayLike, slopes: ArrayLike
+    scene, chosen: Sequence[str], lanes: ArrayLike, slopes: ArrayLike
 ) -> np.ndarray:
     """Slopes in some names from those in all numbers, (..., N) at `lanes` (P, N): the chain rule,
     which matters for the names of `DERIVED` alone. (P, m, N) -> (P, m, n), on the host."""

@@ -1,4 +1,4 @@
-"""The stages of a sort, one by one: (2.3)-(2.34)."""
+"""The stages of a sort, one by one."""
 
 
 import jax.numpy as jnp
@@ -37,7 +37,7 @@ def oblique_impact(
     tip_contact: bool = False,
     duration: float | None = None,
 ) -> Scene:
-    """A corner strikes the fence: stage (2.3)-(2.26), fence, one corner and belt.
+    """A corner strikes the fence: fence, one corner and belt.
 
     **Arguments:**
 
@@ -57,6 +57,8 @@ def oblique_impact(
 
     Raises `ValueError` where the distance or the angle is out of the fence's or drive's reach, or
     where the parcel, turned by `parcel_angle`, lies beyond the fence with another corner.
+
+    Paper: (2.25), (2.26). There the end of the stage; what comes before is in the model.
     """
     fence = Fence() if fence is None else fence
     drive = HarmonicDrive() if drive is None else drive
@@ -123,11 +125,13 @@ def along_fence(
     tip_contact: bool = False,
     duration: float | None = None,
 ) -> Scene:
-    """The parcel's lower wall lies on the fence and slides along it: stage (2.27)-(2.30).
+    """The parcel's lower wall lies on the fence and slides along it.
 
     The two corners of that wall carry the contact, so that the rotation is free and follows the
     fence by their forces; the paper ties it to the fence. `distance` [m] is the arc coordinate
     under C_s; the other arguments are those of `oblique_impact`; `duration` is 0.25 s by default.
+
+    Paper: (2.27)-(2.30). There phi is the fence's slope, and one force acts at the foot of C_s.
     """
     fence = Fence() if fence is None else fence
     drive = HarmonicDrive() if drive is None else drive
@@ -162,7 +166,7 @@ def border_and_fence(
     tip_contact: bool = False,
     duration: float | None = None,
 ) -> Scene:
-    """One corner on the fence and another on the border: stage (2.31)-(2.34).
+    """One corner on the fence and another on the border: the stage (2.31)-(2.34).
 
     `distance` [m] is the arc coordinate of the corner on the fence, at the angle `drive_angle`
     [rad]; the other arguments are those of `oblique_impact`; `duration` is 0.25 s by default.

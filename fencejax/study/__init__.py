@@ -23,6 +23,10 @@ from .choice import (
     NoFidelityError as NoFidelityError,
     choose_fidelity as choose_fidelity,
 )
+from .chunks import (
+    CountProgress as CountProgress,
+    in_chunks as in_chunks,
+)
 from .fit_judgement import (
     Fit as Fit,
 )
@@ -44,7 +48,6 @@ from .recording import (
     write_recording as write_recording,
 )
 from .response import (
-    CountProgress as CountProgress,
     Response as Response,
     quantities_of as quantities_of,
 )
@@ -66,6 +69,9 @@ from .sweep import (
     OUTPUTS as OUTPUTS,
     Lane as Lane,
     Sweep as Sweep,
+)
+from .sweep_cluster import (
+    WorkerSettings as WorkerSettings,
 )
 from .sweep_program import (
     Plan as Plan,

@@ -37,7 +37,7 @@ def ladder() -> tuple[Fidelity, ...]:
 def expected_cost(fidelity: Fidelity) -> float:
     """Work a second of simulated time of a few runs, in steps of one mode; orders what is tried
     first."""
-    work = _GEOMETRY_WORK[fidelity.geometry] * _INTEGRATOR_WORK[fidelity.integrator]
+    work = _GEOMETRY_WORK[fidelity.geometry] * _INTEGRATOR_WORK.get(fidelity.integrator, 300.0)
     return work * (1 + 0.05 * fidelity.mode_count) / fidelity.step
 
 
@@ -81,5 +81,7 @@ def describe(fidelity: Fidelity) -> str:
         modes = "1 mode"
     step = f"{1e3 * fidelity.step:g} ms"
     if fidelity.integrator != "modal":
-        step = f"{fidelity.integrator} {fidelity.tolerance:g}"
+        solver = fidelity.integrator
+        name = solver if isinstance(solver, str) else type(solver).__name__
+        step = f"{name} {fidelity.tolerance:g}"
     return f"{step}, {modes}, {fidelity.geometry}, eps {fidelity.slip_speed:g} m/s"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from .. import _check
 from ..fidelity import Fidelity
-from ..results import FIELDS
+from ..results import ESTIMATED
 from ..scenes import AnyScene
 from .candidates import as_fine, describe, distinct, ladder
 from .scene_groups import Selector, grouped, names
@@ -145,7 +145,7 @@ def choose_fidelity(
     if not quantities:
         raise ValueError("Argument `quantities` must hold at least one name, but is empty.")
     for name in quantities:
-        _check.choice("quantities", name, FIELDS)
+        _check.choice("quantities", name, ESTIMATED)
     if isinstance(with_respect_to, str):
         with_respect_to = (with_respect_to,)
     if with_respect_to is not None and not with_respect_to and gradient_error is not None:

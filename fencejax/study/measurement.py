@@ -3,7 +3,6 @@
 import time
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,9 +29,7 @@ def _program(group: Group, fidelity: Fidelity, quantities: tuple[str, ...], slop
 
     def run(scales, scene):
         if scales:
-            leaves = [select(scene) for select in group.selectors]
-            scaled = [leaf * scale for leaf, scale in zip(leaves, scales, strict=True)]
-            scene = eqx.tree_at(lambda s: [f(s) for f in group.selectors], scene, scaled)
+            scene = group.scaled(scene, scales)
         result = simulate(scene, fidelity=fidelity, only=quantities)
         values = jnp.stack([getattr(result, name) for name in quantities])
         return values, (values, result.status)
@@ -41,7 +38,7 @@ def _program(group: Group, fidelity: Fidelity, quantities: tuple[str, ...], slop
         if not slopes:
             values, (_, status) = run((), scene)
             return values, None, status
-        ones = [jnp.ones_like(select(scene)) for select in group.selectors]
+        ones = [jnp.ones_like(leaf) for leaf in group.read(scene)]
         rows, (values, status) = jax.jacfwd(run, has_aux=True)(ones, scene)
         return values, jnp.concatenate([r.reshape(len(quantities), -1) for r in rows], 1), status
 

@@ -1,9 +1,8 @@
 """Quantities of a scene as functions of its numbers, with their slopes, many lanes at a time."""
 
-import concurrent.futures
 import functools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -17,8 +16,7 @@ from ..fidelity import Fidelity
 from ..results import Status
 from ..scenes import AnyScene, numbers as scene_numbers
 from ..simulate import simulate
-
-CountProgress = Callable[[int, int], None]
+from .chunks import CountProgress, in_chunks
 
 
 class Batch(NamedTuple):
@@ -131,24 +129,9 @@ class Response:
                 f"Argument `lanes` must have the shape (P, {len(self.names)}) with P at least 1, "
                 f"but has {lanes.shape}. Write scene_numbers.vary(scene, names, rows)."
             )
-        count = len(lanes)
-        # The last chunk is filled up, so that one program serves all.
-        filled = np.concatenate([lanes, np.repeat(lanes[-1:], -count % self.chunk, axis=0)])
-        chunks = filled.reshape(-1, self.chunk, lanes.shape[1])
-
-        def one(chunk):
-            return jax.device_get(program(jnp.asarray(chunk)))
-
-        done = []
-        # The first chunk compiles, before the threads set out.
-        first, rest = chunks[:1], chunks[1:]
-        with concurrent.futures.ThreadPoolExecutor(self.workers) as pool:
-            for results in (map(one, first), pool.map(one, rest) if len(rest) else ()):
-                for result in results:
-                    done.append(result)
-                    if progress is not None:
-                        progress(min(count, len(done) * self.chunk), count)
-        return tuple(np.concatenate(parts)[:count] for parts in zip(*done, strict=True))
+        return in_chunks(
+            program, lanes, self.chunk, workers=self.workers, progress=progress
+        )
 
     def values(self, lanes: ArrayLike, *, progress: CountProgress | None = None) -> Batch:
         """Q of lanes of shape (P, N). `progress(done, total)` is called after every chunk."""

@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from .. import _check
-from ..design import DesignVariable
-from .scene_family import VARIABLES
+from ..design import DesignVariable, variable as variable
 
 KINDS = ("grid", "latin_hypercube", "sobol", "given")
 """How points are laid."""
@@ -44,35 +43,6 @@ class Samples:
     def count(self) -> int:
         """N, the number of points."""
         return len(self.values)
-
-
-def variable(
-    name: str,
-    lower: float | None = None,
-    upper: float | None = None,
-    unit: str | None = None,
-    scaling: str | None = None,
-) -> DesignVariable:
-    """A variable by name; what is not given comes from `fencejax.scene_family.VARIABLES`.
-
-    Raises `ValueError` where the name has no entry there and a bound is missing.
-    """
-    known = VARIABLES.get(name.partition("[")[0])
-    if known is None:
-        if lower is None or upper is None:
-            raise ValueError(
-                f"Argument `{name}` must be given bounds, for it has no default ones. Write "
-                f"sampling.variable({name!r}, lower, upper, unit). With default bounds: "
-                f"{', '.join(VARIABLES)}."
-            )
-        known = DesignVariable(name, lower, upper, "1", "linear")
-    return DesignVariable(
-        name,
-        known.lower if lower is None else lower,
-        known.upper if upper is None else upper,
-        known.unit if unit is None else unit,
-        known.scaling if scaling is None else scaling,
-    )
 
 
 def _resolved(variables: Sequence[str | DesignVariable]) -> tuple[DesignVariable, ...]:
@@ -109,7 +79,7 @@ def grid(
 
     **Arguments:**
 
-    - `variables`: names with the default bounds of `fencejax.scene_family.VARIABLES`, or
+    - `variables`: names with the default bounds of `fencejax.scene_names`, or
       `DesignVariable`s (see `variable`).
     - `counts`: at least 2 each; one number serves for all.
 

@@ -5,32 +5,24 @@ import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
 from .. import _check, scenes
-from ..design import DesignSpace, DesignVariable
-from ..parts import (
-    AbstractDrive,
-    Belt,
-    Border,
-    Fence,
-    Friction,
-    HarmonicDrive,
-    Parcel,
-    SCurveDrive,
-    TrapezoidDrive,
-)
+from ..design import DesignVariable
+from ..parts import AbstractDrive, Belt, Border, Fence, Friction, HarmonicDrive, Parcel
 from ..scenes import (
     NUMBERS,
-    AtTouch,
-    BetweenBorderAndFence,
+    PATHS,
     Default,
-    FlushOnFence,
-    Number,
     Scene,
+    consistent,
     names as scene_names,
+    numbers as scene_numbers,
 )
 
 KINDS: Mapping[str, tuple[str, ...]] = {
@@ -48,30 +40,36 @@ VARIABLES: Mapping[str, DesignVariable] = {
 numbers of parcel, belt, border, friction and of the scenes themselves."""
 
 
-def _fields(numbers: Sequence[Number], part: str = "") -> dict[str, str]:
-    """The last field of the path by name, of the numbers of a part."""
-    return {
-        number.name: number.path.rpartition(".")[2]
-        for number in numbers
-        if number.name is not None and number.name.startswith(part)
-    }
+class _Arguments(eqx.Module):
+    """How a scene begins, under the names that its start has for it; `None` if it has not."""
+
+    place: Array | None
+    drive_angle: Array | None
+    parcel_angle: Array | None
+    front: Array | None
+    offset: Array | None
+    angle: Array | None
 
 
-_FENCE_NAMES = tuple(scene_names.bounded(scene_names.FENCE))
-_PARCEL, _BELT = _fields(scene_names.PARCEL), _fields(scene_names.BELT)
-_COEFFICIENTS = {part: _fields(scene_names.FRICTION, part) for part in ("belt", "fence", "border")}
-# A design space that takes every number: what may be is asked of the parts themselves.
-_WIDE = 1e15
+class _Setting(eqx.Module):
+    """What the function of a scene makes it of, each number under the path that the scene has for
+    it: names are read and replaced here, and the function checks what they give."""
+
+    parcel: Parcel
+    start: _Arguments
+    belt: Belt | None
+    fence: Fence
+    drive: AbstractDrive
+    fence_friction: Friction | None
+    border: Border | None
 
 
 class SceneFamily:
     """Scenes of one kind; some numbers vary by name, all others are those of the parts given.
 
-    Names are those of `VARIABLES`: the fence's numbers (with its material, `length_ratio` and
-    `reach`), the drive's fields (an element of a vector is `"control_angles[3]"`), the parcel's
-    fields, `belt_speed`, `belt_width`, `gravity`, `belt_...`, `fence_...` and
-    `border_kinetic_friction`, `..._static_friction`, and the numbers of the scene's function
-    (`KINDS`). A name that the scene has no part for is refused.
+    Any number of the scene can be named, by its path or its short name (see
+    `fencejax.scene_numbers`), and those of the scene's function (`KINDS`). The parcel's inertia and
+    its angle in an impact become numbers of their own where they are named.
     """
 
     def __init__(
@@ -116,52 +114,61 @@ class SceneFamily:
         self.friction = Friction(0.35, 0.5) if fence_friction == "default" else fence_friction
         self.border = (Border() if border == "default" else border) if self._bordered else None
         self.options = dict({} if options is None else options)
-        # Numbers of fence and drive go through a design space.
-        self._drive_fields = tuple(
-            field.name
-            for field in dataclasses.fields(self.drive)
-            if hasattr(getattr(self.drive, field.name), "ndim")
-        )
+        self._whole = self._setting(("inertia", "parcel_angle"))
         self._check_names()
+        named = {scene_numbers.resolve(self._whole, n) for n in (*self.names, *self.fixed)}
+        own = [n for n in ("inertia", "parcel_angle") if named & set(PATHS[n])]
+        self._base = scene_numbers.replace(
+            self._setting(own), tuple(self.fixed), list(self.fixed.values())
+        )
         self.duration = self._duration(duration)
 
     @property
     def _bordered(self) -> bool:
         return self.kind in ("border_and_fence", "whole_sort")
 
+    def _setting(self, optional: Sequence[str]) -> _Setting:
+        """The parts, and the function's own numbers; of those that may be left out, `optional`."""
+        given = inspect.signature(getattr(scenes, self.kind)).parameters
+        defaults = {name: given[name].default for name in KINDS[self.kind]}
+        if "parcel_angle" in defaults:
+            defaults["parcel_angle"] = 0.0 if "parcel_angle" in optional else None
+        own = {PATHS[name][0].rpartition(".")[2]: value for name, value in defaults.items()}
+        fields = {field.name: own.get(field.name) for field in dataclasses.fields(_Arguments)}
+        start = _Arguments(**{
+            name: None if value is None else jnp.asarray(value, dtype=float)
+            for name, value in fields.items()
+        })  # fmt: skip
+        parcel = self.parcel
+        if "inertia" in optional:
+            parcel = _with_inertia(parcel)
+        return _Setting(
+            parcel, start, self.belt, self.fence, self.drive, self.friction, self.border
+        )
+
     @property
     def known(self) -> list[str]:
         """Names of the numbers that these scenes have; a vector's elements one by one."""
-        names: list[str] = [*_FENCE_NAMES]
-        for field in self._drive_fields:
-            leaf = getattr(self.drive, field)
-            names += [field] if leaf.ndim == 0 else [f"{field}[{k}]" for k in range(leaf.size)]
-        names += _PARCEL
-        if self.belt is not None:
-            names += [*_BELT, *_COEFFICIENTS["belt"]]
-        for part, friction in self._frictions().items():
-            if friction is not None:
-                names += _COEFFICIENTS[part]
-        return [*names, *KINDS[self.kind]]
-
-    def _frictions(self) -> dict[str, Friction | None]:
-        border = None if self.border is None else self.border.friction
-        return {"fence": self.friction, "border": border}
+        found = scene_numbers.names(self._whole)
+        return [*(scene_numbers.short(self._whole, path) for path in found), *scene_names.DERIVED]
 
     def _check_names(self) -> None:
-        known = self.known
         for where, names in (("names", self.names), ("fixed", tuple(self.fixed))):
             for name in names:
-                if name not in known:
+                if not scene_numbers.has(self._whole, name):
                     raise ValueError(
                         f"Argument `{where}` must name numbers of the scene {self.kind!r}, but "
-                        f"holds {name!r}. It has {', '.join(known)}."
+                        f"holds {name!r}. It has {', '.join(self.known)}."
                     )
-        given = [*self.names, *self.fixed]
+        given = [scene_numbers.resolve(self._whole, n) for n in (*self.names, *self.fixed)]
         if len(set(given)) < len(given):
             raise ValueError(
-                f"Arguments `names` and `fixed` must not repeat a name, but hold {given}."
+                "Arguments `names` and `fixed` must not repeat a name, but hold "
+                f"{[*self.names, *self.fixed]}."
             )
+        for names in (self.names, tuple(self.fixed)):
+            if names:
+                scene_numbers.together(self._whole, names)
         function = inspect.signature(getattr(scenes, self.kind))
         allowed = [name for name in function.parameters if "corner" in name]
         for name in self.options:
@@ -172,24 +179,16 @@ class SceneFamily:
             return _check.number("duration", duration, above=0, unit="s")
         if self.kind != "whole_sort":
             return 0.25
-        moved = [n for n in self.names if n.partition("[")[0] in self._drive_fields]
+        moved = [
+            n for n in self.names if scene_numbers.resolve(self._whole, n).startswith("drive.")
+        ]
         if moved:
             raise ValueError(
                 f"Argument `duration` [s] must be given where {moved} of the drive vary, but is "
                 "None. Write the longest cycle, for example duration=1.36: it sets the number of "
                 "steps of all scenes."
             )
-        _, drive = self._designed(self.fixed)
-        return float(drive.cycle)
-
-    def _designed(self, numbers: Mapping[str, Any]) -> tuple[Fence, AbstractDrive]:
-        """Fence and drive with their numbers among `numbers`."""
-        own = [n for n in numbers if n in _FENCE_NAMES or n.partition("[")[0] in self._drive_fields]
-        if not own:
-            return self.fence, self.drive
-        wide = [DesignVariable(name, -_WIDE, _WIDE, scaling="linear") for name in own]
-        space = DesignSpace(wide, self.fence, self.drive)
-        return space.apply(jnp.stack([jnp.asarray(numbers[name], dtype=float) for name in own]))
+        return float(self._base.drive.cycle)
 
     def scene(self, values: ArrayLike) -> Scene:
         """The scene with the varied numbers at `values` [SI], a vector in the order of `names`.
@@ -200,67 +199,32 @@ class SceneFamily:
                 f"Argument `values` must have the shape ({len(self.names)},), one number for each "
                 f"of {list(self.names)}, but has {vector.shape}."
             )
-        numbers = self.fixed | dict(zip(self.names, vector, strict=True))
-        fence, drive = self._designed(numbers)
+        made = scene_numbers.replace(self._base, self.names, vector)
+        if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(made)):
+            for name in (*self.names, *self.fixed):
+                scene_numbers.check(made, name, float(scene_numbers.read(made, [name])[0]))
+            _check_together(made.parcel, made.drive)
         arguments: dict[str, Any] = {
-            name: numbers[name] for name in KINDS[self.kind] if name in numbers
+            name: getattr(made.start, PATHS[name][0].rpartition(".")[2])
+            for name in KINDS[self.kind]
         }
         if self._bordered:
-            arguments["border"] = self._with_friction("border", numbers)
+            arguments["border"] = made.border
         return getattr(scenes, self.kind)(
-            fence=fence,
-            drive=drive,
-            parcel=self._parcel(numbers),
-            belt=self._with_friction("belt", numbers),
-            fence_friction=_rubbing(self.friction, "fence", numbers),
+            fence=made.fence,
+            drive=made.drive,
+            parcel=made.parcel,
+            belt=made.belt,
+            fence_friction=made.fence_friction,
             duration=self.duration,
             **arguments,
             **self.options,
         )
 
-    def _parcel(self, numbers: Mapping[str, Any]) -> Parcel:
-        return Parcel(**{
-            name: numbers.get(name, getattr(self.parcel, field)) for name, field in _PARCEL.items()
-        })  # fmt: skip
-
-    def _with_friction(self, part: str, numbers: Mapping[str, Any]):
-        """Belt or border with their numbers among `numbers`."""
-        base = getattr(self, part)
-        if base is None:
-            return None
-        friction = _rubbing(base.friction, part, numbers)
-        if part == "border":
-            return Border(friction)
-        fields = {field: numbers.get(name, getattr(base, field)) for name, field in _BELT.items()}
-        return Belt(friction=friction, **fields)
-
     def possible(self, scene: Scene) -> Array:
-        """Whether a scene can be: what the parts and the scene's function ask of several numbers
-        at once, for traced numbers. The place of touch lies on the fence, the drive reaches its
-        angle, the centre of gravity lies inside the parcel, the parcel spans from the border to
-        the fence, and the drive's stroke is long enough for its speed."""
-        parcel, start, drive = scene.parcel, scene.start, scene.drive
-        holds = [
-            2 * jnp.abs(parcel.center_x) <= parcel.length,
-            2 * jnp.abs(parcel.center_y) <= parcel.breadth,
-        ]
-        if isinstance(start, (AtTouch, FlushOnFence, BetweenBorderAndFence)):
-            assert scene.fence is not None
-            assert drive is not None
-            furthest = drive.angle(drive.turning_time)
-            holds.append(start.place <= scene.fence.reach)
-            holds.append(start.drive_angle <= furthest + 1e-9)
-        if isinstance(start, BetweenBorderAndFence):
-            ax, ay = parcel.corner(start.fence_corner)
-            bx, by = parcel.corner(start.border_corner)
-            rise = start.place * jnp.sin(start.drive_angle)
-            holds.append(rise**2 <= (ax - bx) ** 2 + (ay - by) ** 2)
-        if isinstance(drive, (TrapezoidDrive, SCurveDrive)):
-            rise = drive.top_speed / drive.acceleration
-            cruise = drive.end_angle / drive.top_speed
-            ramp = drive.acceleration / drive.jerk if isinstance(drive, SCurveDrive) else 0.0
-            holds += [rise >= ramp, cruise >= rise + ramp]
-        return jnp.all(jnp.stack([jnp.asarray(h) for h in holds]))
+        """Whether a scene can be, for traced numbers: `fencejax.scenes.consistent` at the drive's
+        time at the start."""
+        return consistent(scene, scene.start.time(scene.drive))
 
     def check(self, variables: Sequence[DesignVariable]) -> None:
         """Refuse a bound at which there is no scene.
@@ -280,8 +244,6 @@ class SceneFamily:
                     values[index] = end
                     try:
                         scene = self.scene(values)
-                        assert scene.drive is not None
-                        _made_anew(scene.drive)
                         if bool(self.possible(scene)):
                             refusal = None
                             break
@@ -296,17 +258,17 @@ class SceneFamily:
                     )
 
 
-def _rubbing(friction: Friction | None, part: str, numbers: Mapping[str, Any]) -> Friction | None:
-    """Friction with its coefficients among `numbers`."""
-    if friction is None:
-        return None
-    return Friction(*(
-        numbers.get(name, getattr(friction, field)) for name, field in _COEFFICIENTS[part].items()
-    ))  # fmt: skip
+def _with_inertia(parcel: Parcel) -> Parcel:
+    """The parcel with its inertia as a number of its own."""
+    return eqx.tree_at(
+        lambda p: p.given_inertia, parcel, parcel.inertia, is_leaf=lambda x: x is None
+    )
 
 
-def _made_anew(drive: AbstractDrive) -> None:
-    """Have the drive's constructor check its numbers, where these are its fields."""
+def _check_together(parcel: Parcel, drive: AbstractDrive) -> None:
+    """Have the constructors of parcel and drive check numbers that must fit together; a drive's
+    where these are its fields."""
+    Parcel(parcel.mass, parcel.length, parcel.breadth, parcel.center_x, parcel.center_y)
     fields = {field.name: getattr(drive, field.name) for field in dataclasses.fields(drive)}
     if set(inspect.signature(type(drive)).parameters) == set(fields):
         type(drive)(**fields)

@@ -1,6 +1,5 @@
 """Scenes of one structure as one batch, and how what is differentiated is found in them."""
 
-import functools
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -9,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jax.core import Tracer
 
-from ..scenes import DERIVED, PATHS, AnyScene, NormalScene, Scene
+from ..scenes import PATHS, AnyScene, NormalScene, Scene, numbers
 
 Selector = str | Callable[[AnyScene], Any]
 """A name, a path like `"drive.top_speed"`, or a function from a scene to one of its arrays."""
@@ -21,49 +20,54 @@ _BY_DEFAULT = (
 
 
 class Group(NamedTuple):
-    """Scenes of one structure, stacked; how many; how their variables are found in one of them."""
+    """Scenes of one structure, stacked; how many; what is differentiated in them."""
 
     scenes: AnyScene
     lanes: int
-    selectors: tuple[Callable[[AnyScene], Any], ...]
+    chosen: tuple[Selector, ...]
+
+    def read(self, scene: AnyScene) -> list[Any]:
+        """What is differentiated, of one scene."""
+        return [
+            numbers.read(scene, [given])[0] if isinstance(given, str) else given(scene)
+            for given in self.chosen
+        ]
+
+    def scaled(self, scene: AnyScene, scales: Sequence[Any]) -> AnyScene:
+        """One scene with what is differentiated times `scales`, of the shapes that `read` gives."""
+        for given, scale in zip(self.chosen, scales, strict=True):
+            if isinstance(given, str):
+                value = numbers.read(scene, [given])[0]
+                scene = numbers.replace(scene, [given], [value * scale])
+            else:
+                scene = eqx.tree_at(given, scene, given(scene) * scale)
+        return scene
 
 
-def _follow(scene: Any, path: str) -> Any:
-    return functools.reduce(lambda part, name: getattr(part, name, None), path.split("."), scene)
+def _usual(scene: AnyScene) -> tuple[str, ...]:
+    """Names of what is differentiated by default. A drive's speed is not, a parcel's is."""
+    usual = _BY_DEFAULT if isinstance(scene, NormalScene) else _BY_DEFAULT[:-1]
+    return tuple(name for name in usual if numbers.has(scene, name))
 
 
-def _selector(scene: AnyScene, given: Selector) -> Callable[[AnyScene], Any] | None:
-    """How `given` is found in scenes like this one; `None` if it is not there."""
-    if isinstance(given, str):
-        for path in PATHS.get(given, (given,)):
-            if eqx.is_inexact_array(_follow(scene, path)):
-                return functools.partial(_follow, path=path)
-        return None
-    return given if eqx.is_inexact_array(given(scene)) else None
-
-
-def _usual(scene: AnyScene) -> dict[str, Callable[[AnyScene], Any]]:
-    """What is differentiated by default, by name. A drive's speed is not, a parcel's is."""
-    names = _BY_DEFAULT if isinstance(scene, NormalScene) else _BY_DEFAULT[:-1]
-    found = {name: _selector(scene, name) for name in names}
-    return {name: selector for name, selector in found.items() if selector is not None}
-
-
-def _selectors(scene: AnyScene, given: Sequence[Selector] | None):
+def _chosen(scene: AnyScene, given: Sequence[Selector] | None) -> tuple[Selector, ...]:
+    """What is differentiated in scenes like this one, vectors element by element."""
     if given is None:
-        return tuple(_usual(scene).values())
-    chosen = []
-    for element in given:
-        selector = _selector(scene, element)
-        if selector is None:
+        return _usual(scene)
+    found: list[Selector] = []
+    for one in given:
+        if not isinstance(one, str) and eqx.is_inexact_array(one(scene)):
+            found.append(one)
+            continue
+        try:
+            found += numbers.elements(scene, one if isinstance(one, str) else repr(one))
+        except ValueError as error:
             raise ValueError(
-                f"Argument `with_respect_to` must name numbers of every scene, by one of "
-                f"{[name for name in PATHS if name not in DERIVED]}, a path like "
-                f"'drive.top_speed' or a function of the scene, but {element!r} is no "
-                f"floating-point number of a {type(scene).__name__}."
-            )
-        chosen.append(selector)
-    return tuple(chosen)
+                "Argument `with_respect_to` must name numbers of every scene, by one of "
+                f"{list(PATHS)}, a path like 'drive.top_speed' or a function of the scene, but "
+                f"{one!r} is no floating-point number of a {type(scene).__name__}."
+            ) from error
+    return tuple(found)
 
 
 def grouped(given: Any, with_respect_to: Sequence[Selector] | None) -> list[Group]:
@@ -90,7 +94,7 @@ def grouped(given: Any, with_respect_to: Sequence[Selector] | None) -> list[Grou
     for batches in alike.values():
         whole = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *batches)
         one = jax.tree.map(lambda leaf: leaf[0], whole)
-        groups.append(Group(whole, whole.parcel.mass.shape[0], _selectors(one, with_respect_to)))
+        groups.append(Group(whole, whole.parcel.mass.shape[0], _chosen(one, with_respect_to)))
     return groups
 
 
@@ -122,9 +126,7 @@ def names(groups: Sequence[Group], with_respect_to: Sequence[Selector] | None) -
     """What the variables are called; by default those that any of the groups has."""
     if with_respect_to is None:
         return tuple(
-            name
-            for name in _BY_DEFAULT
-            if any(name in _usual(group.scenes) for group in groups)
+            name for name in _BY_DEFAULT if any(name in group.chosen for group in groups)
         )
     return tuple(
         given if isinstance(given, str) else getattr(given, "__name__", repr(given))

@@ -41,7 +41,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
     return tuple((name, importlib.metadata.version(name)) for name in names)
 
 
-class _Settings(NamedTuple):
+class WorkerSettings(NamedTuple):
     """What results depend on beside the job: the versions, the precision, the compiler's flags."""
 
     versions: tuple[tuple[str, str], ...]
@@ -49,7 +49,7 @@ class _Settings(NamedTuple):
     flags: str
 
     @classmethod
-    def here(cls) -> "_Settings":
+    def here(cls) -> "WorkerSettings":
         return cls(_versions(), bool(jax.config.read("jax_enable_x64")), compiler_flags())
 
     def adopt(self) -> None:
@@ -58,7 +58,7 @@ class _Settings(NamedTuple):
         Raises `RuntimeError` where its versions differ, or where JAX has computed already with
         other flags.
         """
-        mine = _Settings.here()
+        mine = WorkerSettings.here()
         if mine == self:
             return
         if mine.versions != self.versions:
@@ -79,13 +79,13 @@ class _Job(NamedTuple):
     """What a worker has to know: how it is set, the pickled lane and its digest, the plan. The lane
     is unpickled after the settings are made: it holds JAX's arrays."""
 
-    settings: _Settings
+    settings: WorkerSettings
     lane: bytes
     description: str
     plan: Plan
 
 
-def _platform(settings: _Settings) -> str:
+def _platform(settings: WorkerSettings) -> str:
     """What a worker computes on."""
     settings.adopt()
     return jax.local_devices()[0].platform
@@ -122,7 +122,7 @@ class Cluster:
     def __init__(self, sweep: Sweep, client: "distributed.Client"):
         """Waits for the first worker."""
         self._library = sweep_library("distributed")
-        self._sweep, self._client, self._settings = sweep, client, _Settings.here()
+        self._sweep, self._client, self._settings = sweep, client, WorkerSettings.here()
         lane = sweep.lane
         self._lane = sweep_library("cloudpickle").dumps(lane), digest(lane.describe())
         with self._said():

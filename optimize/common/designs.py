@@ -1,13 +1,12 @@
 """Design variables as flags give them, and tables of designs."""
 
 import argparse
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
 import fencejax as fj
-from fencejax.design import VARIABLES, DesignSpace, DesignVariable
+from fencejax.design import DesignSpace, variable
 
 Bounds = tuple[tuple[str, float, float], ...]
 
@@ -45,13 +44,7 @@ def space(
                 f"{name!r}. Add it to `variables`."
             )
         spans[name] = (lower, upper)
-    chosen: list[str | DesignVariable] = []
-    for name in variables:
-        if name in spans and name in VARIABLES:
-            lower, upper = spans[name]
-            chosen.append(dataclasses.replace(VARIABLES[name], lower=lower, upper=upper))
-        else:
-            chosen.append(name)
+    chosen = [variable(name, *spans[name]) if name in spans else name for name in variables]
     return DesignSpace(chosen, fence, drive)
 
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +13,11 @@ import fencejax as fj
 from fencejax.design import Quantity, objectives
 
 KINDS = ("sorts", "impacts")
+# The kind of scene of each, and which numbers of an encounter it has not.
+_SCENES = {
+    "sorts": ("whole_sort", ("distance", "drive_angle")),
+    "impacts": ("oblique_impact", ("front", "offset", "angle")),
+}
 # Static over kinetic friction, as in the paper's numbers.
 _BELT_RATIO, _FENCE_RATIO = 0.85 / 0.65, 0.5 / 0.35
 
@@ -86,22 +91,17 @@ class Course:
         self, fence: fj.Fence, drive: fj.AbstractDrive, encounter: Encounter
     ) -> fj.Scene:
         """The scene of one encounter."""
-        belt = fj.Belt(friction=_friction(encounter.belt_friction, _BELT_RATIO))
-        parts: dict[str, Any] = dict(
-            fence=fence,
-            drive=drive,
-            parcel=encounter.parcel,
-            belt=belt,
-            fence_friction=_friction(encounter.fence_friction, _FENCE_RATIO),
-            duration=self.duration,
+        numbers = encounter._asdict()
+        for part, ratio in (("belt", _BELT_RATIO), ("fence", _FENCE_RATIO)):
+            kinetic = jnp.asarray(numbers.pop(f"{part}_friction"))
+            numbers[f"{part}_kinetic_friction"] = kinetic
+            numbers[f"{part}_static_friction"] = kinetic * ratio
+        kind, others = _SCENES[self.kind]
+        given = {name: value for name, value in numbers.items() if name not in others}
+        family = fj.SceneFamily(
+            kind, tuple(given), fence=fence, drive=drive, duration=self.duration
         )
-        if self.kind == "impacts":
-            return fj.scenes.oblique_impact(
-                distance=encounter.distance, drive_angle=encounter.drive_angle, **parts
-            )
-        return fj.scenes.whole_sort(
-            front=encounter.front, offset=encounter.offset, angle=encounter.angle, **parts
-        )
+        return family.scene(jnp.stack([jnp.asarray(value, float) for value in given.values()]))
 
     def measure(
         self,
@@ -135,7 +135,3 @@ class Course:
 
         found = jax.lax.map(jax.vmap(one), jax.tree.map(chunked, numbers))
         return jax.tree.map(lambda part: part.reshape(-1)[:lanes], found)
-
-
-def _friction(kinetic: ArrayLike, ratio: float) -> fj.Friction:
-    return fj.Friction(kinetic=kinetic, static=jnp.asarray(kinetic) * ratio)

@@ -1,41 +1,76 @@
-"""A flag for each field of a job's configuration, and checks that several jobs make."""
+"""A configuration's fields: each is written once, with its default, the help of its flag, and what
+is asked of it; the parser and the checks are made of that."""
 
 import argparse
 import dataclasses
-import inspect
-from collections.abc import Mapping, Sequence
+import operator
+import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 _T = TypeVar("_T")
 FIDELITIES = ("coarse", "fast", "standard", "reference")
+_CHECKED = {
+    "least": ("at least", operator.ge),
+    "above": ("above", operator.gt),
+    "between": ("within", lambda value, ends: ends[0] < value < ends[1]),
+}
 
 
-def parser(
-    configuration: type,
-    prog: str,
-    description: str,
-    explained: Mapping[str, str],
-    special: Mapping[str, dict[str, Any]],
-    quick: str | None = None,
-) -> argparse.ArgumentParser:
-    """Flags for the fields of a dataclass, with their defaults.
+def field(value: _T, text: str, **settings: Any) -> _T:
+    """A field of a configuration, a frozen dataclass.
 
     **Arguments:**
 
-    - `configuration`: the dataclass; every field has a default, which says the flag's type.
-    - `explained`: the help of each field.
-    - `special`: settings of `add_argument`, by field, where they do not follow from the default.
-    - `quick`: the help of `--quick`, if there is such a flag.
+    - `value`: its default, whose type is the flag's; of a tuple, that of its first element.
+    - `text`: the help of the flag, with the unit in brackets.
+    - `settings`: `least`, `above`, `between` (an open interval) and `choices`, which `check` asks
+      of the value or of every element of a tuple; and settings of `add_argument` where they do not
+      follow from the default.
     """
+    made: Any = dataclasses.field(default=value, metadata={"help": text, **settings})
+    return made
+
+
+def check(configuration: Any) -> None:
+    """Raise `ValueError` where a field is not what `field` asks of it."""
+    for each in dataclasses.fields(configuration):
+        value, asked = getattr(configuration, each.name), each.metadata
+        unit = re.search(r"\[([^\]]+)\]", asked["help"])
+        for one in value if isinstance(value, tuple) else (value,):
+            if "choices" in asked:
+                one_of(each.name, one, tuple(asked["choices"]))
+            for setting, (word, holds) in _CHECKED.items():
+                if setting in asked and not holds(one, asked[setting]):
+                    ends = np.atleast_1d(asked[setting])
+                    raise ValueError(
+                        f"Argument `{each.name}` must be {word} "
+                        f"{' and '.join(f'{end:g}' for end in ends)} [{unit[1] if unit else 1}], "
+                        f"but is {one:g}."
+                    )
+
+
+def one_of(name: str, value: str, options: tuple[str, ...]) -> None:
+    """Raise `ValueError` where a name is none of the options."""
+    if value not in options:
+        raise ValueError(f"Argument `{name}` must be one of {options}, but is {value!r}.")
+
+
+def parser(
+    configuration: type, prog: str, description: str, **switches: str
+) -> argparse.ArgumentParser:
+    """A flag for each field of a configuration, and one for each switch, with its help."""
     result = argparse.ArgumentParser(
         prog=f"python -m {prog}",
         description=description,
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
-    for field in dataclasses.fields(configuration):
-        default = field.default
-        settings: dict[str, Any] = {"default": default, "help": explained[field.name]}
+    for each in dataclasses.fields(configuration):
+        default = each.default
+        settings: dict[str, Any] = {"default": default}
         if isinstance(default, bool):
             settings["action"] = argparse.BooleanOptionalAction
         elif isinstance(default, tuple):
@@ -44,48 +79,48 @@ def parser(
                 settings["type"] = type(default[0])
         else:
             settings["type"] = Path if isinstance(default, Path) else type(default)
-        settings.update(special.get(field.name, {}))
-        result.add_argument("--" + field.name.replace("_", "-"), **settings)
-    if quick is not None:
-        result.add_argument("--quick", action="store_true", help=quick)
+        settings |= {k: v for k, v in each.metadata.items() if k not in _CHECKED}
+        result.add_argument("--" + each.name.replace("_", "-"), **settings)
+    for name, text in switches.items():
+        result.add_argument("--" + name.replace("_", "-"), action="store_true", help=text)
     return result
 
 
-def read(flags: argparse.ArgumentParser, arguments: Sequence[str] | None) -> dict[str, Any]:
-    """What is given, by field; lists as tuples."""
-    given = vars(flags.parse_args(arguments))
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
+_ABSENT = object()
 
 
-def configured(
-    flags: argparse.ArgumentParser, configuration: type[_T], arguments: Sequence[str] | None
-) -> _T:
-    """The configuration that flags describe.
+def given(flags: argparse.ArgumentParser, arguments: Sequence[str] | None) -> dict[str, Any]:
+    """What the arguments say, by field, without what they leave at its default; lists as tuples."""
+    # argparse sets no default where the namespace has a value.
+    absent = {action.dest: _ABSENT for action in flags._actions if action.dest != "help"}
+    found = vars(flags.parse_args(arguments, argparse.Namespace(**absent)))
+    return {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in found.items()
+        if value is not _ABSENT
+    }
 
-    A switch that is no field of the dataclass, such as `--quick`, has the name of one of its
-    methods, which makes another configuration of this one.
 
-    Raises `ValueError` where a number is out of range.
+def reader(
+    configuration: type[_T], prog: str, description: str, **switches: str
+) -> Callable[..., _T]:
+    """The function from the arguments of the command line, by default the program's own, to the
+    configuration that they describe.
+
+    A switch, such as `--quick`, has the name of a method of the configuration, which makes another
+    one of it. What a flag says goes before what a switch does. The function raises `ValueError`
+    where a number is out of range.
     """
-    given = read(flags, arguments)
-    fields = inspect.signature(configuration).parameters
-    switches = [name for name in given if name not in fields]
-    wanted = [name for name in switches if given.pop(name)]
-    result = configuration(**given)
-    for name in wanted:
-        result = getattr(result, name)()
-    return result
 
+    def configure(arguments: Sequence[str] | None = None) -> _T:
+        said = given(parser(configuration, prog, description, **switches), arguments)
+        wanted = [name for name in switches if said.pop(name, False)]
+        # Nothing is checked before it is complete.
+        made = object.__new__(configuration)
+        fields: tuple[dataclasses.Field, ...] = dataclasses.fields(configuration)  # pyright: ignore
+        vars(made).update({each.name: each.default for each in fields} | said)
+        for name in wanted:
+            made = getattr(made, name)()
+        return configuration(**(vars(made) | said))
 
-def at_least(configuration: Any, **bounds: int) -> None:
-    """Raise `ValueError` where a field is below its bound."""
-    for name, least in bounds.items():
-        value = getattr(configuration, name)
-        if value < least:
-            raise ValueError(f"Argument `{name}` must be at least {least} [1], but is {value}.")
-
-
-def one_of(name: str, value: str, options: tuple[str, ...]) -> None:
-    """Raise `ValueError` where a name is none of the options."""
-    if value not in options:
-        raise ValueError(f"Argument `{name}` must be one of {options}, but is {value!r}.")
+    return configure

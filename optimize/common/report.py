@@ -7,18 +7,21 @@ from pathlib import Path
 import numpy as np
 
 from fencejax import plot
-from fencejax.design import DesignSpace, Evaluation, Limit, Optimum, Record
+from fencejax.design import DesignSpace, Evaluation, Limit, Optimum, Quantity, Record, objectives
 from fencejax.results import Status
 
+_FORCE = objectives.PEAK_FORCE
 _SHOWN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N": (1.0, "N"), "1": (1.0, "1")}
 
 
-def progress_line(record: Record) -> str:
+def progress_line(record: Record, objective: Quantity = _FORCE) -> str:
     """One line an evaluation."""
     if record.failed:
         text = f"failed: {Status(record.status).text}"
     else:
-        text = f"peak force {record.objective:9.2f} N  violation {record.violation:8.1e}"
+        title = objective.name.replace("_", " ")
+        text = f"{title} {record.objective:9.6g} {objective.unit}"
+        text += f"  violation {record.violation:8.1e}"
         if not math.isnan(record.kkt):
             text += f"  KKT {record.kkt:8.1e}"
     return f"{record.evaluation:4d}  round {record.outer:2d}  {text}  {record.elapsed:6.1f} s"
@@ -31,7 +34,9 @@ def _worst(limit: Limit, values) -> tuple[float, float, int]:
     return float(np.asarray(values)[lane]), float(margin[lane]), lane
 
 
-def table(rows: dict, limits: tuple[Limit, ...], lanes, stiff=None) -> str:
+def table(
+    rows: dict, limits: tuple[Limit, ...], lanes, stiff=None, objective: Quantity = _FORCE
+) -> str:
     """Designs side by side: the worst impact of the objective and of every limit.
 
     `rows` holds measurements by column title; each column shows the value and, for a limit, its
@@ -42,16 +47,17 @@ def table(rows: dict, limits: tuple[Limit, ...], lanes, stiff=None) -> str:
     lines = ["".join([f"{'worst of the impacts':<34}", *(f"{t:>{wide}}" for t in titles)])]
     cells = []
     for measured in rows.values():
-        forces = np.asarray(measured["peak_force"])
-        distance, mass = lanes[int(np.argmax(forces))]
-        cells.append(f"{forces.max():.1f} ({distance:g} m, {mass:g} kg)")
-    lines.append("".join([f"{'peak force [N]':<34}", *(f"{c:>{wide}}" for c in cells)]))
-    if stiff is not None:
+        values = np.asarray(measured[objective.name])
+        distance, mass = lanes[int(np.argmax(values))]
+        cells.append(f"{values.max():.6g} ({distance:g} m, {mass:g} kg)")
+    title = f"{objective.name.replace('_', ' ')} [{objective.unit}]"
+    lines.append("".join([f"{title:<34}", *(f"{c:>{wide}}" for c in cells)]))
+    if stiff is not None and objective is _FORCE:
         drops = [float(np.min(stiff / np.asarray(m["peak_force"]))) for m in rows.values()]
         title = "rigid obstacle's force over it [1]"
         lines.append("".join([f"{title:<34}", *(f"{d:>{wide}.2f}" for d in drops)]))
     for limit in limits:
-        factor, unit = _SHOWN[limit.quantity.unit]
+        factor, unit = _SHOWN.get(limit.quantity.unit, (1.0, limit.quantity.unit))
         sign = "<=" if limit.sense == "at most" else ">="
         title = f"{limit.name.replace('_', ' ')} {sign} {factor * limit.bound:g} {unit}"
         cells = []
@@ -79,9 +85,13 @@ def design_table(space: DesignSpace, before, after) -> str:
 
 
 def elasticities(
-    space: DesignSpace, limits: tuple[Limit, ...], at: Evaluation, measured
+    space: DesignSpace,
+    limits: tuple[Limit, ...],
+    at: Evaluation,
+    measured,
+    objective: Quantity = _FORCE,
 ) -> dict[str, dict[str, float]]:
-    """d ln Q / d ln p [1] of the peak force and of the limited quantities that are positive, each
+    """d ln Q / d ln p [1] of the objective and of the limited quantities that are positive, each
     in the impact where it is worst. A variable whose value is 0 has none: 0."""
     values = np.asarray(space.from_unconstrained(at.point))
     share = 1 / (1 + np.exp(-at.point))
@@ -95,7 +105,7 @@ def elasticities(
     factor = values / (np.asarray(spans) * np.maximum(share * (1 - share), 1e-12))
     count = at.objectives.size
     worst = int(np.argmax(at.objectives))
-    rows = {"peak_force": at.objective_rows[worst] / at.objectives[worst]}
+    rows = {objective.name: at.objective_rows[worst] / at.objectives[worst]}
     for index, limit in enumerate(limits):
         value, _, lane = _worst(limit, measured[limit.name])
         if value > 0:
@@ -127,7 +137,9 @@ def write_json(path: Path, content) -> None:
     path.write_text(json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
 
 
-def history_rows(space: DesignSpace, optimum: Optimum) -> list[dict]:
+def history_rows(
+    space: DesignSpace, optimum: Optimum, objective: Quantity = _FORCE
+) -> list[dict]:
     """The evaluations as plain dictionaries."""
     rows = []
     for record in optimum.history:
@@ -135,7 +147,7 @@ def history_rows(space: DesignSpace, optimum: Optimum) -> list[dict]:
             "evaluation": record.evaluation,
             "round": record.outer,
             "design": space.named(space.from_unconstrained(record.point)),
-            "peak_force": record.objective,
+            objective.name: record.objective,
             "violation": record.violation,
             "stationarity": None if record.residual is None else record.residual.stationarity,
             "complementarity":

@@ -1,7 +1,6 @@
 """The numbers of the identification, and a flag for each."""
 
 import dataclasses
-from collections.abc import Sequence
 from pathlib import Path
 
 import fencejax as fj
@@ -20,46 +19,73 @@ _PAIRS = "hold numbers as name=value[,name=value ...]"
 class IdentifyConfig:
     """Every number of the job; `python -m optimize.identify --help` says what each is."""
 
-    out: Path = Path("out")
-    records: tuple[str, ...] = ()
-    demo: bool = False
-    scene: str = "oblique_impact"
-    known: tuple[str, ...] = ()
-    signals: tuple[str, ...] = ()
-    parameters: tuple[str, ...] = (
-        "youngs_modulus", "damping_ratio", "stiffness", "damping", "fence_kinetic_friction",
-    )  # fmt: skip
-    noise: tuple[str, ...] = ()
-    starts: int = 3
-    confidence: float = 0.95
-    seed: int = 0
-    budget: int = 100
-    fidelity: str = "standard"
-    demo_fidelity: str = "standard"
-    demo_noise: float = 0.02
-    demo_rows: int = 250
-    plots: bool = True
+    out: Path = flags.field(Path("out"), "folder for result.json and the figures")
+    records: tuple[str, ...] = flags.field(
+        (),
+        "CSV files, one an impact: a header such as `time [ms],force [N]`, then rows; "
+        f"signals are {', '.join(SIGNALS)}, and time counts from the first touch",
+        nargs="*",
+        metavar="CSV",
+    )
+    demo: bool = flags.field(
+        False,
+        "make a recording with noise from numbers that are known, and find them again",
+        action="store_true",
+    )
+    scene: str = flags.field(
+        "oblique_impact", "what was recorded, with the paper's numbers", choices=SCENES
+    )
+    known: tuple[str, ...] = flags.field(
+        (),
+        "numbers of the setting that differ from the paper's, as name=value[,name=value ...] "
+        "[SI]: one for all records, or one a record",
+        nargs="*",
+        metavar="NAME=VALUE",
+    )
+    signals: tuple[str, ...] = flags.field(
+        (),
+        "which columns to use; by default all that the first record has",
+        nargs="*",
+        choices=tuple(SIGNALS),
+    )
+    parameters: tuple[str, ...] = flags.field(
+        ("youngs_modulus", "damping_ratio", "stiffness", "damping", "fence_kinetic_friction"),
+        "what is searched, as name or name=lower:upper[:linear] [SI]; with default "
+        f"bounds: {', '.join(PARAMETERS)}",
+    )
+    noise: tuple[str, ...] = flags.field(
+        (),
+        "standard deviations as signal=value [SI]; by default estimated from the residuals",
+        nargs="*",
+        metavar="SIGNAL=VALUE",
+    )
+    starts: int = flags.field(
+        3, "searches, the first from the setting's own numbers, the others spread", least=1
+    )
+    confidence: float = flags.field(0.95, "of the intervals [1]", between=(0, 1))
+    seed: int = flags.field(0, "of the starts and of the demonstration's noise", least=0)
+    budget: int = flags.field(100, "evaluations at most in a search", least=1)
+    fidelity: str = flags.field(
+        "standard",
+        "fidelity of the model: fast, standard or reference",
+        choices=flags.FIDELITIES,
+    )
+    demo_fidelity: str = flags.field(
+        "standard", "fidelity of the demonstration's recording", choices=flags.FIDELITIES
+    )
+    demo_noise: float = flags.field(
+        0.02, "its noise as a share of each signal's largest value [1]", between=(0, 1)
+    )
+    demo_rows: int = flags.field(250, "its number of rows", least=20)
+    plots: bool = flags.field(True, "draw the figures")
 
     def __post_init__(self):
-        flags.one_of("scene", self.scene, SCENES)
-        flags.one_of("fidelity", self.fidelity, flags.FIDELITIES)
-        flags.one_of("demo_fidelity", self.demo_fidelity, flags.FIDELITIES)
-        flags.at_least(self, starts=1, seed=0, budget=1, demo_rows=20)
-        for name in self.signals:
-            flags.one_of("signals", name, tuple(SIGNALS))
+        flags.check(self)
         if bool(self.records) == self.demo:
             raise ValueError(
                 "Argument `records` must name at least one CSV file, or `demo` be asked for, but "
                 f"{'both' if self.demo else 'neither'} is given. Write --records impact.csv, or "
                 "--demo."
-            )
-        if not 0 < self.confidence < 1:
-            raise ValueError(
-                f"Argument `confidence` must be within 0 and 1 [1], but is {self.confidence:g}."
-            )
-        if not 0 < self.demo_noise < 1:
-            raise ValueError(
-                f"Argument `demo_noise` must be within 0 and 1 [1], but is {self.demo_noise:g}."
             )
         if self.demo and self.scene == "normal_impact":
             raise ValueError(
@@ -91,7 +117,7 @@ class IdentifyConfig:
                     )
                 found.append(name)
                 continue
-            unit = "s" if name == OFFSET else scene_numbers.unit(scene_numbers.resolve(scene, name))
+            unit = "s" if name == OFFSET else scene_numbers.number(scene, name).unit
             form = "hold name or name=lower:upper[:linear]"
             _, lower, upper, scaling = assignments.span("parameters", text, form)
             found.append(fj.DesignVariable(name, lower, upper, unit, *scaling[:1]))
@@ -146,55 +172,10 @@ class IdentifyConfig:
         )
 
 
-_HELP = {
-    "out": "folder for result.json and the figures",
-    "records": "CSV files, one an impact: a header such as `time [ms],force [N]`, then rows; "
-    f"signals are {', '.join(SIGNALS)}, and time counts from the first touch",
-    "demo": "make a recording with noise from numbers that are known, and find them again",
-    "scene": "what was recorded, with the paper's numbers",
-    "known": "numbers of the setting that differ from the paper's, as name=value[,name=value ...] "
-    "[SI]: one for all records, or one a record",
-    "signals": "which columns to use; by default all that the first record has",
-    "parameters": "what is searched, as name or name=lower:upper[:linear] [SI]; with default "
-    f"bounds: {', '.join(PARAMETERS)}",
-    "noise": "standard deviations as signal=value [SI]; by default estimated from the residuals",
-    "starts": "searches, the first from the setting's own numbers, the others spread",
-    "confidence": "of the intervals [1]",
-    "seed": "of the starts and of the demonstration's noise",
-    "budget": "evaluations at most in a search",
-    "fidelity": "fidelity of the model: fast, standard or reference",
-    "demo_fidelity": "fidelity of the demonstration's recording",
-    "demo_noise": "its noise as a share of each signal's largest value [1]",
-    "demo_rows": "its number of rows",
-    "plots": "draw the figures",
-}
-
-
-def parser():
-    """One flag for each field of the configuration, and --quick."""
-    choices = {name: {"choices": flags.FIDELITIES} for name in ("fidelity", "demo_fidelity")}
-    return flags.parser(
-        IdentifyConfig,
-        "optimize.identify",
-        "Young's modulus, damping, the parcel's stiffness and friction from recordings of impacts, "
-        "by least squares with the simulation's own derivatives, and how well they are known.",
-        _HELP,
-        {
-            "scene": {"choices": SCENES},
-            "records": {"nargs": "*", "metavar": "CSV"},
-            "known": {"nargs": "*", "metavar": "NAME=VALUE"},
-            "signals": {"nargs": "*", "choices": tuple(SIGNALS)},
-            "noise": {"nargs": "*", "metavar": "SIGNAL=VALUE"},
-            "demo": {"action": "store_true"},
-            **choices,
-        },
-        quick="one start at the fast fidelity, whatever the flags for them say",
-    )
-
-
-def configure(arguments: Sequence[str] | None = None) -> IdentifyConfig:
-    """The configuration that flags describe.
-
-    Raises `ValueError` where a number is out of range.
-    """
-    return flags.configured(parser(), IdentifyConfig, arguments)
+configure = flags.reader(
+    IdentifyConfig,
+    "optimize.identify",
+    "Young's modulus, damping, the parcel's stiffness and friction from recordings of impacts, "
+    "by least squares with the simulation's own derivatives, and how well they are known.",
+    quick="one start at the fast fidelity, where no flag for them says otherwise",
+)

@@ -1,14 +1,12 @@
 """The numbers of the front, and a flag for each."""
 
-import argparse
 import dataclasses
-from collections.abc import Sequence
 from pathlib import Path
 
 import fencejax as fj
 from fencejax.design import Limit, Quantity, objectives
 
-from ..common import designs, flags
+from ..common import designs, flags, named
 from ..common.encounters import KINDS
 
 AGAINST = {
@@ -35,42 +33,83 @@ _BOUNDS = (("top_speed", 0.8, 4.0), ("cycle_time", 0.5, _DURATIONS["sorts"]))
 class ParetoConfig:
     """Every number of the job; `python -m optimize.pareto --help` says what each is."""
 
-    out: Path = Path("out")
-    against: str = "tip_deflection"
-    scenes: str = "auto"
-    masses: tuple[float, ...] = (5.0, 10.0, 20.0)
-    distances: tuple[float, ...] = (0.85, 1.0)
-    drive_angle: float = 0.30
-    offsets: tuple[float, ...] = (0.05, 0.20)
-    front: float = 0.1
-    duration: float = 0.0
-    variables: tuple[str, ...] = ()
-    bounds: tuple[tuple[str, float, float], ...] = ()
-    tip_limit: float = 0.10
-    stress_limit: float = 40e6
-    tip_clearance: float = 0.02
-    crossing: float = 0.0
-    reserve: float = 0.005
-    points: int = 12
-    starts: int = 4
-    together: bool = False
-    width: int = 4
-    tolerance: float = 2e-3
-    feasibility: float = 1e-4
-    budget: int = 80
-    fidelity: str = "standard"
-    verify: str = "reference"
-    agreement: float = 0.02
-    plots: bool = True
+    out: Path = flags.field(
+        Path("out"),
+        "folder for front.json, evaluations.jsonl and the figures; a job that was interrupted "
+        "goes on from there",
+    )
+    against: str = flags.field(
+        "tip_deflection",
+        f"what the peak force is weighed against: {', '.join(AGAINST)}, {named.OWN} of a Quantity",
+        metavar="QUANTITY",
+    )
+    scenes: str = flags.field(
+        "auto",
+        "impacts, sorts, or auto: sorts for cycle_time and drive_torque",
+        choices=("auto", *KINDS),
+    )
+    masses: tuple[float, ...] = flags.field((5.0, 10.0, 20.0), "parcel masses [kg]")
+    distances: tuple[float, ...] = flags.field(
+        (0.85, 1.0), "of impacts: arc coordinates of the first touch [m]"
+    )
+    drive_angle: float = flags.field(0.30, "of impacts: drive angle at the first touch [rad]")
+    offsets: tuple[float, ...] = flags.field(
+        (0.05, 0.20), "of sorts: Delta s, from the border to the parcel [m]"
+    )
+    front: float = flags.field(
+        0.1, "of sorts: where the parcel's front is when the drive starts [m]"
+    )
+    duration: float = flags.field(
+        0.0, "length of each scene [s]; 0: 0.2 s (impacts), 1.5 s (sorts)", least=0
+    )
+    drive: str = named.drive_field()
+    taper: str = named.taper_field()
+    variables: tuple[str, ...] = flags.field(
+        (), "what is designed; by default what bears on the two quantities", type=str, nargs="*"
+    )
+    bounds: tuple[tuple[str, float, float], ...] = flags.field(
+        (),
+        "bounds in SI units instead of the default ones, as name=lower:upper",
+        **designs.BOUNDS_FLAG,
+    )
+    tip_limit: float = flags.field(0.10, "largest tip deflection [m]")
+    stress_limit: float = flags.field(40e6, "largest bending stress [Pa]")
+    tip_clearance: float = flags.field(
+        0.02, "of impacts: shortest distance from a loaded corner to the tip [m]"
+    )
+    crossing: float = flags.field(
+        0.0, "how far the parcel's centre must get past the belt's edge [m]"
+    )
+    limit: tuple[str, ...] = named.limit_field()
+    reserve: float = flags.field(
+        0.005, "kept in hand of every margin [1], for the difference to a finer fidelity"
+    )
+    points: int = flags.field(12, "points on the front", least=3)
+    starts: int = flags.field(4, "starts of the search for the front's first end", least=1)
+    together: bool = flags.field(
+        False,
+        "solve all points side by side instead of one after the other, each from its neighbour",
+    )
+    width: int = flags.field(4, "runs side by side, where there are several", least=1)
+    tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]")
+    feasibility: float = flags.field(1e-4, "violation of a margin that counts as none [1]")
+    budget: int = flags.field(80, "evaluations for each point at most", least=1)
+    fidelity: str = flags.field(
+        "standard", "fidelity of the optimisation", choices=flags.FIDELITIES
+    )
+    verify: str = flags.field(
+        "reference",
+        "fidelity at which every point is looked at again, or none",
+        choices=("none", *flags.FIDELITIES),
+    )
+    agreement: float = flags.field(
+        0.02, "largest relative error of the force that confirms a point [1]"
+    )
+    plots: bool = flags.field(True, "draw the figures")
 
     def __post_init__(self):
-        flags.one_of("against", self.against, tuple(AGAINST))
-        flags.one_of("scenes", self.scenes, ("auto", *KINDS))
-        flags.one_of("fidelity", self.fidelity, flags.FIDELITIES)
-        flags.one_of("verify", self.verify, ("none", *flags.FIDELITIES))
-        flags.at_least(self, points=3, starts=1, width=1, budget=1)
-        if self.duration < 0:
-            raise ValueError(f"Argument `duration` must be at least 0 [s], but is {self.duration}.")
+        flags.check(self)
+        named.quantity("against", self.against, AGAINST)
 
     @property
     def kind(self) -> str:
@@ -87,18 +126,18 @@ class ParetoConfig:
     @property
     def designed(self) -> tuple[str, ...]:
         """The variables."""
-        return self.variables or _VARIABLES[self.against]
+        return self.variables or _VARIABLES.get(self.against, _FENCE)
 
     @property
     def space(self) -> fj.DesignSpace:
         """The variables with their bounds."""
-        drive = fj.HarmonicDrive()
-        return designs.space(self.designed, self.bounds, drive=drive, default=_BOUNDS)
+        fence, drive = fj.Fence(taper=named.taper(self.taper)), named.drive(self.drive)
+        return designs.space(self.designed, self.bounds, fence, drive, _BOUNDS)
 
     @property
     def quantity(self) -> Quantity:
         """What the peak force is weighed against."""
-        return AGAINST[self.against]
+        return named.quantity("against", self.against, AGAINST)
 
     @property
     def limits(self) -> tuple[Limit, ...]:
@@ -108,9 +147,9 @@ class ParetoConfig:
             objectives.stress_limit(self.stress_limit),
             objectives.diverted_limit(self.crossing),
         )
-        if self.kind == "sorts":
-            return limits
-        return (*limits, objectives.tip_clearance_limit(self.tip_clearance))
+        if self.kind == "impacts":
+            limits = (*limits, objectives.tip_clearance_limit(self.tip_clearance))
+        return named.limits(limits, self.limit)
 
     def quick(self) -> "ParetoConfig":
         """A small version: few parcels and points, the fast fidelity throughout."""
@@ -120,63 +159,10 @@ class ParetoConfig:
         )  # fmt: skip
 
 
-_HELP = {
-    "out": "folder for front.json, evaluations.jsonl and the figures; a job that was interrupted "
-    "goes on from there",
-    "against": "what the peak force is weighed against",
-    "scenes": "impacts, sorts, or auto: sorts for cycle_time and drive_torque",
-    "masses": "parcel masses [kg]",
-    "distances": "of impacts: arc coordinates of the first touch [m]",
-    "drive_angle": "of impacts: drive angle at the first touch [rad]",
-    "offsets": "of sorts: Delta s, from the border to the parcel [m]",
-    "front": "of sorts: where the parcel's front is when the drive starts [m]",
-    "duration": "length of each scene [s]; 0: 0.2 s (impacts), 1.5 s (sorts)",
-    "variables": "what is designed; by default what bears on the two quantities",
-    "bounds": "bounds in SI units instead of the default ones, as name=lower:upper",
-    "tip_limit": "largest tip deflection [m]",
-    "stress_limit": "largest bending stress [Pa]",
-    "tip_clearance": "of impacts: shortest distance from a loaded corner to the tip [m]",
-    "crossing": "how far the parcel's centre must get past the belt's edge [m]",
-    "reserve": "kept in hand of every margin [1], for the difference to a finer fidelity",
-    "points": "points on the front",
-    "starts": "starts of the search for the front's first end",
-    "together": "solve all points side by side instead of one after the other, each from its "
-    "neighbour",
-    "width": "runs side by side, where there are several",
-    "tolerance": "on stationarity and complementarity [1]",
-    "feasibility": "violation of a margin that counts as none [1]",
-    "budget": "evaluations for each point at most",
-    "fidelity": "fidelity of the optimisation",
-    "verify": "fidelity at which every point is looked at again, or none",
-    "agreement": "largest relative error of the force that confirms a point [1]",
-    "plots": "draw the figures",
-}
-_SPECIAL = {
-    "against": dict(choices=tuple(AGAINST)),
-    "scenes": dict(choices=("auto", *KINDS)),
-    "fidelity": dict(choices=flags.FIDELITIES),
-    "verify": dict(choices=("none", *flags.FIDELITIES)),
-    "bounds": designs.BOUNDS_FLAG,
-    "variables": dict(type=str, nargs="*"),
-}
-
-
-def parser() -> argparse.ArgumentParser:
-    """One flag for each field of the configuration, and --quick."""
-    return flags.parser(
-        ParetoConfig,
-        "optimize.pareto",
-        "The front of the worst peak force against tip deflection, cycle time, mass of the fence "
-        "or torque of the drive, with the design of every point.",
-        _HELP,
-        _SPECIAL,
-        "few parcels and points at the fast fidelity, whatever the flags for them say",
-    )
-
-
-def configure(arguments: Sequence[str] | None = None) -> ParetoConfig:
-    """The configuration that flags describe.
-
-    Raises `ValueError` where a number is out of range.
-    """
-    return flags.configured(parser(), ParetoConfig, arguments)
+configure = flags.reader(
+    ParetoConfig,
+    "optimize.pareto",
+    "The front of the worst peak force against tip deflection, cycle time, mass of the fence "
+    "or torque of the drive, with the design of every point.",
+    quick="few parcels and points at the fast fidelity, where no flag for them says otherwise",
+)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array
 
 import fencejax as fj
-from fencejax.design import DesignSpace, Limit, objectives
+from fencejax.design import DesignSpace, Limit, Quantity, objectives
 from fencejax.plot import Trace
 
 
@@ -42,7 +42,8 @@ class Impacts:
 
 
 Measurement = dict[str, Array]
-"""Values of the peak force and of every limited quantity by name, one a lane; also `status`."""
+"""Values of the objective, the peak force and every limited quantity by name, one a lane; also
+`status`."""
 
 
 def measure(
@@ -52,11 +53,12 @@ def measure(
     limits: tuple[Limit, ...],
     fidelity: fj.Fidelity,
     *,
+    objective: Quantity = objectives.PEAK_FORCE,
     signals: bool = True,
 ) -> tuple[Measurement, Trace | None]:
     """What the impacts do to a fence, and their signals and the fence's mass if asked for.
     Differentiable."""
-    quantities = (objectives.PEAK_FORCE, *(limit.quantity for limit in limits))
+    quantities = (objective, objectives.PEAK_FORCE, *(limit.quantity for limit in limits))
     if signals:
         quantities = (*quantities, objectives.FENCE_MASS)
 
@@ -86,15 +88,19 @@ def problem(
     limits: tuple[Limit, ...],
     fidelity: fj.Fidelity,
     reserve: float,
+    objective: Quantity = objectives.PEAK_FORCE,
 ):
-    """z -> peak forces [N], margins less `reserve` [1], statuses: for `fencejax.minimize`."""
+    """z -> the objective of every impact, margins less `reserve` [1], statuses: for
+    `fencejax.minimize`."""
 
     def evaluate(z):
         fence, drive = space.apply(space.from_unconstrained(z))
-        measured, _ = measure(fence, drive, impacts, limits, fidelity, signals=False)
+        measured, _ = measure(
+            fence, drive, impacts, limits, fidelity, objective=objective, signals=False
+        )
         rows = list(margins(limits, measured).values())
         left = jnp.concatenate(rows) - reserve if rows else jnp.zeros(0)
-        return measured["peak_force"], left, measured["status"]
+        return measured[objective.name], left, measured["status"]
 
     return evaluate
 

@@ -2,9 +2,10 @@
 
     python -m optimize.peak_force --out out
 
-starts from the paper's two-link fence and minimises the largest peak reaction force over impacts
-at several distances with several masses, under limits on the tip deflection, the bending stress,
-the tip clearance and the sort itself. The limits are asked of every impact.
+starts from the paper's two-link fence and minimises the largest peak reaction force, or another
+quantity (`--objective`), over impacts at several distances with several masses, under limits on the
+tip deflection, the bending stress, the tip clearance and the sort itself. The limits are asked of
+every impact.
 
 What is designed, by default: the thickness h_1 and the length ratio l_s / l_p at a fixed reach,
 and Young's modulus, the choice of the material. The damping ratio and the density can be added,
@@ -27,12 +28,11 @@ import numpy as np
 
 import fencejax as fj
 from fencejax.design import (
-    VARIABLES,
     DesignSpace,
-    DesignVariable,
     Evaluation,
     Limit,
     Optimum,
+    Quantity,
     minimize,
 )
 from fencejax.plot import Trace
@@ -64,6 +64,7 @@ class Outcome:
     confirmed: bool | None
     sorted_out: bool | None
     limits: tuple[Limit, ...]
+    objective: Quantity
     elapsed: float
 
     @property
@@ -73,28 +74,10 @@ class Outcome:
         return self.optimum.converged and self.optimum.feasible and stands
 
 
-def _space(config: PeakForceConfig) -> DesignSpace:
-    given = {name: (lower, upper) for name, lower, upper in config.bounds}
-    for name in given:
-        if name not in config.variables:
-            raise ValueError(
-                f"Argument `bounds` must be of designed variables {list(config.variables)}, but "
-                f"names {name!r}. Add it to `variables`."
-            )
-    chosen: list[str | DesignVariable] = []
-    for name in config.variables:
-        if name in given and name in VARIABLES:
-            lower, upper = given[name]
-            chosen.append(dataclasses.replace(VARIABLES[name], lower=lower, upper=upper))
-        else:
-            chosen.append(name)
-    return DesignSpace(chosen)
-
-
 def _measured(config: PeakForceConfig, optimum: Optimum, at: Evaluation) -> dict[str, Any]:
     """Values of an evaluation, from its margins."""
     lanes = at.objectives.size
-    found: dict[str, Any] = {"peak_force": at.objectives * optimum.scale}
+    found: dict[str, Any] = {config.quantity.name: at.objectives * optimum.scale}
     rows = at.margins.reshape(len(config.limits), lanes) + config.reserve
     for limit, row in zip(config.limits, rows, strict=True):
         span = row * limit.unit_of_margin
@@ -112,7 +95,9 @@ class _Checks:
         cycle = float(space.drive.cycle)
 
         def impact(fence, drive):
-            return batch.measure(fence, drive, impacts, config.limits, fidelity)
+            return batch.measure(
+                fence, drive, impacts, config.limits, fidelity, objective=config.quantity
+            )
 
         def sort(fence, drive):
             return batch.whole_sorts(
@@ -133,7 +118,8 @@ class _Checks:
     def _stacked(self, after):
         """Fences and drives of all three, each leaf with the fence as its first axis."""
         space = self._space
-        paper = (space.fence, space.drive), (fj.Fence.one_link(), space.drive)
+        one_link = fj.Fence.one_link(taper=space.fence.taper)
+        paper = (space.fence, space.drive), (one_link, space.drive)
         three = (paper[0], space.apply(after), paper[1])
         return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *three)
 
@@ -154,7 +140,7 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     jax.config.update("jax_enable_x64", True)
     config = PeakForceConfig() if config is None else config
     say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
-    space, limits = _space(config), config.limits
+    space, limits = config.space, config.limits
     impacts = batch.Impacts(
         config.distances, config.masses, config.drive_angle, config.duration
     )
@@ -164,7 +150,7 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     checks = _Checks(config, space, impacts)
     say(f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling ...")
     optimum = minimize(
-        batch.problem(space, impacts, limits, fidelity, config.reserve),
+        batch.problem(space, impacts, limits, fidelity, config.reserve, config.quantity),
         space.to_unconstrained(before),
         logits=True,
         method=config.method,
@@ -172,7 +158,7 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
         feasibility=config.feasibility,
         penalty=config.penalty,
         budget=config.budget,
-        progress=lambda record: say(report.progress_line(record)),
+        progress=lambda record: say(report.progress_line(record, config.quantity)),
     )
     after = np.asarray(space.from_unconstrained(optimum.point))
     say(f"\nstopped: {optimum.stop.value} ({len(optimum.history)} evaluations)")
@@ -194,17 +180,18 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
         f"optimum, {label}": new,
     }
     say("\n" + report.design_table(space, before, after))
-    say("\n" + report.table(rows, limits, impacts.lanes, stiff))
+    say("\n" + report.table(rows, limits, impacts.lanes, stiff, config.quantity))
     confirmed = None
     if config.reference:
-        difference = float(np.max(new["peak_force"]) / np.max(found["peak_force"]) - 1)
+        name = config.quantity.name
+        difference = float(np.max(new[name]) / np.max(found[name]) - 1)
         least = min(float(np.min(v)) for v in batch.margins(limits, new).values())
         # The reference must find the same force, and no limit broken.
         confirmed = abs(difference) <= config.agreement and least >= -config.feasibility
         confirmed = confirmed and int(np.max(new["status"])) <= fj.Status.LEFT_OVER_TIP
         say(
-            f"reference: peak force {100 * difference:+.3f} % of the optimiser's, smallest margin "
-            f"{least:+.4f}, status {fj.Status(int(np.max(new['status']))).name}: "
+            f"reference: {name.replace('_', ' ')} {100 * difference:+.3f} % of the optimiser's, "
+            f"smallest margin {least:+.4f}, status {fj.Status(int(np.max(new['status']))).name}: "
             f"{'confirmed' if confirmed else 'NOT confirmed'}"
         )
     stacked = checks.sorts(after)
@@ -215,7 +202,7 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
     outcome = Outcome(
         optimum, space, before, after,
         {"before": old, "found": found, "after": new, "one_link": other}, sorts, stiff,
-        confirmed, sorted_out, limits, time.perf_counter() - begin,
+        confirmed, sorted_out, limits, config.quantity, time.perf_counter() - begin,
     )  # fmt: skip
     say("\n" + _verdict(outcome))
     _write(config, outcome, impacts, signals)
@@ -241,9 +228,10 @@ def _sorted_out(config, sorts, say) -> bool | None:
 
 
 def _drop(outcome: Outcome, paper: str) -> str:
-    """How the optimum's worst peak force compares with that of one of the paper's fences."""
-    ratio = np.max(outcome.measured["after"]["peak_force"])
-    change = 1 - float(ratio / np.max(outcome.measured[paper]["peak_force"]))
+    """How the optimum's worst objective compares with that of one of the paper's fences."""
+    name = outcome.objective.name
+    ratio = np.max(outcome.measured["after"][name])
+    change = 1 - float(ratio / np.max(outcome.measured[paper][name]))
     return f"{100 * abs(change):.1f} % {'below' if change > 0 else 'above'}"
 
 
@@ -260,8 +248,9 @@ def _verdict(outcome: Outcome) -> str:
             f"were tried: it breaks a limit by {100 * left.violation:.3g} % (reserve included). "
             "Relax that limit, widen the bounds, or add variables."
         )
+    title = outcome.objective.name.replace("_", " ")
     text += (
-        f"the worst peak force is {_drop(outcome, 'before')} the two-link fence's and "
+        f"the worst {title} is {_drop(outcome, 'before')} the two-link fence's and "
         f"{_drop(outcome, 'one_link')} the one-link fence's"
     )
     for name, title in (("before", "two-link"), ("one_link", "one-link")):
@@ -281,7 +270,7 @@ def _side_by_side(outcome: Outcome) -> dict[str, dict[str, float | None]]:
     space = outcome.space
     fences = {
         "before": space.fence,
-        "one_link": fj.Fence.one_link(),
+        "one_link": fj.Fence.one_link(taper=space.fence.taper),
         "after": space.apply(outcome.after)[0],
     }
     rows = {}
@@ -312,13 +301,14 @@ def _write(config, outcome, impacts, signals) -> None:
     space, optimum = outcome.space, outcome.optimum
     first = _measured(config, optimum, optimum.first)
     bars = {
-        when: report.elasticities(space, config.limits, at, values)
+        when: report.elasticities(space, config.limits, at, values, config.quantity)
         for when, at, values in (
             ("before", optimum.first, first),
             ("after", optimum.last, outcome.measured["found"]),
         )
     }
-    report.write_json(config.out / "history.json", report.history_rows(space, optimum))
+    rows = report.history_rows(space, optimum, config.quantity)
+    report.write_json(config.out / "history.json", rows)
     content = {
         "config": dataclasses.asdict(config),
         "stop": optimum.stop.value,
@@ -367,7 +357,7 @@ def _draw(config, outcome, impacts, signals, bars) -> None:
             for index, name in enumerate(_TITLES.values())
         }
 
-    worst = int(np.argmax(found["peak_force"]))
+    worst = int(np.argmax(found[config.quantity.name]))
     report.draw(
         config.out,
         shown(worst),
@@ -378,7 +368,7 @@ def _draw(config, outcome, impacts, signals, bars) -> None:
         config.tolerance,
         {
             f"{name}, {when}": bars[when][name]
-            for name in ("peak_force", "tip_deflection")
+            for name in (config.quantity.name, "tip_deflection")
             for when in ("before", "after")
         },
     )

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import fencejax as fj
+from fencejax.study import in_chunks
 
 from .case import Case
 
@@ -99,20 +100,17 @@ def sweep(
     masses, distances = np.asarray(masses, dtype=float), np.asarray(distances, dtype=float)
     parts = [_grid(batch, masses, distances) for batch in fences]
     lanes = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
-    total = lanes.distance.size
-    # The last chunk is filled up with the last lane, so that every chunk has the same shape.
-    picks = np.minimum(np.arange(-(-total // chunk) * chunk), total - 1)
-    found, begin = [], None
-    for first in range(0, picks.size, chunk):
-        some = jax.tree.map(lambda leaf, at=first: leaf[picks[at : at + chunk]], lanes)
-        found.append(jax.device_get(_impacts(some, fidelity)))
+    begin = None
+
+    def said(done, total):
         # The first chunk compiles, so that it says nothing about the speed.
+        nonlocal begin
         begin = time.perf_counter() if begin is None else begin
-        done = min(first + chunk, total)
         rate = (time.perf_counter() - begin) / max(1, done - chunk)
         if progress is not None:
             progress(done, total, rate * (total - done))
-    whole = [np.concatenate(leaves)[:total] for leaves in zip(*found, strict=True)]
+
+    whole = in_chunks(lambda some: _impacts(some, fidelity), lanes, chunk, progress=said)
     maps, at = [], 0
     for batch in fences:
         shape = (batch.distance.shape[0], masses.size, distances.size)

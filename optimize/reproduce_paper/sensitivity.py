@@ -35,37 +35,9 @@ class Sensitivities(NamedTuple):
     status: np.ndarray
 
 
-def numbers(fence: fj.Fence) -> Array:
-    """The variables' values [SI], in the order of `VARIABLES`."""
-    material = fence.material
-    return jnp.stack(
-        [
-            fence.thickness,
-            fence.rigid_length / fence.flexible_length,
-            material.youngs_modulus,
-            material.density,
-            material.damping_ratio,
-        ]
-    )
-
-
-def varied(fence: fj.Fence, values: Array) -> fj.Fence:
-    """The fence with the variables set to `values`, at the reach it had."""
-    reach = jax.lax.stop_gradient(fence.reach)
-    thickness, ratio, modulus, density, damping = values
-    return fj.Fence(
-        rigid_length=reach * ratio / (1 + ratio),
-        flexible_length=reach / (1 + ratio),
-        width=fence.width,
-        thickness=thickness,
-        material=fj.Material(modulus, density, damping),
-        taper=fence.taper,
-    )
-
-
 def peak_force(case: Case, values: Array, fidelity: fj.Fidelity) -> tuple[Array, Array]:
     """N_max [N] of a lane's impact with the variables at `values`, and its status."""
-    moved = eqx.tree_at(lambda c: c.fence, case, varied(case.fence, values))
+    moved = fj.scene_numbers.replace(case, tuple(VARIABLES), values)
     result = fj.simulate(moved.impact(_DURATION, fidelity), fidelity=fidelity, history=False)
     return result.peak_force, result.status
 
@@ -73,7 +45,7 @@ def peak_force(case: Case, values: Array, fidelity: fj.Fidelity) -> tuple[Array,
 @eqx.filter_jit
 def _slopes(cases: Case, fidelity: fj.Fidelity):
     def one(case: Case):
-        at = numbers(case.fence)
+        at = jnp.stack(fj.scene_numbers.read(case, tuple(VARIABLES)))
         (force, status), slope = jax.value_and_grad(
             lambda values: peak_force(case, values, fidelity), has_aux=True
         )(at)

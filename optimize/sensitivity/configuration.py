@@ -1,14 +1,14 @@
 """The numbers of the sensitivity study, and a flag for each."""
 
 import dataclasses
-from collections.abc import Sequence
+import inspect
 from pathlib import Path
 
 import fencejax as fj
 from fencejax.scenes import AnyScene, numbers as scene_numbers
 from fencejax.study import quantities_of
 
-from ..common import assignments, flags
+from ..common import assignments, flags, named
 
 SCENES = (
     "oblique_impact", "along_fence", "border_and_fence", "whole_sort", "normal_impact",
@@ -45,30 +45,58 @@ AS_IT_IS = "the scene as it is"
 class SensitivityConfig:
     """Every number of the study; `python -m optimize.sensitivity --help` says what each is."""
 
-    out: Path = Path("out")
-    scene: str = "oblique_impact"
-    duration: float = 0.0
-    outputs: tuple[str, ...] = ("peak_force", "tip_deflection", "impulse", "peak_stress")
-    variables: tuple[str, ...] = ()
-    ranges: tuple[str, ...] = ()
-    points: tuple[str, ...] = ()
-    along: str = "default"
-    along_count: int = 61
-    gradients: int = 512
-    samples: int = 1024
-    confidence: float = 0.95
-    resamples: int = 200
-    seed: int = 0
-    fidelity: str = "standard"
-    chunk: int = 16
-    plots: bool = True
+    out: Path = flags.field(Path("out"), "folder for result.json, samples.npz and the figures")
+    scene: str = flags.field(
+        "oblique_impact", "which scene, with the paper's numbers", choices=SCENES
+    )
+    duration: float = flags.field(0.0, "length of each run [s]; 0: the scene's own", least=0)
+    drive: str = named.drive_field()
+    taper: str = named.taper_field()
+    outputs: tuple[str, ...] = flags.field(
+        ("peak_force", "tip_deflection", "impulse", "peak_stress"),
+        f"of {', '.join(fj.OBJECTIVES)}, {named.OWN} of a Quantity",
+    )
+    variables: tuple[str, ...] = flags.field(
+        (),
+        "what varies, by name or path; by default all with a default range that the scene "
+        f"has, of {', '.join(RANGES)}",
+        nargs="*",
+    )
+    ranges: tuple[str, ...] = flags.field(
+        (),
+        "ranges [SI] instead of the default ones, as name=lower:upper[:logarithmic]",
+        nargs="*",
+        metavar="NAME=LOWER:UPPER",
+    )
+    points: tuple[str, ...] = flags.field(
+        (),
+        "where the local study is made, each as name=value[,name=value ...] [SI]; other "
+        "numbers are the scene's. By default two distances, if the scene has one",
+        nargs="*",
+        type=str,
+        metavar="NAME=VALUE",
+    )
+    along: str = flags.field(
+        "default",
+        "what the elasticities are followed along, as name=lower:upper [SI]; '' for none; by "
+        "default the distance, if the scene has one",
+    )
+    along_count: int = flags.field(61, "places along it", least=2)
+    gradients: int = flags.field(512, "gradients for the bounds; a power of 2", least=2)
+    samples: int = flags.field(
+        1024,
+        "base points of the Sobol' indices; a power of 2. They cost samples x (variables + 2) runs",
+        least=2,
+    )
+    confidence: float = flags.field(0.95, "of the intervals [1]", between=(0, 1))
+    resamples: int = flags.field(200, "of the bootstrap", least=10)
+    seed: int = flags.field(0, "of the sampling", least=0)
+    fidelity: str = flags.field("standard", "fast, standard or reference", choices=flags.FIDELITIES)
+    chunk: int = flags.field(16, "runs computed at a time by a thread", least=1)
+    plots: bool = flags.field(True, "draw the figures")
 
     def __post_init__(self):
-        flags.one_of("scene", self.scene, SCENES)
-        flags.one_of("fidelity", self.fidelity, flags.FIDELITIES)
-        flags.at_least(
-            self, along_count=2, gradients=2, samples=2, resamples=10, seed=0, chunk=1, duration=0
-        )
+        flags.check(self)
         for name in ("gradients", "samples"):
             value = getattr(self, name)
             if value & (value - 1):
@@ -81,10 +109,6 @@ class SensitivityConfig:
                 f"Argument `gradients` must be at most `samples` = {self.samples}, whose points it "
                 f"takes, but is {self.gradients}."
             )
-        if not 0 < self.confidence < 1:
-            raise ValueError(
-                f"Argument `confidence` must be within 0 and 1 [1], but is {self.confidence:g}."
-            )
 
     @property
     def knobs(self) -> fj.Fidelity:
@@ -93,8 +117,18 @@ class SensitivityConfig:
 
     def base(self) -> AnyScene:
         """The scene with the paper's numbers."""
-        duration = self.duration if self.duration > 0 else None
-        return getattr(fj.scenes, self.scene)(duration=duration)
+        make = getattr(fj.scenes, self.scene)
+        parts = {
+            "fence": fj.Fence(taper=named.taper(self.taper)),
+            "drive": named.drive(self.drive),
+            "duration": self.duration if self.duration > 0 else None,
+        }
+        taken = inspect.signature(make).parameters
+        return make(**{name: part for name, part in parts.items() if name in taken})
+
+    def quantities(self) -> tuple[fj.Quantity, ...]:
+        """The outputs."""
+        return tuple(named.quantity("outputs", text) for text in self.outputs)
 
     def inputs(self, scene: AnyScene) -> tuple[fj.DesignVariable, ...]:
         """What varies, with its ranges.
@@ -113,7 +147,7 @@ class SensitivityConfig:
                 )
             if name in given:
                 lower, upper, scaling = given[name]
-                unit = scene_numbers.unit(scene_numbers.resolve(scene, name))
+                unit = scene_numbers.number(scene, name).unit
                 variable = fj.DesignVariable(name, lower, upper, unit, scaling)
             else:
                 variable = RANGES[name]
@@ -144,7 +178,7 @@ class SensitivityConfig:
             if numbers:
                 scene_numbers.together(scene, tuple(numbers))
             title = ",".join(
-                f"{name}={value:g} {scene_numbers.unit(scene_numbers.resolve(scene, name))}"
+                f"{name}={value:g} {scene_numbers.number(scene, name).unit}"
                 for name, value in numbers.items()
             )
             found[title or AS_IT_IS] = numbers
@@ -165,7 +199,7 @@ class SensitivityConfig:
     def check(self) -> None:
         """Raise `ValueError` where a name or a range is none of the scene's."""
         scene = self.base()
-        quantities_of(scene, self.outputs)
+        quantities_of(scene, self.quantities())
         self.inputs(scene)
         self.places(scene)
         self.line(scene)
@@ -188,63 +222,13 @@ def _range(text: str) -> tuple[str, tuple[float, float, str]]:
 
 def _present(scene: AnyScene) -> list[str]:
     """The inputs with default ranges that the scene has."""
-    found = []
-    for name in RANGES:
-        try:
-            scene_numbers.resolve(scene, name)
-        except ValueError:
-            continue
-        found.append(name)
-    return found
+    return [name for name in RANGES if scene_numbers.has(scene, name)]
 
 
-_HELP = {
-    "out": "folder for result.json, samples.npz and the figures",
-    "scene": "which scene, with the paper's numbers",
-    "duration": "length of each run [s]; 0: the scene's own",
-    "outputs": f"of {', '.join(fj.OBJECTIVES)}",
-    "variables": "what varies, by name or path; by default all with a default range that the scene "
-    f"has, of {', '.join(RANGES)}",
-    "ranges": "ranges [SI] instead of the default ones, as name=lower:upper[:logarithmic]",
-    "points": "where the local study is made, each as name=value[,name=value ...] [SI]; other "
-    "numbers are the scene's. By default two distances, if the scene has one",
-    "along": "what the elasticities are followed along, as name=lower:upper [SI]; '' for none; by "
-    "default the distance, if the scene has one",
-    "along_count": "places along it",
-    "gradients": "gradients for the bounds; a power of 2",
-    "samples": "base points of the Sobol' indices; a power of 2. They cost samples x (variables + "
-    "2) runs",
-    "confidence": "of the intervals [1]",
-    "resamples": "of the bootstrap",
-    "seed": "of the sampling",
-    "fidelity": "fast, standard or reference",
-    "chunk": "runs computed at a time by a thread",
-    "plots": "draw the figures",
-}
-
-
-def parser():
-    """One flag for each field of the configuration, and --quick."""
-    return flags.parser(
-        SensitivityConfig,
-        "optimize.sensitivity",
-        "What counts, and how much: elasticities by automatic differentiation, bounds on Sobol' "
-        "indices by sampled derivatives, and the indices themselves.",
-        _HELP,
-        {
-            "scene": {"choices": SCENES},
-            "fidelity": {"choices": flags.FIDELITIES},
-            "variables": {"nargs": "*"},
-            "ranges": {"nargs": "*", "metavar": "NAME=LOWER:UPPER"},
-            "points": {"nargs": "*", "type": str, "metavar": "NAME=VALUE"},
-        },
-        quick="few points at the fast fidelity, whatever the flags for them say",
-    )
-
-
-def configure(arguments: Sequence[str] | None = None) -> SensitivityConfig:
-    """The configuration that flags describe.
-
-    Raises `ValueError` where a number is out of range.
-    """
-    return flags.configured(parser(), SensitivityConfig, arguments)
+configure = flags.reader(
+    SensitivityConfig,
+    "optimize.sensitivity",
+    "What counts, and how much: elasticities by automatic differentiation, bounds on Sobol' "
+    "indices by sampled derivatives, and the indices themselves.",
+    quick="few points at the fast fidelity, where no flag for them says otherwise",
+)

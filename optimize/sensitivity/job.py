@@ -98,7 +98,7 @@ def main(config: SensitivityConfig | None = None, *, quiet: bool = False) -> Out
     scene = config.base()
     inputs, line = config.inputs(scene), config.line(scene)
     names = tuple(variable.name for variable in inputs)
-    response = Response(scene, config.outputs, config.knobs, chunk=config.chunk)
+    response = Response(scene, config.quantities(), config.knobs, chunk=config.chunk)
     config.out.mkdir(parents=True, exist_ok=True)
     clock = _Clock(say)
 
@@ -167,7 +167,7 @@ def _axis(response: Response, name: str) -> str:
     """The label of an axis over one of the scene's numbers."""
     path = scene_numbers.resolve(response.scene, name)
     words = "place of the first touch R" if name == "distance" else name.replace("_", " ")
-    return f"{words} [{scene_numbers.unit(path)}]"
+    return f"{words} [{scene_numbers.number(response.scene, path).unit}]"
 
 
 def _draw(config: SensitivityConfig, outcome: Outcome, response: Response, line) -> None:

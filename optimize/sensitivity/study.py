@@ -65,7 +65,7 @@ def local(
     everything = sensitivity.elasticities(batch.values, batch.slopes, lanes)
     rules = sensitivity.unit_rules(
         everything,
-        [scene_numbers.unit(name) for name in response.names],
+        [scene_numbers.number(scene, name).unit for name in response.names],
         [quantity.unit for quantity in response.quantities],
     )
     chosen = sensitivity.elasticities(

@@ -21,24 +21,16 @@ import time
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 import fencejax as fj
+from fencejax.study import in_chunks
 
 from ..common import command, flags
 from .picture import draw_axes, draw_pairs
 from .scenes import AXES, ORDINARY, impact
 
 PROMISE = {"coarse": 0.015, "fast": 0.01, "standard": 0.01, "reference": 0.005}
-_EXPLAINED = {
-    "out": "folder to write into",
-    "fidelities": "the rungs to map",
-    "points": "points along an axis",
-    "side": "points along each side of a pair",
-    "duration": "length of an impact [s]",
-    "lanes": "impacts run at once",
-}
 PAIRS = (
     ("mass", "stiffness"), ("thickness", "modulus"), ("approach", "belt"), ("mass", "thickness"),
 )
@@ -48,19 +40,17 @@ PAIRS = (
 class StabilityConfig:
     """Numbers of the job; see `--help`."""
 
-    out: Path = Path("out/stability")
-    fidelities: tuple[str, ...] = ("fast", "standard")
-    points: int = 33
-    side: int = 17
-    duration: float = 0.1
-    lanes: int = 64
+    out: Path = flags.field(Path("out/stability"), "folder to write into")
+    fidelities: tuple[str, ...] = flags.field(
+        ("fast", "standard"), "the rungs to map", choices=flags.FIDELITIES, metavar="FIDELITIES"
+    )
+    points: int = flags.field(33, "points along an axis", least=2)
+    side: int = flags.field(17, "points along each side of a pair", least=2)
+    duration: float = flags.field(0.1, "length of an impact [s]", above=0)
+    lanes: int = flags.field(64, "impacts run at once", least=1)
 
     def __post_init__(self):
-        flags.at_least(self, points=2, side=2, lanes=1)
-        for name in self.fidelities:
-            flags.one_of("fidelities", name, flags.FIDELITIES)
-        if not self.duration > 0:
-            raise ValueError(f"Argument `duration` must be above 0 [s], but is {self.duration}.")
+        flags.check(self)
 
     def quick(self) -> "StabilityConfig":
         """One rung, few points."""
@@ -100,16 +90,12 @@ def _run(
         result = fj.simulate(scene, fidelity=fidelity, only=("peak_force",))
         return result.status, result.peak_force
 
-    found, lanes = [], config.lanes
-    for k in range(0, len(rows), lanes):
-        part = rows[k : k + lanes]
-        part = part + [part[-1]] * (lanes - len(part))
-        numbers = {name: jnp.array([row[name] for row in part]) for name in ORDINARY}
-        found.append(jax.device_get(run(numbers)))
-        if (k // lanes) % 8 == 7:
-            say(f"  {min(k + lanes, len(rows))} of {len(rows)}")
-    status, peak = (np.concatenate(parts)[: len(rows)] for parts in zip(*found, strict=True))
-    return status, peak
+    def said(done, total):
+        if done % (8 * config.lanes) == 0:
+            say(f"  {done} of {total}")
+
+    numbers = {name: np.array([row[name] for row in rows]) for name in ORDINARY}
+    return in_chunks(run, numbers, config.lanes, progress=said)
 
 
 RIGHT, OFF, WARNED, REFUSED = range(4)
@@ -176,13 +162,12 @@ def main(config: StabilityConfig, quiet: bool = False) -> bool:
     return fine
 
 
-def configure(arguments=None) -> StabilityConfig:
-    """The configuration from the command line."""
-    parser = flags.parser(
-        StabilityConfig, "optimize.stability_map", (__doc__ or "").split("\n")[0], _EXPLAINED, {},
-        quick="one rung, few points",
-    )
-    return flags.configured(parser, StabilityConfig, arguments)
+configure = flags.reader(
+    StabilityConfig,
+    "optimize.stability_map",
+    (__doc__ or "").split("\n")[0],
+    quick="one rung, few points",
+)
 
 
 def run():

@@ -2,25 +2,17 @@
 
 import dataclasses
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
 import fencejax as fj
 from fencejax.design import DesignVariable
 from fencejax.study import KINDS, OUTPUTS, VARIABLES, Samples, SceneFamily, Sweep, sampling
 
-from ..common import assignments, flags
+from ..common import assignments, flags, named
 
 # Cores that a machine may have.
 _MOST_ON_A_MACHINE = 1024
 _SAMPLINGS = ("grid", "latin_hypercube", "sobol")
-_DRIVES = {
-    "harmonic": fj.HarmonicDrive,
-    "held": fj.HeldDrive,
-    "constant_speed": fj.ConstantSpeedDrive,
-    "trapezoid": fj.TrapezoidDrive,
-    "s_curve": fj.SCurveDrive,
-}
 _FENCES = {"two_link": fj.Fence, "one_link": fj.Fence.one_link}
 
 
@@ -28,35 +20,71 @@ _FENCES = {"two_link": fj.Fence, "one_link": fj.Fence.one_link}
 class SweepConfig:
     """Every number of the job; `python -m optimize.sweep --help` says what each is."""
 
-    out: Path = Path("out")
-    scene: str = "oblique_impact"
-    vary: tuple[str, ...] = ("mass=1:30", "distance=0.5:1.1")
-    sampling: str = "grid"
-    points: int = 48
-    count: int = 4096
-    seed: int = 0
-    fixed: tuple[str, ...] = ()
-    fence: str = "two_link"
-    drive: str = "harmonic"
-    outputs: tuple[str, ...] = ("peak_force", "tip_deflection")
-    gradient: str = "none"
-    duration: float = 0.0
-    fidelity: str = "standard"
-    chunk: int = 0
-    group: int = 0
-    devices: int = 0
-    workers: int = 0
-    scheduler: str = "none"
-    tolerated: float = 0.25
-    plots: bool = True
+    out: Path = flags.field(
+        Path("out"),
+        "folder for sweep.zarr, result.json and the figures; the same command goes on where it "
+        "was stopped",
+    )
+    scene: str = flags.field(
+        "oblique_impact", f"kind of scene: {', '.join(KINDS)}", choices=tuple(KINDS)
+    )
+    vary: tuple[str, ...] = flags.field(
+        ("mass=1:30", "distance=0.5:1.1"),
+        "what varies, as name, name=lower:upper, or name=lower:upper:points for a grid, each "
+        "with :linear or :logarithmic behind if wanted; names: the scene's own and "
+        f"{', '.join(VARIABLES)}",
+        metavar="NAME=LOWER:UPPER",
+    )
+    sampling: str = flags.field(
+        "grid", "how the points are laid: grid, latin_hypercube or sobol", choices=_SAMPLINGS
+    )
+    points: int = flags.field(48, "points of a grid along each variable", least=2)
+    count: int = flags.field(
+        4096, "points of a Latin hypercube or, a power of two, of a Sobol sequence", least=1
+    )
+    seed: int = flags.field(0, "of their random numbers")
+    fixed: tuple[str, ...] = flags.field(
+        (),
+        "other numbers that are not the default ones, as name=value [SI]",
+        nargs="*",
+        metavar="NAME=VALUE",
+    )
+    fence: str = flags.field(
+        "two_link", f"the fence that is changed: {', '.join(_FENCES)}", choices=tuple(_FENCES)
+    )
+    drive: str = named.drive_field()
+    taper: str = named.taper_field()
+    outputs: tuple[str, ...] = flags.field(
+        ("peak_force", "tip_deflection"), f"what is kept, of {', '.join(OUTPUTS)}", metavar="OUTPUT"
+    )
+    gradient: str = flags.field(
+        "none", "output whose derivatives in all variables are kept too, or none"
+    )
+    duration: float = flags.field(0.0, "length of each scene [s]; 0: the scene's own")
+    fidelity: str = flags.field("standard", "fast, standard or reference", choices=flags.FIDELITIES)
+    chunk: int = flags.field(
+        0, "lanes that a device or worker computes at a time, kept together; 0: chosen", least=0
+    )
+    group: int = flags.field(0, "lanes that go through their loops together; 0: chosen", least=0)
+    devices: int = flags.field(0, "devices that JAX makes of this CPU; 0: one a core", least=0)
+    workers: int = flags.field(
+        0,
+        "processes of a Dask cluster on this machine that compute; 0: this process alone, with all "
+        "its devices, which is as fast",
+        least=0,
+    )
+    scheduler: str = flags.field(
+        "none",
+        "ADDRESS of a Dask scheduler whose workers compute, such as tcp://HOST:8786 (Slurm, "
+        "Kubernetes: Dask's own packages), or none",
+    )
+    tolerated: float = flags.field(
+        0.25, "share of lanes without good numbers that still counts as success [1]"
+    )
+    plots: bool = flags.field(True, "draw the figures")
 
     def __post_init__(self):
-        flags.one_of("scene", self.scene, tuple(KINDS))
-        flags.one_of("sampling", self.sampling, _SAMPLINGS)
-        flags.one_of("fence", self.fence, tuple(_FENCES))
-        flags.one_of("drive", self.drive, tuple(_DRIVES))
-        flags.one_of("fidelity", self.fidelity, flags.FIDELITIES)
-        flags.at_least(self, points=2, count=1, chunk=0, group=0, devices=0, workers=0)
+        flags.check(self)
         for name in ("devices", "workers"):
             if getattr(self, name) > _MOST_ON_A_MACHINE:
                 raise ValueError(
@@ -102,8 +130,8 @@ class SweepConfig:
             self.scene,
             samples.names,
             fixed=dict(assignments.value("fixed", text, "read name=value") for text in self.fixed),
-            fence=_FENCES[self.fence](),
-            drive=_DRIVES[self.drive](),
+            fence=_FENCES[self.fence](taper=named.taper(self.taper)),
+            drive=named.drive(self.drive),
             duration=self.duration or None,
         )
         outputs = self.outputs
@@ -149,61 +177,10 @@ def _variable(text: str) -> tuple[DesignVariable, int | None]:
     return sampling.variable(name, lower, upper, scaling=scaling), count
 
 
-_HELP = {
-    "out": "folder for sweep.zarr, result.json and the figures; the same command goes on where it "
-    "was stopped",
-    "scene": f"kind of scene: {', '.join(KINDS)}",
-    "vary": "what varies, as name, name=lower:upper, or name=lower:upper:points for a grid, each "
-    "with :linear or :logarithmic behind if wanted; names: the scene's own and "
-    f"{', '.join(VARIABLES)}",
-    "sampling": "how the points are laid: grid, latin_hypercube or sobol",
-    "points": "points of a grid along each variable",
-    "count": "points of a Latin hypercube or, a power of two, of a Sobol sequence",
-    "seed": "of their random numbers",
-    "fixed": "other numbers that are not the default ones, as name=value [SI]",
-    "fence": f"the fence that is changed: {', '.join(_FENCES)}",
-    "drive": f"the drive that is changed: {', '.join(_DRIVES)}",
-    "outputs": f"what is kept, of {', '.join(OUTPUTS)}",
-    "gradient": "output whose derivatives in all variables are kept too, or none",
-    "duration": "length of each scene [s]; 0: the scene's own",
-    "fidelity": "fast, standard or reference",
-    "chunk": "lanes that a device or worker computes at a time, kept together; 0: chosen",
-    "group": "lanes that go through their loops together; 0: chosen",
-    "devices": "devices that JAX makes of this CPU; 0: one a core",
-    "workers": "processes of a Dask cluster on this machine that compute; 0: this process alone, "
-    "with all its devices, which is as fast",
-    "scheduler": "ADDRESS of a Dask scheduler whose workers compute, such as tcp://HOST:8786 "
-    "(Slurm, Kubernetes: Dask's own packages), or none",
-    "tolerated": "share of lanes without good numbers that still counts as success [1]",
-    "plots": "draw the figures",
-}
-
-
-def parser():
-    """One flag for each field of the configuration, and `--quick`."""
-    return flags.parser(
-        SweepConfig,
-        prog="optimize.sweep",
-        description="Compute scenes over a grid, a Latin hypercube or a Sobol sequence, on every "
-        "device of this machine or on a Dask cluster, resumably.",
-        explained=_HELP,
-        special={
-            "scene": {"choices": tuple(KINDS)},
-            "sampling": {"choices": _SAMPLINGS},
-            "fence": {"choices": tuple(_FENCES)},
-            "drive": {"choices": tuple(_DRIVES)},
-            "fidelity": {"choices": flags.FIDELITIES},
-            "fixed": {"nargs": "*", "metavar": "NAME=VALUE"},
-            "vary": {"metavar": "NAME=LOWER:UPPER"},
-            "outputs": {"metavar": "OUTPUT"},
-        },
-        quick="at most 16 points an axis, or 256 in all, at the fast fidelity",
-    )
-
-
-def configure(arguments: Sequence[str] | None = None) -> SweepConfig:
-    """The configuration that flags describe.
-
-    Raises `ValueError` where a number is out of range.
-    """
-    return flags.configured(parser(), SweepConfig, arguments)
+configure = flags.reader(
+    SweepConfig,
+    "optimize.sweep",
+    "Compute scenes over a grid, a Latin hypercube or a Sobol sequence, on every "
+    "device of this machine or on a Dask cluster, resumably.",
+    quick="at most 16 points an axis, or 256 in all, at the fast fidelity",
+)

@@ -106,24 +106,15 @@ def scene(family: Family, numbers: Array, factors: Array) -> fj.Scene:
     given = {name: numbers[k] for k, name in enumerate(NUMBERS)}
     for k, name in enumerate(VARIABLES):
         given[name] = given[name] * factors[k]
-    material = fj.Material(given["youngs_modulus"], given["density"], given["damping_ratio"])
-    kinetic, below = given["fence_friction"], given["belt_friction"]
-    parts = {
-        "fence": fj.Fence(
-            rigid_length=given["rigid_length"],
-            flexible_length=given["flexible_length"],
-            thickness=given["thickness"],
-            material=material,
-        ),
-        "parcel": fj.Parcel(mass=given["mass"]),
-        "belt": fj.Belt(friction=fj.Friction(kinetic=below, static=_BELT_STATIC * below)),
-        "fence_friction": fj.Friction(kinetic=kinetic, static=_FENCE_STATIC * kinetic),
-        "duration": family.duration,
-    }
+    for part, ratio in (("fence", _FENCE_STATIC), ("belt", _BELT_STATIC)):
+        kinetic = given.pop(f"{part}_friction")
+        given |= {f"{part}_kinetic_friction": kinetic, f"{part}_static_friction": ratio * kinetic}
     if family.kind == "sort":
-        return fj.scenes.whole_sort(front=given["distance"], **parts)
-    make = {"impact": fj.scenes.oblique_impact, "slide": fj.scenes.along_fence}[family.kind]
-    return make(distance=given["distance"], drive_angle=given["drive_angle"], **parts)
+        given["front"] = given.pop("distance")
+        del given["drive_angle"]
+    kinds = {"impact": "oblique_impact", "slide": "along_fence", "sort": "whole_sort"}
+    made = fj.SceneFamily(kinds[family.kind], tuple(given), duration=family.duration)
+    return made.scene(jnp.stack([*given.values()]))
 
 
 def outcome(family: Family, fidelity: fj.Fidelity, numbers: Array, factors: Array):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from .errors import Errors
-    from .job import Report, Rung
+    from .findings import Report, Rung
     from .ladder import Point
 
 # Okabe and Ito's colours, told apart by colour-blind readers, and a marker with each.

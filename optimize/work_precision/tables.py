@@ -12,7 +12,7 @@ from .errors import Errors, Outcome, spread, summary
 from .orders import observed
 
 if TYPE_CHECKING:
-    from .job import Report, Rung
+    from .findings import Report, Rung
 
 
 def percent(share: float) -> str:

@@ -9,7 +9,7 @@ import pytest
 
 import fencejax as fj
 from fencejax.design import LIMITS, OBJECTIVES, Limit, objectives
-from fencejax.results import accumulators as tally
+from fencejax.results import accumulators
 
 
 def _result(time, load, place):
@@ -23,7 +23,7 @@ def _result(time, load, place):
     largest, before = jnp.zeros(()), instant(time[0])
     for t in time:
         now = instant(t)
-        largest = tally.largest_place_so_far(before, now, largest)
+        largest = accumulators.largest_place_so_far(before, now, largest)
         before = now
     return types.SimpleNamespace(largest_place=largest)
 

@@ -22,6 +22,13 @@ _DRIVES = {
 }
 
 
+STEPPED = fj.SteppedTaper(fj.PowerTaper(0.5), 4)
+
+
+def exponent_of(name):
+    return DesignVariable(name, 0.1, 0.9, scaling="linear")
+
+
 def _drive_names(drive):
     return [name for name in vars(drive) if name in VARIABLES]
 
@@ -75,7 +82,7 @@ def test_length_ratio_keeps_the_reach():
     fence, drive = space.apply([0.2])
     assert float(fence.reach) == pytest.approx(1.2, rel=1e-15)
     assert float(fence.rigid_length) == pytest.approx(0.2, rel=1e-14)
-    assert drive is space.drive
+    assert eqx.tree_equal(drive, space.drive)
     long, _ = DesignSpace(["length_ratio", "reach"]).apply([0.2, 1.5])
     assert float(long.rigid_length / long.flexible_length) == pytest.approx(0.2, rel=1e-14)
     assert float(long.reach) == pytest.approx(1.5, rel=1e-14)
@@ -106,6 +113,40 @@ def test_named_and_traced():
         return space.from_unconstrained(space.to_unconstrained(values))
 
     np.testing.assert_allclose(twice(jnp.array([0.05, 1.2])), [0.05, 1.2], rtol=1e-12)
+
+
+def test_taper_is_designed_like_any_other_number():
+    exponent = exponent_of("fence.taper.exponent")
+    space = DesignSpace([exponent, "thickness"], fj.Fence(taper=fj.PowerTaper(0.5)))
+    fence, _ = space.apply([0.25, 0.05])
+    assert eqx.tree_equal(fence, fj.Fence(thickness=0.05, taper=fj.PowerTaper(0.25)))
+    np.testing.assert_allclose(space.values_of(fence, space.drive), [0.25, 0.05], rtol=1e-15)
+    # Elements of a profile, and a profile in steps.
+    ratios = DesignVariable("ratios", 0.2, 2.0)
+    whole = DesignSpace([ratios], fj.Fence(taper=fj.ProfileTaper([1.0, 0.8, 0.5])))
+    assert whole.names == ("ratios[0]", "ratios[1]", "ratios[2]")
+    moved, _ = whole.apply([1.0, 0.9, 0.4])
+    assert eqx.tree_equal(moved, fj.Fence(taper=fj.ProfileTaper([1.0, 0.9, 0.4])))
+    stepped = DesignSpace([exponent_of("profile.exponent")], fj.Fence(taper=STEPPED))
+    moved, _ = stepped.apply([0.25])
+    assert eqx.tree_equal(moved, fj.Fence(taper=fj.SteppedTaper(fj.PowerTaper(0.25), 4)))
+
+
+def test_peak_force_has_the_slope_in_the_taper_that_its_difference_has():
+    space = DesignSpace([exponent_of("fence.taper.exponent")], fj.Fence(taper=fj.PowerTaper(0.5)))
+
+    def peak(fence):
+        scene = fj.scenes.normal_impact(fence=fence, distance=1.05, duration=0.04)
+        fidelity = fj.Fidelity(step=2e-4, modes=2)
+        return fj.simulate(scene, fidelity=fidelity, only=("peak_force",)).peak_force
+
+    slope = jax.jit(jax.jacfwd(lambda values: peak(space.apply(values)[0])))(jnp.array([0.5]))[0]
+    # Without the design space: fences by their constructor. The central difference is off by
+    # h^2 f''' / 6 = 1e-8 of the slope, and the rounding of the eigen-solve by some 1e-12 f / h.
+    made = jax.jit(lambda p: peak(fj.Fence(taper=fj.PowerTaper(p))))
+    difference = (made(0.5 + 1e-4) - made(0.5 - 1e-4)) / 2e-4
+    assert abs(slope) > 1.0
+    np.testing.assert_allclose(slope, difference, rtol=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Steps of different lengths: right, fewer, differentiable; and the solver under diffrax's loop."""
 
 import functools
+from types import SimpleNamespace
 
 import diffrax
 import jax
@@ -9,10 +10,9 @@ import numpy as np
 import pytest
 
 import fencejax as fj
-from fencejax.integrators import Pace, next_count, time_loop as integrate
+from fencejax.integrators import modal_step, next_step_size, time_loop as integrate
 from fencejax.model import Contact
-from fencejax.results import Sample
-from fencejax.scenes import Body
+from fencejax.simulate import prepared
 
 NAMES = ("peak_force", "tip_deflection", "impulse", "peak_stress", "furthest_y", "contact_time")
 COARSE = fj.Fidelity(modes=2)
@@ -72,41 +72,45 @@ def test_inside_jit_the_last_sample_fills_the_room():
     np.testing.assert_allclose(inside.fence_force[:taken], outside.fence_force, rtol=1e-9)
 
 
-def instant(gap, gap_rate, normal, place=0.5, sliding=0.0):
+def at_gap(gap, gap_rate, normal, place=0.5, sliding=0.0):
+    """Forces of one corner at the fence."""
     zero = jnp.zeros(())
     contact = Contact(jnp.asarray(normal), zero, jnp.asarray(gap), jnp.asarray(gap_rate),
                       jnp.asarray(place), jnp.asarray(sliding))
-    blank = dict.fromkeys(Sample._fields, zero)
-    return Sample(**blank | {"fence": (contact,), "border": (), "body": Body(*(zero,) * 6)})
+    return SimpleNamespace(fence=(contact,), border=())
 
 
-def chosen(what, *, last=8.0, surprise=0.0, before=0.0):
-    count = next_count(
-        Pace(jnp.asarray(last), jnp.asarray(surprise)), what, (jnp.asarray(before),),
-        (2, 4, 8), 2.5e-4, 5e-3, ((-0.01, jnp.asarray(1.2)),),
+def chosen(what, *, last=8.0, jump=0.0, before=0.0):
+    fidelity = fj.Fidelity(tip_fade=0.01, stride_tolerance=5e-3)
+    link = SimpleNamespace(reach=jnp.asarray(1.19))
+    mechanics = SimpleNamespace(fidelity=fidelity, sides={}, fence_corners=(1,), link=link)
+    clock = SimpleNamespace(counts=(0, 1, 2, 4, 8), step=2.5e-4)
+    size = next_step_size(
+        mechanics, clock, jnp.asarray(last), jnp.asarray(jump), what, (jnp.asarray(before),)
     )
-    return int(count)
+    assert size.last == last
+    return int(size.next)
 
 
 @pytest.mark.parametrize(
     ("what", "options", "count"),
     [
         # Far away, and coming at 1 m/s: 3 h |Ddot| + 25 h^2 is 0.5 mm short of 6.1 mm for 2 ms.
-        (instant(-0.1, 0.0, 0.0), {}, 8),
-        (instant(-0.0056, 1.0, 0.0), {}, 4),
-        (instant(-0.0062, 1.0, 0.0), {}, 8),
-        (instant(-0.9e-4, 0.0, 0.0), {}, 4),
-        (instant(-1e-6, 0.0, 0.0), {}, 1),
-        # No more than twice the last step, and the surprise grows with the square of the length.
-        (instant(-0.1, 0.0, 0.0), {"last": 2.0}, 4),
-        (instant(-0.1, 0.0, 0.0), {"last": 4.0, "surprise": 1.2e-3}, 8),
-        (instant(-0.1, 0.0, 0.0), {"last": 4.0, "surprise": 1.3e-3}, 4),
-        (instant(-0.1, 0.0, 0.0), {"last": 8.0, "surprise": 1.0}, 1),
+        (at_gap(-0.1, 0.0, 0.0), {}, 8),
+        (at_gap(-0.0056, 1.0, 0.0), {}, 4),
+        (at_gap(-0.0062, 1.0, 0.0), {}, 8),
+        (at_gap(-0.9e-4, 0.0, 0.0), {}, 4),
+        (at_gap(-1e-6, 0.0, 0.0), {}, 1),
+        # No more than twice the last step, and the jump grows with the square of the length.
+        (at_gap(-0.1, 0.0, 0.0), {"last": 2.0}, 4),
+        (at_gap(-0.1, 0.0, 0.0), {"last": 4.0, "jump": 1.2e-3}, 8),
+        (at_gap(-0.1, 0.0, 0.0), {"last": 4.0, "jump": 1.3e-3}, 4),
+        (at_gap(-0.1, 0.0, 0.0), {"last": 8.0, "jump": 1.0}, 1),
         # Pressing steadily; let go within four steps; off the fence's end; coming back to it.
-        (instant(1e-3, 0.0, 100.0), {"before": 100.0}, 8),
-        (instant(1e-3, 0.0, 100.0), {"before": 192.0}, 4),
-        (instant(1e-3, 0.0, 0.0, place=1.3, sliding=1.0), {}, 8),
-        (instant(1e-3, 0.0, 0.0, place=1.204, sliding=-1.0), {}, 4),
+        (at_gap(1e-3, 0.0, 100.0), {"before": 100.0}, 8),
+        (at_gap(1e-3, 0.0, 100.0), {"before": 192.0}, 4),
+        (at_gap(1e-3, 0.0, 0.0, place=1.3, sliding=1.0), {}, 8),
+        (at_gap(1e-3, 0.0, 0.0, place=1.204, sliding=-1.0), {}, 4),
     ],
 )
 def test_length_of_the_next_step(what, options, count):
@@ -122,22 +126,34 @@ def test_longest_stride_is_checked():
     assert fj.Fidelity.reference().settled(1.36).longest_stride == 1
 
 
-def test_the_solver_is_one_of_diffrax():
-    # An undamped oscillator by the trapezoidal rule, stepped here and by diffrax's own loop.
-    def advance(args, y, begins, ends):
-        h = args * (ends - begins)
-        (q, v), lead = y, 1 + h * h / 4
-        moved = (q * (1 - h * h / 4) + h * v) / lead
-        return moved, (v * (1 - h * h / 4) - h * q) / lead
+def test_stepper_runs_a_whole_scene_under_diffeqsolve():
+    # The same steps in diffrax's own loop as in the package's: the same numbers, but for the order
+    # in which compilers sum. A step of no length gives the forces at the start.
+    fidelity = fj.Fidelity.coarse(longest_stride=1)
+    scene = fj.scenes.oblique_impact(duration=0.06)
+    samples = fj.simulate(scene, fidelity=fidelity).history
+    steps = integrate.count_steps(scene.duration, fidelity.step)
 
-    solver, step = integrate.Stepper(advance), jnp.asarray(0.1)
-    begin = jnp.ones(()), jnp.zeros(())
-    (q, v), _ = integrate.run_steps(solver, begin, step, None, 50, fj.Fidelity())
-    solution = diffrax.diffeqsolve(
-        integrate.Scene(), solver, t0=0.0, t1=50.0, dt0=1.0, y0=begin, args=step,
-        adjoint=diffrax.ForwardMode(),
-    )
-    np.testing.assert_allclose((q, v), [x[-1] for x in solution.ys], rtol=1e-12)
-    # Exact rotation by atan(h / 2) twice a step.
-    turn = 50 * 2 * np.arctan(0.05)
-    np.testing.assert_allclose((q, v), (np.cos(turn), -np.sin(turn)), rtol=1e-11)
+    @jax.jit
+    def solve(scene):
+        mechanics, clock, memory = prepared(scene, fidelity)
+
+        def advance(args, y, begins, ends):
+            return modal_step.step(*args, y, begins, ends)[0]
+
+        zero = jnp.zeros(())
+        return diffrax.diffeqsolve(
+            integrate.Scene(), integrate.Stepper(advance), t0=0.0, t1=steps, dt0=1.0,
+            y0=advance((mechanics, clock), memory, zero, zero), args=(mechanics, clock),
+            saveat=diffrax.SaveAt(
+                ts=jnp.arange(steps + 1.0), fn=lambda t, y, args: (y.body, y.normals[0])
+            ),
+            adjoint=diffrax.ForwardMode(),
+        ).ys
+
+    body, normal = solve(scene)
+    force = np.array(samples.fence[0].normal)
+    assert force.max() > 500
+    np.testing.assert_allclose(normal, force, rtol=1e-9, atol=1e-9 * force.max())
+    for ours, theirs in zip(samples.body, body, strict=True):
+        np.testing.assert_allclose(theirs, ours, rtol=1e-9, atol=1e-9)

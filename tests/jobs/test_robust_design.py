@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from pictures import shows_data
 from scipy.stats import binomtest
 from scipy.stats.mstats import hdquantiles
 
@@ -157,7 +158,7 @@ def test_files_and_resumption(small):
     with np.load(out / "fresh.npz") as fresh:
         assert fresh["after_severity"].shape == (_SMALL.fresh,)
     for name in ("exceedance", "by_mass", "search"):
-        assert (out / f"{name}.png").stat().st_size > 1000
+        assert shows_data(out / f"{name}.png")
     again = main(_with(out=out, plots=False), quiet=True)
     np.testing.assert_array_equal(again.after, outcome.after)
     content = json.loads((out / "robust.json").read_text())

@@ -7,7 +7,8 @@ import pytest
 
 from fencejax import Friction
 from fencejax.fidelity import Smoothing
-from fencejax.model import belt_grip, coefficient, corner_share
+from fencejax.model import BeltContact, belt_grip, coefficient, corner_share
+from fencejax.scenes import Body
 
 FRICTION = Friction(kinetic=0.35, static=0.5)
 SMOOTHING = Smoothing(slip_speed=1e-2, static_speed=5e-2)
@@ -91,12 +92,37 @@ def test_belt_load_stays_within_the_limit_surface(slip_speed, motions):
         assert np.all(surface > 1 - 1.01e-2)
 
 
-def test_belt_dissipates(motions):
-    # Power taken from the motion relative to the belt: grip s^2 >= 0.
-    _, _, power, _, square = belt_load(*motions, FRICTION, SMOOTHING)
-    grip = np.array(belt_grip(FRICTION, WEIGHT, square, SMOOTHING)[0])
-    np.testing.assert_allclose(power, grip * square, rtol=1e-12)
+def test_belt_force_is_the_gradient_of_its_dissipation(motions):
+    # With one coefficient the limit surface is that of a dissipation function: the load is minus
+    # the gradient of F_max sqrt(s^2 + eps^2) in (u_x, u_y, phidot), so normal to it (Goyal).
+    belt = BeltContact(jnp.asarray(2.0), Friction(0.4, 0.4), jnp.asarray(WEIGHT), jnp.asarray(ARM))
+
+    def body(rates):
+        return Body(0.0, 0.0, 0.0, rates[0] + 2.0, rates[1], rates[2])
+
+    def potential(rates):
+        square = rates[0] ** 2 + rates[1] ** 2 + (ARM * rates[2]) ** 2
+        return 0.4 * WEIGHT * jnp.sqrt(square + SMOOTHING.slip_speed**2)
+
+    rates = jnp.stack([jnp.asarray(motion) for motion in motions], 1)
+    load = jax.vmap(lambda r: jnp.stack(belt.force(body(r), SMOOTHING)[0][:3]))(rates)
+    np.testing.assert_allclose(load, -jax.vmap(jax.grad(potential))(rates), rtol=1e-9, atol=1e-9)
+
+
+def test_belt_force_dissipates(motions):
+    # What `force` says that friction takes is the power of its load against the slip, above 0 and
+    # at most F_max s, which it reaches as eps / s -> 0.
+    belt = BeltContact(jnp.asarray(2.0), FRICTION, jnp.asarray(WEIGHT), jnp.asarray(ARM))
+    x, y, spin = (jnp.asarray(motion) for motion in motions)
+    load, _ = belt.force(Body(0.0, 0.0, 0.0, x + 2.0, y, spin), SMOOTHING)
+    power = -np.array(load.x * x + load.y * y + load.moment * spin)
+    # The slip is a difference of speeds of some m/s: round-off on them.
+    np.testing.assert_allclose(load.dissipated, power, rtol=1e-9)
+    size = np.sqrt(x**2 + y**2 + (ARM * spin) ** 2)
+    most = WEIGHT * np.array(coefficient(FRICTION, size**2, SMOOTHING)[0]) * size
     assert np.all(power > 0)
+    ratio = size / np.sqrt(size**2 + SMOOTHING.slip_speed**2)
+    np.testing.assert_allclose(power, most * ratio, rtol=1e-9)
 
 
 def test_belt_drags_a_sliding_parcel_along_with_the_kinetic_force():

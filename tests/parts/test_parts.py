@@ -9,7 +9,7 @@ import pytest
 
 import fencejax as fj
 from fencejax.integrators import modal_step, time_loop as integrate
-from fencejax.simulate import _program as program, prepared
+from fencejax.simulate import prepared
 
 STANDARD = fj.Fidelity.standard()
 
@@ -206,7 +206,7 @@ def test_steps_are_counted():
     assert integrate.count_steps(1e-6, 1e-3) == 1
 
 
-def test_one_program_serves_every_design_of_a_shape():
+def test_one_program_serves_every_design_of_a_shape(caplog):
     fidelity = fj.Fidelity(modes=1, static_correction=False, geometry="small")
     scenes = [
         fj.scenes.normal_impact(
@@ -214,11 +214,16 @@ def test_one_program_serves_every_design_of_a_shape():
         )
         for t, d, m in ((0.04, 1.0, 5.0), (0.06, 0.9, 20.0), (0.05, 0.8, 1.0))
     ]
-    forces = {
-        float(fj.simulate(s, fidelity=fidelity, only=["peak_force"]).peak_force) for s in scenes
-    }
-    assert len(forces) == 3
-    structures = {jax.tree.structure(scene) for scene in scenes}
-    assert len(structures) == 1
-    _, compiled = program(structures.pop(), fidelity, False, ("peak_force", "status"))
-    assert compiled._cache_size() == 1
+
+    def compiled(scene):
+        """Peak force [N], and what was compiled for it."""
+        caplog.clear()
+        with jax.log_compiles():
+            force = fj.simulate(scene, fidelity=fidelity, only=["peak_force"]).peak_force
+        texts = [record.getMessage() for record in caplog.records]
+        return float(force), [text for text in texts if text.startswith("Compiling")]
+
+    (one, first), (two, second), (three, third) = (compiled(scene) for scene in scenes)
+    assert len({one, two, three}) == 3
+    assert first
+    assert second == third == []

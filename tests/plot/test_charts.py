@@ -8,6 +8,7 @@ import jax
 import numpy as np
 import pytest
 import runs
+from pictures import shows_data
 
 import fencejax as fj
 from fencejax.plot import non_dominated
@@ -175,3 +176,12 @@ def test_convergence_leaves_failed_evaluations_out():
     texts = [text.get_text() for text in lower.get_legend().get_texts()]
     assert texts == ["largest violation", "KKT residual", "tolerance", "failed"]
     np.testing.assert_array_equal(lower.lines[-1].get_xdata(), [2])
+
+
+def test_shows_data_tells_a_curve_from_empty_axes(tmp_path):
+    axes = fj.plot.style.panel(fj.plot.style.figure().subplots(), "time [s]", "force [N]", "force")
+    axes.figure.savefig(tmp_path / "empty.png")
+    axes.plot([0, 1], [0, 1], color=fj.plot.COLORS[1], linewidth=1)
+    axes.figure.savefig(tmp_path / "curve.png")
+    assert not shows_data(tmp_path / "empty.png")
+    assert shows_data(tmp_path / "curve.png")

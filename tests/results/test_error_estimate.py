@@ -11,7 +11,7 @@ import pytest
 from robustness.random_scenes import impacts, sorts
 
 import fencejax as fj
-from fencejax.results import error
+from fencejax.results import ESTIMATED, error
 
 FAST, STANDARD, REFERENCE = (
     getattr(fj.Fidelity, name)() for name in ("fast", "standard", "reference")
@@ -24,7 +24,7 @@ def run(scene, fidelity, history, only):
     return fj.simulate(scene, fidelity=fidelity, only=only)
 
 
-def estimated(scene, fidelity, only=error.FIELDS):
+def estimated(scene, fidelity, only=ESTIMATED):
     """A result with the errors of its fields."""
     result = run(scene, fidelity, False, only)
     return result, error.estimate(run, scene, fidelity, result)
@@ -171,7 +171,7 @@ def test_calibration(bench_directory, kind):
     make = {"impacts": impacts, "sorts": sorts}[kind]
     scenes = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), make(1, 200), make(9, 100))
     old = np.arange(300) < 200
-    compute = lambda f: jax.jit(jax.vmap(lambda s: run(s, f, False, error.FIELDS)))  # noqa: E731
+    compute = lambda f: jax.jit(jax.vmap(lambda s: run(s, f, False, ESTIMATED)))  # noqa: E731
     true = compute(REFERENCE)(scenes)
     table = {}
     for label, fidelity in (("fast", FAST), ("standard", STANDARD)):
@@ -182,7 +182,7 @@ def test_calibration(bench_directory, kind):
         )
         fine = np.asarray(true.status) < fj.Status.STEP_TOO_COARSE
         fine = fine & (np.asarray(results[0].status) < fj.Status.STEP_TOO_COARSE)
-        for name in error.FIELDS:
+        for name in ESTIMATED:
             exact, value, coarse, smooth, estimate = (
                 np.asarray(getattr(r, name)) for r in (true, *results, errors)
             )

@@ -1,7 +1,7 @@
 """The named rungs keep what their docstrings promise, on random impacts that are always the same.
 
 `reference_impacts.json` holds the peak force, its elasticities and their sizes of these impacts by
-`TRUTH`; `python tests/test_rungs.py` writes it anew (some minutes).
+`TRUTH`; `python tests/robustness/test_rungs.py` writes it anew (some minutes).
 """
 
 import json
@@ -45,6 +45,15 @@ def measured(fidelity):
     return value, np.asarray(slopes) / value[:, None], np.asarray(status)
 
 
+def test_promises_tell_a_wrong_design():
+    # A modulus of 2 % too much, to the first order, breaks every promise on the value: the errors
+    # that are allowed are small beside what a designer changes.
+    truth = json.loads(RECORD.read_text())
+    by_modulus = np.array(truth["elasticities"])[:, [*cases.VARIABLES].index("youngs_modulus")]
+    error = np.quantile(np.abs(0.02 * by_modulus), 0.9)
+    assert error > max(most for most, *_ in PROMISES.values())
+
+
 @pytest.mark.parametrize("name", PROMISES)
 def test_rung_keeps_its_promise(name):
     truth = json.loads(RECORD.read_text())
@@ -59,9 +68,6 @@ def test_rung_keeps_its_promise(name):
     assert np.max(error) < worst
     assert np.quantile(gradient, 0.9) < gradient_most
     assert np.max(gradient) < gradient_worst
-    # The promise is not an empty one.
-    assert np.quantile(error, 0.9) > most / 5
-    assert np.quantile(gradient, 0.9) > gradient_most / 5
 
 
 def _write():

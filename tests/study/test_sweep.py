@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from pictures import shows_data
 from study.small_sweep import SMALL, assert_same, small
 
 import fencejax as fj
@@ -247,7 +248,7 @@ def test_script_writes_its_files_and_says_whether_it_succeeded(whole, tmp_path, 
     assert "IMPOSSIBLE 10" in said
     content = json.loads((tmp_path / "result.json").read_text())
     assert content["statuses"] == whole.counts()
-    assert (tmp_path / "peak_force.png").stat().st_size > 1000
+    assert shows_data(tmp_path / "peak_force.png")
     assert outcome.succeeded
     strict = main(small(tmp_path, tolerated=0.01))
     assert not strict.succeeded

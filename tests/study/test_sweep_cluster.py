@@ -11,8 +11,7 @@ import jax
 import pytest
 from study.small_sweep import CHUNKS, PLAIN, assert_same, plain, tiny
 
-from fencejax.study import SweepTable, run_sweep
-from fencejax.study.sweep_cluster import _Settings
+from fencejax.study import SweepTable, WorkerSettings, run_sweep
 from optimize.sweep import main
 from optimize.sweep.configuration import SweepConfig
 
@@ -153,7 +152,7 @@ def test_the_scheduler_is_killed(alone, tmp_path):
 
 
 def test_workers_are_set_as_the_process_that_asks():
-    mine = _Settings.here()
+    mine = WorkerSettings.here()
     mine.adopt()
     assert mine.double
     assert "xla_force_host_platform_device_count" not in mine.flags

@@ -76,9 +76,10 @@ def test_bad_points_are_refused(make, text):
 def changed(kind, name, drive=None):
     """Leaves of a scene that change with a named number, by their place in it."""
     family = SceneFamily(kind, [name], drive=drive, duration=0.1)
-    known = scene_family.VARIABLES[name.partition("[")[0]]
-    middle = 0.5 * (known.lower + known.upper)
-    scenes = [family.scene([value]) for value in (middle, 0.9 * middle + 0.1 * known.upper)]
+    known = scene_family.VARIABLES.get(name.partition("[")[0])
+    lower, upper = (0.6, 0.8) if known is None else (known.lower, known.upper)
+    middle = 0.5 * (lower + upper)
+    scenes = [family.scene([value]) for value in (middle, 0.9 * middle + 0.1 * upper)]
     old, new = (jax.tree_util.tree_flatten_with_path(scene)[0] for scene in scenes)
     pairs = zip(old, new, strict=True)
     return {jax.tree_util.keystr(p) for (p, a), (_, b) in pairs if not np.array_equal(a, b)}
@@ -121,6 +122,25 @@ def test_element_of_a_free_form_drive():
     found = family.scene([0.4]).drive
     assert isinstance(found, fj.SplineDrive)
     np.testing.assert_array_equal(found.control_angles, [0.2, 0.4, 0.2])
+
+
+def test_numbers_of_a_taper_vary_by_path():
+    fence = fj.Fence(taper=fj.SteppedTaper(fj.PowerTaper(0.5), 4))
+    names = ["fence.taper.profile.exponent", "parcel.mass"]
+    family = SceneFamily("oblique_impact", names, fence=fence)
+    found = family.scene([0.3, 2.0])
+    assert found.fence.taper.profile.exponent == 0.3
+    assert found.parcel.mass == 2.0
+    with pytest.raises(ValueError, match=r"profile.exponent` must be at most 0.99 \[1\]"):
+        family.scene([1.2, 2.0])
+    profile = fj.Fence(taper=fj.ProfileTaper([1.0, 0.8, 0.5]))
+    found = SceneFamily("along_fence", ["ratios[1]"], fence=profile).scene([0.7])
+    np.testing.assert_array_equal(found.fence.taper.ratios, [1.0, 0.7, 0.5])
+    samples = sampling.grid([sampling.variable("fence.taper.profile.exponent", 0.2, 0.8)], 3)
+    Sweep(SceneFamily("oblique_impact", samples.names, fence=fence), samples)
+    samples = sampling.grid([sampling.variable("fence.taper.profile.exponent", 0.2, 1.8)], 3)
+    with pytest.raises(ValueError, match="must be within the scene.*must be at most 0.99"):
+        Sweep(SceneFamily("oblique_impact", samples.names, fence=fence), samples)
 
 
 def test_fixed_numbers_and_parts_are_kept():

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 
+import diffrax
 import numpy as np
 import pytest
 from study.small_sweep import CHUNKS, PLAIN, SMALL, assert_same, plain
@@ -106,7 +107,7 @@ def test_full_disk_loses_nothing(kept, tmp_path, monkeypatch, writes):
 
 
 def test_two_different_sweeps_never_share_a_fresh_folder(tmp_path):
-    """Twenty claims by two threads at a time: one has the folder, the other is refused."""
+    """Eight claims by two threads at a time: one has the folder, the other is refused."""
 
     def claim(sweep, folder, start, outcome):
         samples = sweep.samples
@@ -122,7 +123,7 @@ def test_two_different_sweeps_never_share_a_fresh_folder(tmp_path):
         except ValueError as error:
             outcome.append(error)
 
-    for trial in range(20):
+    for trial in range(8):
         outcome, start, folder = [], threading.Barrier(2), tmp_path / str(trial)
         threads = [
             threading.Thread(target=claim, args=(sweep, folder, start, outcome))
@@ -283,8 +284,13 @@ def test_every_part_counts_in_the_configuration():
         {"duration": 0.2}, {"fixed": {"distance": 0.9}}, {"options": {"corner": 4}},
     ]  # fmt: skip
     assert len({same, *(hashed(**variant) for variant in variants)}) == 1 + len(variants)
-    config = dataclasses.replace(SMALL, fidelity="standard").sweep()
-    assert json.dumps(config.describe()) != json.dumps(SMALL.sweep().describe())
+    small = SMALL.sweep()
+    fidelities = [
+        small.fidelity, fj.Fidelity.standard(), fj.Fidelity.fast(integrator=diffrax.Kvaerno3()),
+        fj.Fidelity.fast(integrator=diffrax.Kvaerno5()),
+    ]  # fmt: skip
+    described = [dataclasses.replace(small, fidelity=f).describe() for f in fidelities]
+    assert len({json.dumps(one, sort_keys=True) for one in described}) == len(fidelities)
 
 
 # ---- what the store is to others

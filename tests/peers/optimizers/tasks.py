@@ -26,9 +26,9 @@ STARTS = 3
 class Task:
     """min over shares s in [0, 1]^n of the worst force over `scale` [N], margins at least 0.
 
-    `value` and `slopes` give what `fencejax.design.evaluator.Problem` and its Jacobian are at z.
-    `price` [1] is the time of the latter over that of the former; both were taken of one design at a
-    time, `value_time` and `slopes_time` [s].
+    `value` and `slopes` give what a problem of `fencejax.minimize` and its Jacobian are at z.
+    `price` [1] is the time of the latter over that of the former; both were taken of one design
+    at a time, `value_time` and `slopes_time` [s].
     """
 
     name: str

@@ -1,0 +1,71 @@
+"""The energy ledger: what is held, what work is done, what is dissipated."""
+
+import equinox as eqx
+from jaxtyping import Array
+
+from .sample import Energy, Power
+
+
+class Ledger(eqx.Module):
+    """The energy ledger of a scene [J]: changes of what is held, work done, energy dissipated.
+
+    residual = changes + dissipated + contact - work. It vanishes at the order of the step.
+    """
+
+    parcel_kinetic: Array
+    """Change of the parcel's kinetic energy."""
+    fence_kinetic: Array
+    """Change of the fence's kinetic energy."""
+    strain: Array
+    """Change of the energy of bending."""
+    contact_stored: Array
+    """Change of the elastic energy of the contacts."""
+    drive_work: Array
+    """Work of the drive at the hinge."""
+    belt_work: Array
+    """Work of the belt's motion on the parcel."""
+    geometry_work: Array
+    """Work that small-deflection beam theory leaves out (see `fencejax.results.Power`)."""
+    contact_loss: Array
+    """Dissipated in the contacts."""
+    fence_friction_loss: Array
+    """Dissipated by corners sliding along the fence."""
+    border_friction_loss: Array
+    """Dissipated by corners sliding along the border."""
+    belt_friction_loss: Array
+    """Dissipated between parcel and belt."""
+    damping_loss: Array
+    """Dissipated in the fence's material."""
+
+    @property
+    def residual(self) -> Array:
+        """What does not balance [J]."""
+        held = self.parcel_kinetic + self.fence_kinetic + self.strain + self.contact_stored
+        lost = (
+            self.contact_loss
+            + self.fence_friction_loss
+            + self.border_friction_loss
+            + self.belt_friction_loss
+            + self.damping_loss
+        )
+        return held + lost - self.drive_work - self.belt_work - self.geometry_work
+
+
+def ledger(begin: Energy, end: Energy, work: Power) -> Ledger:
+    """The ledger from the energies held at the begin and at the end, with the integrals of the
+    powers between them."""
+    stored = end.contact - begin.contact
+    return Ledger(
+        parcel_kinetic=end.parcel - begin.parcel,
+        fence_kinetic=end.fence - begin.fence,
+        strain=end.strain - begin.strain,
+        contact_stored=stored,
+        drive_work=work.drive,
+        belt_work=work.belt,
+        geometry_work=work.geometry,
+        contact_loss=work.contact - stored,
+        fence_friction_loss=work.fence_friction,
+        border_friction_loss=work.border_friction,
+        belt_friction_loss=work.belt_friction,
+        damping_loss=work.beam_damping,
+    )

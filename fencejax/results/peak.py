@@ -1,0 +1,62 @@
+"""The largest value of a signal over a scene, refined between samples."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+
+class Span(NamedTuple):
+    """The length [s] of the step to a sample, whether it is the scene's first sample (the length is
+    then 0), and the ratio [1] of the step before it to this one."""
+
+    length: Array
+    first: Array
+    ratio: Array | float
+
+
+class Peak(NamedTuple):
+    """The largest value of a signal so far, its time and a companion value there.
+
+    The vertex of the parabola through three consecutive samples refines an inner peak, so that the
+    derivative of the peak is right and not only its value. A peak at an end of the window is the
+    sample there. Signals here are not negative.
+    """
+
+    before: Array
+    now: Array
+    value: Array
+    time: Array
+
+    @classmethod
+    def start(cls, zero: Array) -> "Peak":
+        return cls(zero, zero, zero, zero)
+
+    def update(self, new: Array, time: Array, span: Span) -> "Peak":
+        """Take in the sample `new` at `time` [s]."""
+        # now + lean s + bend s^2 through the samples at s = -ratio, 0, 1 in this step's length.
+        rise = new - self.now
+        bend = (rise + (self.before - self.now) / span.ratio) / (1 + span.ratio)
+        lean = rise - bend
+        inner = (self.now >= self.before) & (self.now > new) & (bend < 0)
+        place = jnp.where(inner, -0.5 * lean / jnp.where(inner, bend, -1.0), 0.0)
+        vertex = self.now + 0.5 * lean * place
+        # What is not a number stays so.
+        held = (new <= self.value) | jnp.isnan(self.value)
+        value = jnp.where(held, self.value, new)
+        when = jnp.where(held, self.time, time)
+        refined = inner & (vertex >= value)
+        value = jnp.where(refined, vertex, value)
+        when = jnp.where(refined, time - span.length * (1 - place), when)
+        # Nothing peaks between the window's begin and its first sample.
+        return Peak(jnp.where(span.first, 2 * new + 1, self.now), new, value, when)
+
+
+def second_difference(before: Array, now: Array, new: Array, span: Span, second: Array) -> Array:
+    """Second difference [N] of a force over the last two steps, for the length of the last one;
+    the plain difference at the second sample of a scene, 0 at its first one."""
+    rise = new - now
+    bend = 2 * (rise + (before - now) / span.ratio) / (1 + span.ratio)
+    bend = jnp.abs(jnp.where(second, rise, bend))
+    return jax.lax.stop_gradient(jnp.where(span.first, 0.0, bend))

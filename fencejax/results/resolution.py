@@ -1,0 +1,192 @@
+"""Whether the step, the modes and the smoothing of friction resolve the motion: how forces change
+from step to step, how the parcel lets go of the belt, what the modes left out carry.
+
+None of it has a derivative.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..fidelity import Smoothing
+from ..scenes import Body
+from .accumulators import BORDER, CONTACT, FORCE, Accumulator, Step, border_force
+from .peak import Peak, second_difference
+from .sample import Sample
+
+
+class AtPeak(NamedTuple):
+    """What was so when the fence's force was largest: `slip` [m/s] is the speed at which C_s
+    slipped on the belt, `creep_time` [s] how long it had crept on it until then, `over_tip` 1.0
+    where a corner ran over the tip then or a step later, `rebound_roughness` [N] the largest second
+    difference of the force from step to step until then if parcel and fence had parted before, else
+    0; `sliding_reversed` 1.0 where a corner pressed on the fence had come to rest on it, or turned
+    round, before, `belt_slip_reversed` where C_s, pressed by it, had turned round on the belt."""
+
+    slip: Array
+    creep_time: Array
+    over_tip: Array
+    rebound_roughness: Array
+    sliding_reversed: Array
+    belt_slip_reversed: Array
+
+
+class Resolution(NamedTuple):
+    """`roughness`, `border_roughness` [N] are the largest second differences of the forces of the
+    fence and of the border from step to step; `creep_time` [s] is how long C_s, under the fence's
+    force, has let go of the belt or come to rest on it so far, neither at rest nor sliding;
+    `separated` and `sliding_reversed` are 1.0 where parcel and fence have touched and parted, and
+    where a corner pressed on the fence has come to rest on it or turned round, `belt_slip_reversed`
+    where C_s, pressed by the fence, has turned round on the belt within a step;
+    `residual_acceleration` [m/s^2] is the largest |N''| G under a corner, G [m/N] the compliance of
+    the modes left out, and `residual_deflection` [m] the largest deflection G N that they take
+    there."""
+
+    roughness: Array
+    border_roughness: Array
+    creep_time: Array
+    separated: Array
+    sliding_reversed: Array
+    belt_slip_reversed: Array
+    residual_acceleration: Array
+    residual_deflection: Array
+    at_peak: AtPeak
+
+
+class Slip(NamedTuple):
+    """Velocity (x, y) [m/s] at which C_s slips on the belt, and its size."""
+
+    x: Array
+    y: Array
+    speed: Array
+
+
+def _slip(sample: Sample) -> Slip:
+    """How C_s slips on the belt: against the force grip u, at grip u^2 over that force."""
+    zero = jnp.zeros_like(sample.time)
+    if sample.belt is None:
+        return Slip(zero, zero, zero)
+    x, y, moment, dissipated = jax.lax.stop_gradient(sample.belt)
+    force = jnp.sqrt(x**2 + y**2)
+    some = jnp.where(force > 0, force, 1.0)
+    by_sliding = dissipated + moment * jax.lax.stop_gradient(sample.body.spin)
+    speed = jnp.where(force > 0, by_sliding / some, 0.0)
+    return Slip(-speed * x / some, -speed * y / some, speed)
+
+
+def _creep_time(
+    before: Slip, now: Slip, sample: Sample, length: Array, smoothing: Smoothing, known: Array
+) -> Array:
+    """How long C_s has crept on the belt under the fence's force [s]: its slip s was above 2 eps,
+    up to which the belt holds with nine tenths of the largest static friction; counted by what
+    static friction still has over kinetic, exp(-(s / w_s)^2). Over a step the slip is taken to go
+    straight, its size linearly down to the least and up again."""
+    if sample.belt is None:
+        return known
+    least, scale = 2 * smoothing.slip_speed, smoothing.static_speed
+    x_change, y_change = now.x - before.x, now.y - before.y
+    square = x_change**2 + y_change**2
+    where = -(before.x * x_change + before.y * y_change) / jnp.where(square > 0, square, 1.0)
+    where = jnp.clip(where, 0.0, 1.0)
+    nearest = jnp.sqrt((before.x + where * x_change) ** 2 + (before.y + where * y_change) ** 2)
+
+    def excess(speed):
+        """Its integral over the speed from 0 to `speed`."""
+        held = jax.scipy.special.erf(jnp.maximum(speed, least) / scale)
+        return 0.5 * math.sqrt(math.pi) * scale * held
+
+    way = jnp.abs(before.speed - nearest) + jnp.abs(now.speed - nearest)
+    moves = way > 1e-3 * scale
+    within = jnp.abs(excess(before.speed) - excess(nearest))
+    within = within + jnp.abs(excess(now.speed) - excess(nearest))
+    still = jnp.where(now.speed > least, jnp.exp(-((now.speed / scale) ** 2)), 0.0)
+    share = jnp.where(moves, within / jnp.where(moves, way, 1.0), still)
+    pressed = jax.lax.stop_gradient(sample.fence_force) > 0
+    return known + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
+
+
+def _sliding_reversed(before: Sample, sample: Sample, smoothing: Smoothing, known: Array) -> Array:
+    """1.0 from when a corner pressed on the fence has come to rest on it or turned round."""
+    for was, now in zip(before.fence, sample.fence, strict=True):
+        pressed = (was.normal > 0) & (now.normal > 0)
+        rests = jnp.abs(now.sliding) < smoothing.slip_speed
+        turns = pressed & (rests | (was.sliding * now.sliding < 0))
+        known = jnp.where(turns, 1.0, known)
+    return known
+
+
+def _belt_slip_reversed(
+    before: Slip, now: Slip, sample: Sample, smoothing: Smoothing, known: Array
+) -> Array:
+    """1.0 from when C_s, pressed by the fence, has turned round on the belt from step to step."""
+    if sample.belt is None or not sample.fence:
+        return known
+    slides = jnp.maximum(before.speed, now.speed) > 2 * smoothing.slip_speed
+    turns = (before.x * now.x + before.y * now.y < 0) & slides & (sample.fence_force > 0)
+    return jnp.where(turns, 1.0, known)
+
+
+def _at_peak(peak: Peak, known: AtPeak, sample: Sample, new: AtPeak) -> AtPeak:
+    """`known`, or what is so now where the force has not been larger; `peak` lacks this sample."""
+    higher = sample.fence_force > peak.value
+    after = ~higher & (peak.now >= peak.value)
+    known = known._replace(
+        over_tip=jnp.where(after, jnp.maximum(known.over_tip, new.over_tip), known.over_tip)
+    )
+    return jax.tree.map(lambda old, now: jnp.where(higher, now, old), known, new)
+
+
+def _residual_acceleration(sample: Sample, roughness: Array, length: Array) -> Array:
+    """|N''| G [m/s^2]: how fast the static deflection of the modes left out is asked to change,
+    times its rate of change."""
+    largest = jnp.zeros_like(roughness)
+    for compliance, _ in jax.lax.stop_gradient(sample.carried):
+        largest = jnp.maximum(largest, compliance)
+    pace = jnp.where(length > 0, 1 / jnp.where(length > 0, length, 1.0), 0.0)
+    return largest * roughness * jax.lax.stop_gradient(pace) ** 2
+
+
+def _residual_deflection(sample: Sample, least: Array) -> Array:
+    """The largest static deflection under a corner that the modes left out take [m], so far."""
+    for compliance, load in jax.lax.stop_gradient(sample.carried):
+        least = jnp.maximum(least, compliance * jnp.abs(load))
+    return least
+
+
+def _start(nothing: Sample, body: Body) -> Resolution:
+    zero = nothing.time
+    return Resolution(*(zero,) * 8, at_peak=AtPeak(*(zero,) * 6))
+
+
+def _update(state: Resolution, step: Step) -> Resolution:
+    before, now, length, smoothing = step.before, step.now, step.span.length, step.smoothing
+    force, border = step.known["force"], step.known["border"]
+    roughness = second_difference(force.before, force.now, now.fence_force, step.span, step.second)
+    slip_before, slip = _slip(before), _slip(now)
+    creep_time = _creep_time(slip_before, slip, now, length, smoothing, state.creep_time)
+    at_border = border_force(now)
+    of_border = second_difference(border.before, border.now, at_border, step.span, step.second)
+    apart = (step.known["contact"].touched > 0) & (now.fence_force <= 0)
+    separated = jnp.where(apart, 1.0, state.separated)
+    roughest = jnp.maximum(state.roughness, roughness)
+    reversed_ = _sliding_reversed(before, now, smoothing, state.sliding_reversed)
+    on_belt = _belt_slip_reversed(slip_before, slip, now, smoothing, state.belt_slip_reversed)
+    at_peak = AtPeak(slip.speed, creep_time, now.over_tip, separated * roughest, reversed_, on_belt)
+    acceleration = _residual_acceleration(now, roughness, length)
+    return Resolution(
+        roughness=roughest,
+        border_roughness=jnp.maximum(state.border_roughness, of_border),
+        creep_time=creep_time,
+        separated=separated,
+        sliding_reversed=reversed_,
+        belt_slip_reversed=on_belt,
+        residual_acceleration=jnp.maximum(state.residual_acceleration, acceleration),
+        residual_deflection=_residual_deflection(now, state.residual_deflection),
+        at_peak=_at_peak(force, state.at_peak, now, at_peak),
+    )
+
+
+RESOLUTION = Accumulator("resolution", _start, _update, needs=(FORCE, BORDER, CONTACT))

@@ -1,0 +1,150 @@
+"""The default run of every job, and its headline figures beside those on record.
+
+    python tests/jobs/headlines.py --out DIR                # all jobs, compared with the record
+    python tests/jobs/headlines.py --out DIR pareto sweep   # some
+    python tests/jobs/headlines.py --out DIR --record       # writes headlines.json anew
+
+Each job runs with its defaults (the two that map accuracy with `--quick`) in a process of its own
+and has to end with status 0. Its figures may differ from the record by the tolerance that stands
+beside them: that of the optimiser for optima, of the sample for statistics. The README takes its
+figures from the record.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+RECORD = Path(__file__).with_suffix(".json")
+
+
+class Figure(NamedTuple):
+    """A figure of a job's output: the keys that lead to it, its unit, and by what share of itself
+    it may differ from the record."""
+
+    keys: tuple[str | int, ...]
+    unit: str
+    tolerance: float
+
+
+class Run(NamedTuple):
+    """A job's module, its arguments, the file that it writes and the figures in it."""
+
+    module: str
+    arguments: tuple[str, ...]
+    file: str
+    figures: dict[str, Figure]
+
+
+def _force(*keys: str | int, tolerance: float = 0.01) -> Figure:
+    return Figure(keys, "N", tolerance)
+
+
+_SIDE = ("side_by_side",)
+RUNS = {
+    "peak_force": Run("peak_force", (), "result.json", {
+        "two-link fence": _force(*_SIDE, "two-link", "peak_force", tolerance=1e-3),
+        "optimum": _force(*_SIDE, "optimum", "peak_force"),
+    }),
+    "peak_force, worst case": Run("peak_force", ("--worst-case",), "result.json", {
+        "two-link fence": _force(*_SIDE, "two-link", "peak_force", tolerance=1e-3),
+        "one-link fence": _force(*_SIDE, "one-link", "peak_force", tolerance=1e-3),
+        "optimum": _force(*_SIDE, "optimum", "peak_force"),
+    }),
+    "co_design": Run("co_design", (), "co_design.json", {
+        "worst sort": Figure(("worst_force",), "N", 0.02),
+    }),
+    "robust_design": Run("robust_design", (), "robust.json", {
+        "severity, after over before": Figure(("ratio", "value"), "1", 0.03),
+    }),
+    "pareto": Run("pareto", (), "front.json", {
+        "least force on the front": _force("least_force", tolerance=0.02),
+    }),
+    "reproduce_paper": Run("reproduce_paper", (), "result.json", {}),
+    "identify": Run("identify", ("--demo",), "result.json", {}),
+    "sensitivity": Run("sensitivity", (), "result.json", {}),
+    "sweep": Run("sweep", (), "result.json", {}),
+    "stability_map": Run("stability_map", ("--quick",), "", {}),
+    "work_precision": Run("work_precision", ("--quick",), "work_precision.json", {}),
+}  # fmt: skip
+
+
+def _with_summaries(content: dict[str, Any]) -> dict[str, Any]:
+    """The content of a job's file, with the extremes over its lanes by name."""
+    if isinstance(content.get("measured"), dict) and "after" in content["measured"]:
+        after = content["measured"]["after"]
+        if "peak_force" in after:
+            content["worst_force"] = max(after["peak_force"])
+    if "points" in content:
+        good = [p["peak_force"] for p in content["points"] if p["on_front"]]
+        content["least_force"] = min(good)
+    return content
+
+
+def run(name: str, out: Path) -> dict[str, Any]:
+    """Run a job and read its figures; `status` is its exit status."""
+    job = RUNS[name]
+    folder = out / name.replace(", ", "-").replace(" ", "-")
+    begin = time.perf_counter()
+    command = [sys.executable, "-m", f"optimize.{job.module}", *job.arguments, "--out", str(folder)]
+    print(f"{name}: {' '.join(command[1:])}", flush=True)
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    found: dict[str, Any] = {
+        "status": done.returncode, "seconds": round(time.perf_counter() - begin)
+    }
+    if done.returncode:
+        print("\n".join((done.stdout + done.stderr).splitlines()[-15:]), flush=True)
+    if job.figures and (folder / job.file).exists():
+        content = _with_summaries(json.loads((folder / job.file).read_text()))
+        for label, figure in job.figures.items():
+            value: Any = content
+            for key in figure.keys:
+                value = value[key]
+            found[label] = float(value)
+    shown = [f"{k} {found[k]:.5g} {f.unit}" for k, f in job.figures.items() if k in found]
+    print(f"    status {done.returncode}, {found['seconds']} s  {', '.join(shown)}", flush=True)
+    return found
+
+
+def differences(name: str, found: dict[str, Any], known: dict[str, Any]) -> list[str]:
+    """What of a job's figures is not as on record, a line each."""
+    wrong = []
+    if found["status"]:
+        wrong.append(f"{name}: exit status {found['status']}")
+    for label, figure in RUNS[name].figures.items():
+        value, expected = found.get(label), known.get(label)
+        if value is None or expected is None:
+            wrong.append(f"{name}: {label}: {value} found, {expected} on record")
+        elif not abs(value - expected) <= figure.tolerance * abs(expected):
+            wrong.append(
+                f"{name}: {label}: {value:.5g} {figure.unit}, {expected:.5g} on record, "
+                f"may differ by {100 * figure.tolerance:g} %"
+            )
+    return wrong
+
+
+def main(arguments=None) -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("jobs", nargs="*", default=[], help=f"of {', '.join(RUNS)}; by default all")
+    parser.add_argument("--out", type=Path, required=True, help="folder for what the jobs write")
+    parser.add_argument("--record", action="store_true", help="write the record anew")
+    given = parser.parse_args(arguments)
+    known = json.loads(RECORD.read_text()) if RECORD.exists() else {}
+    wrong = []
+    for name in given.jobs or RUNS:
+        if name not in RUNS:
+            parser.error(f"no job {name!r}: of {', '.join(RUNS)}")
+        found = run(name, given.out)
+        if given.record and not found["status"]:
+            known[name] = {label: found[label] for label in RUNS[name].figures}
+            RECORD.write_text(json.dumps(known, indent=1) + "\n")
+        wrong += differences(name, found, known.get(name, {}))
+    print("\n".join(wrong) if wrong else "all figures as on record")
+    return len(wrong) > 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

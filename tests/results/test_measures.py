@@ -1,0 +1,115 @@
+"""The table of measures: what a row is in, a row of one's own, and what the measures mean."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import fencejax as fj
+from fencejax.results import ESTIMATED, MEASURES, Measure, accumulators
+from fencejax.study import OUTPUTS
+
+
+def test_every_measure_is_in_results_sweeps_and_objectives():
+    result = fj.simulate(fj.scenes.rigid_wall(duration=0.02), history=False)
+    assert set(result.measures) == set(MEASURES)
+    assert {name: OUTPUTS[name] for name in MEASURES} == {n: m.unit for n, m in MEASURES.items()}
+    named = {field for quantity in fj.OBJECTIVES.values() for field in quantity.fields}
+    assert set(MEASURES) <= named
+    assert set(ESTIMATED) == {n for n, m in MEASURES.items() if m.error_factor}
+    for measure in MEASURES.values():
+        assert not measure.label or measure.label in str(
+            fj.simulate(fj.scenes.rigid_wall(), history=False)
+        )
+
+
+# The largest acceleration of the parcel [m/s^2]: a row as a user writes it.
+ACCELERATION = Measure(
+    "peak_acceleration", "m/s^2", "largest acceleration of C_s", "at least 0",
+    accumulators.peak_of(
+        "acceleration", lambda s: jnp.sqrt(s.acceleration.x**2 + s.acceleration.y**2 + 1e-30)
+    ),
+    lambda state: state.value, label="acceleration", shown_unit="m/s^2",
+)  # fmt: skip
+
+
+def test_a_measure_of_ones_own():
+    scene = fj.scenes.rigid_wall()
+
+    def measured(speed):
+        struck = fj.scenes.rigid_wall(speed=speed)
+        return fj.simulate(struck, measures=[ACCELERATION], history=False)
+
+    result = measured(2.426)
+    # m a = N at every instant of a blow against the wall.
+    force = float(result.peak_force)
+    assert float(result.peak_acceleration) == pytest.approx(force / 15.0, rel=1e-9)
+    by_force, by_own = (
+        jax.grad(lambda v: getattr(measured(v), name))(2.426)  # noqa: B023
+        for name in ("peak_force", "peak_acceleration")
+    )
+    assert float(by_own) == pytest.approx(float(by_force) / 15.0, rel=1e-9)
+    assert "acceleration" in str(result)
+    with pytest.raises(ValueError, match="names of their own"):
+        fj.simulate(scene, measures=[MEASURES["peak_force"]])
+    with pytest.raises(AttributeError, match="has no field `peak_acceleration`"):
+        _ = fj.simulate(scene, history=False).peak_acceleration
+
+
+@functools.cache
+def end_of_force(mass):
+    """When the force of the wall ends [s]: b m^0.4 Ddot + k D^2 = 0, by SciPy."""
+    stiffness, viscosity = 1.72e9, 3.3e5 * mass**0.4
+
+    def derivative(_, y):
+        bracket = viscosity * y[1] + stiffness * y[0] ** 2
+        return [y[1], -max(0.0, y[0] ** 2 * bracket) / mass]
+
+    def ended(_, y):
+        return viscosity * y[1] + stiffness * y[0] ** 2
+
+    ended.terminal, ended.direction = True, -1
+    found = solve_ivp(
+        derivative, (0, 0.1), (0.0, 2.426), rtol=1e-11, atol=1e-13, max_step=1e-4, events=ended,
+        method="LSODA",
+    )  # fmt: skip
+    return float(found.t_events[0][0])
+
+
+def test_contact_ends_with_the_force():
+    def lasted(mass):
+        scene = fj.scenes.rigid_wall(parcel=fj.Parcel(mass=mass))
+        result = fj.simulate(scene, history=False)
+        return result.contact_time, result.last_contact
+
+    (time, last), slope = lasted(15.0), jax.grad(lambda m: lasted(m)[0])(15.0)
+    assert float(time) == pytest.approx(float(last), abs=1e-12)
+    # A parabola through three samples, continued by less than a step h, is off by h^3 N''' / N',
+    # some 1e-7 s here; the step itself, of the second order, by more.
+    assert float(time) == pytest.approx(end_of_force(15.0), abs=1e-5)
+    exact = (end_of_force(15.3) - end_of_force(14.7)) / 0.6
+    assert float(slope) == pytest.approx(exact, rel=0.02)
+
+
+def test_first_contact_is_where_a_force_begins():
+    # With four corners the gap of one that lies behind the fence's line may be positive long before
+    # anything touches.
+    scene = fj.scenes.whole_sort(
+        offset=0.1, angle=0.2, fence_corners=(1, 2, 3, 4), duration=0.5, tip_contact=False
+    )
+    result = fj.simulate(scene, fidelity=fj.Fidelity.coarse(longest_stride=1))
+    acts = np.flatnonzero(np.asarray(result.history.fence_force) > 0)
+    time = np.asarray(result.history.time)
+    assert time[acts[0] - 1] <= float(result.first_contact) <= time[acts[0]]
+    assert float(result.last_contact) >= time[acts[-1]]
+
+
+def test_deflection_has_one_sign():
+    result = fj.simulate(fj.scenes.oblique_impact(duration=0.12))
+    history = np.asarray(result.history.tip_deflection)
+    # A parabola through three samples of a bend of 65 mm that lasts 0.1 s: 1e-3 is ample.
+    assert history.max() == pytest.approx(float(result.tip_deflection), rel=1e-3)
+    assert -history.min() < history.max()
