@@ -12,9 +12,10 @@ from . import (
 )
 from .evaluator import (
     Evaluator as Evaluator,
-    Numbers as Numbers,
-    Program as Program,
     Record as Record,
+)
+from .first_order import (
+    FirstOrder as FirstOrder,
 )
 from .journal import (
     Journal as Journal,
@@ -39,6 +40,13 @@ from .optimizer import (
     Optimum as Optimum,
     Stop as Stop,
     minimize as minimize,
+)
+from .program import (
+    LaneProgram as LaneProgram,
+    Numbers as Numbers,
+    Program as Program,
+    Refined as Refined,
+    refined as refined,
 )
 from .risk import quantile as quantile
 from .spline_motion import (

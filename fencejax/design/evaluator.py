@@ -4,79 +4,23 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
-from ..results import DOUBTFUL, Status
+from ..results import Status
 from .journal import Journal
 from .lagrangian import Evaluation, Multipliers, Residual, Vector, residual
+from .program import Numbers
 
-Problem = Callable[..., tuple[Array, Array, Array]]
-"""z (n,), and data where there are any -> objectives (k,), margins (m,), statuses of any shape."""
-
-
-class Numbers(NamedTuple):
-    """What a problem and its Jacobian are at a point, on the host: objectives (k,), margins (m,),
-    their Jacobians (k, n) and (m, n), and how often each `Status` occurred (8,)."""
-
-    objectives: Vector
-    margins: Vector
-    objective_rows: np.ndarray
-    margin_rows: np.ndarray
-    statuses: np.ndarray
-
-    @property
-    def status(self) -> int:
-        """The largest status that occurred."""
-        return int(np.max(np.flatnonzero(self.statuses), initial=0))
-
-
-class Program:
-    """A problem with its Jacobian, compiled once for all runs that use it.
-
-    The problem is a function of z (n,) and of further arguments, the *data*: any pytrees of
-    numbers that a run holds fixed, such as the bound of a limit. They are arguments of the
-    compiled program, so that another value of theirs compiles nothing.
-    """
-
-    def __init__(self, problem: Problem):
-        def everything(z, *data):
-            objectives, margins, status = problem(z, *data)
-            numbers = (jnp.atleast_1d(objectives), jnp.atleast_1d(margins))
-            codes = jnp.ravel(jnp.asarray(status, dtype=int))
-            counts = jnp.sum(codes[:, None] == jnp.arange(len(Status))[None], axis=0)
-            return numbers, (numbers, counts)
-
-        jacobian = jax.jacfwd(everything, has_aux=True)
-        self._one = jax.jit(jacobian)
-        self._many = jax.jit(jax.vmap(jacobian))
-
-    def __call__(self, point: Vector, *data: Any) -> Numbers:
-        """The numbers at a point."""
-        return _hosted(self._one(jnp.asarray(point), *data))
-
-    def many(self, points: np.ndarray, *data: Any) -> list[Numbers]:
-        """The numbers at several points (w, n), in one vectorised call; every leaf of the data has
-        a first axis of that length. Another w compiles anew."""
-        together = _hosted(self._many(jnp.asarray(points), *data))
-        return [Numbers(*(part[i] for part in together)) for i in range(len(points))]
-
-
-def _hosted(found) -> Numbers:
-    rows, (numbers, counts) = jax.device_get(found)
-    objectives, margins, by_objective, by_margin = (
-        np.asarray(part, dtype=float) for part in (*numbers, *rows)
-    )
-    return Numbers(objectives, margins, by_objective, by_margin, np.asarray(counts))
+# Points nearer to each other than this, relative to their size, are one.
+_SAME = 1e-12
 
 
 class Record(NamedTuple):
     """One evaluation. Times [s] since the start, compilation included.
 
-    `statuses` counts the lanes of each `Status`; `recalled` says that the numbers were read from a
-    journal and not computed.
+    `statuses` counts the lanes of each `Status`, and `rungs` those of each rung of the problem's
+    fidelities, from the coarsest on; `recalled` says that the numbers were read from a journal and
+    not computed.
     """
 
     evaluation: int
@@ -89,7 +33,14 @@ class Record(NamedTuple):
     failed: bool
     elapsed: float
     statuses: tuple[int, ...] = ()
+    rungs: tuple[int, ...] = ()
     recalled: bool = False
+
+    @property
+    def in_doubt(self) -> int:
+        """The lanes whose numbers are in doubt at the finest rung, too, and are used all the
+        same."""
+        return sum(n for status, n in enumerate(self.statuses) if Status(status).numerical)
 
     @property
     def kkt(self) -> float:
@@ -100,14 +51,17 @@ class Record(NamedTuple):
 class Evaluator:
     """Every evaluation that a run makes of a program with its data.
 
-    `estimate`, where set, gives the multipliers whose residual is recorded. With a journal, what
-    it holds already is not computed again, and what is computed is written there.
+    An evaluation has failed where a number is not finite, or a status that is not numerical is
+    above `worst_status`. `estimate`, where set, gives the multipliers whose residual is recorded.
+    With a journal, what it holds already is not computed again, and what is computed is written
+    there. A point that was evaluated before is not evaluated again: whoever comes back to one goes
+    round in a circle, and the run is over (`circling`).
     """
 
     def __init__(
         self,
         compute: Callable[[Vector], Numbers],
-        logits: bool,
+        bounded: bool,
         scale: float | None,
         budget: int,
         worst_status: int,
@@ -116,7 +70,8 @@ class Evaluator:
         data: tuple[Any, ...] = (),
     ):
         self._compute, self._journal, self._data = compute, journal, data
-        self.logits, self.scale, self.budget = logits, scale, budget
+        self.bounded, self.scale, self.budget = bounded, scale, budget
+        self.circling = False
         self._worst_status, self._progress = worst_status, progress
         self.evaluations: list[Evaluation] = []
         self.records: list[Record] = []
@@ -137,13 +92,15 @@ class Evaluator:
         return found, False
 
     def __call__(self, point: Vector) -> Evaluation | None:
-        """Evaluate, unless the budget is spent."""
-        if self.spent:
-            return None
+        """Evaluate, unless the budget is spent or the point is known."""
         point = np.asarray(point, dtype=float)
+        if any(_same(point, record.point) for record in self.records):
+            self.circling = True
+        if self.spent or self.circling:
+            return None
         numbers, recalled = self._numbers(point)
         finite = all(np.all(np.isfinite(part)) for part in numbers)
-        failed = not finite or numbers.status > self._worst_status
+        failed = not finite or numbers.physical > self._worst_status
         if self.scale is None and not failed:
             self.scale = float(np.max(np.abs(numbers.objectives))) or 1.0
         scale = self.scale or 1.0
@@ -153,12 +110,12 @@ class Evaluator:
             numbers.margins,
             numbers.objective_rows / scale,
             numbers.margin_rows,
-            numbers.status,
+            numbers.physical if failed and numbers.physical else numbers.status,
             failed,
-            failed and finite and numbers.status <= DOUBTFUL,
+            failed and finite and numbers.physical < Status.INCONSISTENT,
         )
         known = self.estimate is not None and not failed
-        left = residual(at, self.estimate(at), self.logits) if known and self.estimate else None
+        left = residual(at, self.estimate(at), self.bounded) if known and self.estimate else None
         record = Record(
             len(self.records) + 1,
             self.outer,
@@ -170,6 +127,7 @@ class Evaluator:
             failed,
             time.perf_counter() - self._begin,
             tuple(numbers.statuses.tolist()),
+            tuple(numbers.rungs.tolist()),
             recalled,
         )
         self.records.append(record)
@@ -183,3 +141,8 @@ class Evaluator:
     def spent(self) -> bool:
         """Whether the budget of evaluations is spent."""
         return len(self.records) >= self.budget
+
+
+def _same(one: Vector, other: Vector) -> bool:
+    size = max(1.0, float(np.max(np.abs(other))))
+    return bool(np.max(np.abs(one - other)) <= _SAME * size)

@@ -13,7 +13,7 @@ from typing import Any
 import jax
 import numpy as np
 
-_FORMAT = 1
+_FORMAT = 2
 
 
 def _address(point, data: Any) -> str:
@@ -150,10 +150,10 @@ def _evaluation(line: str) -> tuple[str, list[np.ndarray]]:
     objectives, margins, slopes, margin_slopes = (
         np.asarray(part, dtype=float) for part in row["numbers"][:4]
     )
-    status = np.asarray(row["numbers"][4], dtype=int)
-    if np.any(status < 0) or len(row["numbers"]) != 5:
+    counts = [np.asarray(part, dtype=int) for part in row["numbers"][4:]]
+    if len(counts) != 2 or any(np.any(part < 0) for part in counts):
         raise ValueError("counts")
     # Of no rows, a list does not know how long they are.
     slopes = slopes.reshape(objectives.size, size)
     margin_slopes = margin_slopes.reshape(margins.size, size)
-    return str(row["address"]), [objectives, margins, slopes, margin_slopes, status]
+    return str(row["address"]), [objectives, margins, slopes, margin_slopes, *counts]

@@ -14,8 +14,9 @@ class Evaluation:
     """Objectives F (k,) and margins g (m,) at a point z (n,), with their Jacobians.
 
     `objectives` and their Jacobian are already divided by the objective's scale. `status` is the
-    largest one of the lanes; `failed` says that the numbers must not be used. Where they are
-    `doubtful` besides, they still tell how values and slopes change towards the point.
+    largest one of the lanes, of a failed evaluation the largest that is not numerical; `failed`
+    says that the numbers must not be used. Where they are `doubtful` besides, they still tell how
+    values and slopes change towards the point.
     """
 
     point: Vector
@@ -99,23 +100,20 @@ def shortfall(at: Evaluation) -> tuple[float, Vector]:
     return float(0.5 * missing @ missing), -at.margin_rows.T @ missing
 
 
-def projected(point: Vector, gradient: Vector, logits: bool) -> float:
+def projected(point: Vector, gradient: Vector, bounded: bool) -> float:
     """Largest entry of the projected gradient.
 
-    With `logits` the point is z = ln(s / (1 - s)) of shares s in [0, 1], and the step -dL/ds is
-    cut off at the bounds of s: |P(s - dL/ds) - s|, which vanishes at a bound that L pushes
-    against, too.
+    Of shares s in [0, 1] (`bounded`) the step -dL/ds is cut off at their bounds:
+    |P(s - dL/ds) - s|, which vanishes at a bound that L pushes against, too.
     """
-    if not logits:
+    if not bounded:
         return float(np.max(np.abs(gradient)))
-    share = 1 / (1 + np.exp(-point))
-    step = -gradient / np.maximum(share * (1 - share), 1e-12)
-    return float(np.max(np.abs(np.clip(share + step, 0.0, 1.0) - share)))
+    return float(np.max(np.abs(np.clip(point - gradient, 0.0, 1.0) - point)))
 
 
-def residual(at: Evaluation, multipliers: Multipliers, logits: bool) -> Residual:
+def residual(at: Evaluation, multipliers: Multipliers, bounded: bool) -> Residual:
     """How far the point and the multipliers are from the conditions of Karush, Kuhn and Tucker."""
-    stationarity = projected(at.point, slope(at, multipliers), logits)
+    stationarity = projected(at.point, slope(at, multipliers), bounded)
     return Residual(
         stationarity, complementarity(at.objectives, at.margins, multipliers), at.violation
     )

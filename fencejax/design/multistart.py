@@ -12,14 +12,15 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from .. import _check
-from .evaluator import Numbers, Problem, Program, Record
+from .evaluator import Record
 from .journal import Journal
 from .lagrangian import Multipliers, Vector
 from .optimizer import Optimum, Settings
+from .program import LaneProgram, Numbers, Problem, Program
 
 
 def minimize_many(
-    problem: Problem | Program,
+    problem: Problem | Program | LaneProgram,
     starts: ArrayLike,
     *,
     data: Sequence[tuple[Any, ...]] | None = None,
@@ -60,7 +61,7 @@ def minimize_many(
             )
     width = min(_check.count("width", width, least=1), runs)
     chosen = Settings(**settings)
-    program = problem if isinstance(problem, Program) else Program(problem)
+    program = problem if isinstance(problem, (Program, LaneProgram)) else Program(problem)
     waiting: queue.SimpleQueue[int] = queue.SimpleQueue()
     for number in range(runs):
         waiting.put(number)
@@ -96,7 +97,7 @@ def minimize_many(
 class _Together:
     """Gathers one point from every run that is under way, evaluates them, hands the numbers out."""
 
-    def __init__(self, program: Program, width: int):
+    def __init__(self, program: Program | LaneProgram, width: int):
         self._program, self._width = program, width
         self._present = set(range(width))
         self._asked: dict[int, tuple[Vector, tuple[Any, ...]]] = {}

@@ -1,4 +1,4 @@
-"""Constrained design: the smallest worst case under limits, by an augmented Lagrangian."""
+"""Constrained design: the smallest worst case under limits."""
 
 import dataclasses
 import enum
@@ -6,45 +6,35 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import optax
 from jaxtyping import ArrayLike
 
 from .. import _check
 from ..results import Status
-from .evaluator import Evaluator, Numbers, Problem, Program, Record as Record
-from .first_order import Adam, Lbfgs, Merit
+from .evaluator import Evaluator, Record as Record
+from .first_order import FirstOrder
 from .journal import Journal
-from .lagrangian import (
-    Evaluation,
-    Multipliers,
-    Residual,
-    Vector,
-    augmented,
-    onto_simplex,
-    projected,
-    residual,
-    shortfall,
-    updated,
-)
+from .lagrangian import Evaluation, Multipliers, Residual, Vector, onto_simplex, residual, updated
+from .program import LaneProgram, Numbers, Problem, Program
 from .sqp import Sequence
-
-_METHODS = {"lbfgs": Lbfgs, "adam": Adam}
-_ENDS = {
-    "optimal": "OPTIMAL",
-    "spent": "BUDGET",
-    "stalled": "STAGNATED",
-    "infeasible": "INFEASIBLE",
-}
-_ROUNDS = 30
 
 
 class Stop(enum.Enum):
     """Why an optimisation ended."""
 
     OPTIMAL = "the conditions of Karush, Kuhn and Tucker hold within the tolerance"
-    INFEASIBLE = "no feasible design found: the violation is stationary above the tolerance"
+    INFEASIBLE = "no feasible design found: the violation falls no further"
     STAGNATED = "no further progress, short of the tolerance"
     BUDGET = "the budget of evaluations is spent"
     FAILED_START = "the first design cannot be evaluated; see its status"
+
+
+_ENDS = {
+    "optimal": Stop.OPTIMAL,
+    "spent": Stop.BUDGET,
+    "stalled": Stop.STAGNATED,
+    "infeasible": Stop.INFEASIBLE,
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,12 +92,12 @@ class Optimum:
 
 
 def minimize(
-    problem: Problem | Program,
+    problem: Problem | Program | LaneProgram,
     start: ArrayLike,
     *,
     data: tuple[Any, ...] = (),
-    logits: bool = False,
-    method: str = "lbfgs",
+    bounded: bool = True,
+    method: str | optax.GradientTransformation = "sqp",
     tolerance: float = 1e-3,
     feasibility: float = 1e-4,
     penalty: float = 10.0,
@@ -118,23 +108,27 @@ def minimize(
     journal: Journal | None = None,
     progress: Callable[[Record], None] | None = None,
 ) -> Optimum:
-    """min over z of max_i F_i(z), subject to g_j(z) >= 0.
+    """min over z of max_i F_i(z), subject to g_j(z) >= 0 and 0 <= z <= 1.
 
-    An augmented Lagrangian (`fencejax.lagrangian`) with an inner descent by optax, or sequential
-    quadratic programming. One evaluation is one call of the compiled problem, which gives every F
-    and g with the Jacobian.
+    By sequential quadratic programming (`fencejax.design.sqp`), or by any optimiser of optax on an
+    augmented Lagrangian (`fencejax.design.first_order`):
+
+        fj.minimize(problem, space.to_shares(values))
+        fj.minimize(problem, space.to_shares(values), method=optax.adam(1e-2))
+
+    One evaluation is one call of the compiled problem, which gives every F and g with the
+    Jacobian.
 
     **Arguments:**
 
     - `problem`: z (n,) -> objectives F (k,), margins g (m,) [1], statuses of the lanes (any shape;
-      see `Status`, 0 where there are none); or a `Program` made of such a function, which several
-      runs then share.
-    - `start`: z at the start.
+      see `Status`, 0 where there are none); or a `Program` or `LaneProgram`, which several runs
+      then share and which compute again what is in numerical doubt.
+    - `start`: z at the start; shares in [0, 1], as those of `DesignSpace`.
     - `data`: further arguments of the problem, the same throughout the run.
-    - `logits`: z are logits of shares in [0, 1], as those of `DesignSpace`; stationarity is then
-      that of the shares between their bounds.
-    - `method`: `"lbfgs"` or `"adam"` on the augmented Lagrangian, or `"sqp"`, sequential quadratic
-      programming (`fencejax.sequential`), which takes the fewest evaluations.
+    - `bounded`: whether z stays within [0, 1]; otherwise it is free.
+    - `method`: `"sqp"`, which takes the fewest evaluations, or an `optax.GradientTransformation`
+      whose update needs gradient and value alone.
     - `tolerance` [1]: on stationarity and complementarity, the objective over `scale`.
     - `feasibility` [1]: the violation of a margin that still counts as none.
     - `penalty`: rho at the start.
@@ -142,20 +136,21 @@ def minimize(
     - `budget`: evaluations at most.
     - `multipliers`: those at the start, in the units of `scale`: of a neighbouring problem's
       optimum, say. By default equal weights, and 0 for the margins.
-    - `worst_status`: an evaluation with a status above it, or with a number that is not finite,
-      has failed: the step towards it is shortened.
+    - `worst_status`: an evaluation with a larger status that is not numerical, or with a number
+      that is not finite, has failed: the step towards it is shortened. Numbers in numerical doubt
+      are used, and the record says so (`Record.in_doubt`).
     - `journal`: evaluations made before; the run is resumed from them, and adds its own.
     - `progress`: called with every `Record`.
 
     Raises `ValueError` and `TypeError` for arguments out of their range.
     """
-    program = problem if isinstance(problem, Program) else Program(problem)
+    program = problem if isinstance(problem, (Program, LaneProgram)) else Program(problem)
 
     def compute(point: Vector) -> Numbers:
         return program(point, *data)
 
     settings = Settings(
-        logits, method, tolerance, feasibility, penalty, scale, budget, worst_status
+        bounded, method, tolerance, feasibility, penalty, scale, budget, worst_status
     )
     return settings.run(compute, start, data, multipliers, journal, progress)
 
@@ -164,8 +159,8 @@ def minimize(
 class Settings:
     """The arguments of `minimize` that say how, checked."""
 
-    logits: bool = False
-    method: str = "lbfgs"
+    bounded: bool = True
+    method: str | optax.GradientTransformation = "sqp"
     tolerance: float = 1e-3
     feasibility: float = 1e-4
     penalty: float = 10.0
@@ -174,7 +169,11 @@ class Settings:
     worst_status: int = Status.LEFT_OVER_TIP
 
     def __post_init__(self):
-        _check.choice("method", self.method, ("sqp", *_METHODS))
+        if not isinstance(self.method, optax.GradientTransformation) and self.method != "sqp":
+            raise ValueError(
+                'Argument `method` must be "sqp" or an optax.GradientTransformation, but is '
+                f"{self.method!r}. Write, for example, method=optax.adam(1e-2)."
+            )
         for name in ("tolerance", "feasibility", "penalty"):
             _check.number(name, getattr(self, name), above=0)
         _check.count("budget", self.budget, least=1)
@@ -192,8 +191,13 @@ class Settings:
     ) -> Optimum:
         """Minimise what `compute` gives; see `minimize`."""
         point = np.asarray(_check.vector("start", np.asarray(start, dtype=float)))
+        if self.bounded and not np.all((point >= 0) & (point <= 1)):
+            raise ValueError(
+                f"Argument `start` must hold shares in [0, 1] [1], but is {point}. Write "
+                "space.to_shares(values), or bounded=False for a point without bounds."
+            )
         run = Evaluator(
-            compute, self.logits, self.scale, self.budget, self.worst_status, progress, journal,
+            compute, self.bounded, self.scale, self.budget, self.worst_status, progress, journal,
             data,
         )  # fmt: skip
         at = run(point)
@@ -202,84 +206,36 @@ class Settings:
         held = _initial(at) if multipliers is None else _fitting(multipliers, at)
         if at.failed:
             return _outcome(run, at, held, Stop.FAILED_START, self.feasibility)
-        within = (self.tolerance, self.feasibility)
-        left = None
-        if self.method == "sqp":
-            inner = Lbfgs()
-            at, held, stop, left = _stepwise(run, at, held, *within, self.penalty, self.logits)
+        run.outer, left = 1, None
+        if isinstance(self.method, optax.GradientTransformation):
+            descent = FirstOrder(
+                self.method, held, penalty=self.penalty, bounded=self.bounded
+            )
+            run.estimate = lambda at: updated(at, descent.held, descent.penalty)
+            end, outcome = descent.run(run, at, self.tolerance, self.feasibility)
+            held = descent.held
         else:
-            inner = _METHODS[self.method]()
-            at, held, stop = _outer_loop(run, inner, at, held, *within, self.penalty)
-        end = at
+            latest = [held]
+            run.estimate = lambda _: latest[0]
+            sequence = Sequence(self.bounded, self.tolerance, self.feasibility, self.penalty)
+            end, held, outcome = sequence.run(run, at, held, latest)
+            left = sequence.left
+        stop = Stop.STAGNATED if outcome == "spent" and run.circling else _ENDS[outcome]
         if stop is not Stop.OPTIMAL:
-            at, held, stop = _least_violating(run, inner, at, held, stop, *within)
-        return _outcome(run, at, held, stop, self.feasibility, left if at is end else None)
+            best = min(
+                run.evaluations, key=lambda e: (max(e.violation, self.feasibility), e.worst)
+            )
+            if best is not end:
+                end, held, left = best, _refit(best, held), None
+            stop = _without_optimum(stop, end.violation <= self.feasibility)
+        return _outcome(run, end, held, stop, self.feasibility, left)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Round:
-    """One inner descent: its multipliers and penalty, and when it is done."""
-
-    held: Multipliers
-    penalty: float
-    within: float
-    tolerance: float
-    feasibility: float
-    logits: bool
-
-    def merit(self, at: Evaluation) -> tuple[float, Vector]:
-        return augmented(at, self.held, self.penalty)
-
-    def estimate(self, at: Evaluation) -> Multipliers:
-        return updated(at, self.held, self.penalty)
-
-    def optimal(self, at: Evaluation) -> bool:
-        left = residual(at, self.estimate(at), self.logits)
-        return max(left[:2]) <= self.tolerance and left.violation <= self.feasibility
-
-    def accepted(self, at: Evaluation) -> bool:
-        slope = self.merit(at)[1]
-        return projected(at.point, slope, self.logits) <= self.within or self.optimal(at)
-
-
-def _stepwise(run: Evaluator, at, multipliers, tolerance, feasibility, penalty, logits):
-    """Sequential quadratic programming; also what is left of the conditions at its end."""
-    run.outer = 1
-    latest = [multipliers]
-    run.estimate = lambda _: latest[0]
-    sequence = Sequence(logits, tolerance, feasibility, penalty)
-    at, multipliers, end = sequence.run(run, at, multipliers, latest)
-    return at, multipliers, Stop[_ENDS[end]], sequence.left
-
-
-def _outer_loop(
-    run: Evaluator, inner, at: Evaluation, multipliers, tolerance, feasibility, penalty
-):
-    """Descend, update the multipliers, raise the penalty where the violation does not fall."""
-    inner_tolerance, left, idle = 0.1, np.inf, 0
-
-    for outer in range(1, _ROUNDS + 1):
-        run.outer = outer
-        this = _Round(multipliers, penalty, inner_tolerance, tolerance, feasibility, run.logits)
-        run.estimate = this.estimate
-        stalled = False
-        if not this.accepted(at):
-            at, stalled = inner.run(run, this.merit, at, tuple(run.evaluations), this.accepted)
-        multipliers = this.estimate(at)
-        if this.optimal(at):
-            return at, multipliers, Stop.OPTIMAL
-        if run.spent:
-            return at, multipliers, Stop.BUDGET
-        idle = idle + 1 if stalled else 0
-        if idle >= 3:
-            return at, multipliers, Stop.STAGNATED
-        if penalty >= 1e5 and at.violation > 0.5 * left > feasibility:
-            return at, multipliers, Stop.INFEASIBLE
-        was, left = left, _slack(at, multipliers)
-        if left > 0.3 * was:
-            penalty = min(5 * penalty, 1e6)
-        inner_tolerance = max(0.2 * inner_tolerance, 0.3 * tolerance)
-    return at, multipliers, Stop.STAGNATED
+def _without_optimum(stop: Stop, feasible: bool) -> Stop:
+    """Why a run ended that found no optimum, given whether its best design is feasible."""
+    if stop is Stop.BUDGET:
+        return stop
+    return Stop.STAGNATED if feasible else Stop.INFEASIBLE
 
 
 def _initial(at: Evaluation) -> Multipliers:
@@ -297,45 +253,6 @@ def _fitting(given: Multipliers, at: Evaluation) -> Multipliers:
             f"{margins.shape}."
         )
     return Multipliers(onto_simplex(weights), np.maximum(margins, 0.0))
-
-
-def _slack(at: Evaluation, multipliers: Multipliers) -> float:
-    """What the multiplier updates still change: violation and complementarity together."""
-    open_margins = np.minimum(at.margins, multipliers.margins)
-    behind = multipliers.weights @ (at.worst - at.objectives)
-    return float(max(np.max(np.abs(open_margins), initial=0.0), behind))
-
-
-def _least_violating(run: Evaluator, inner, at, multipliers, stop, tolerance, feasibility):
-    """Where the limits do not hold: lower the violation alone, from the least-violating design.
-
-    A feasible design found on the way is kept, and the reason to stop with it.
-    """
-    best = min(run.evaluations, key=lambda e: (max(e.violation, feasibility), e.worst))
-    if best.violation <= feasibility:
-        same = best is at
-        return (
-            best,
-            multipliers if same else _refit(best, multipliers),
-            Stop.STAGNATED if stop is Stop.INFEASIBLE else stop,
-        )
-
-    def held(at):
-        return at.violation <= feasibility
-
-    def stationary(at):
-        value, gradient = shortfall(at)
-        return held(at) or projected(at.point, gradient, run.logits) <= tolerance * np.sqrt(value)
-
-    run.outer += 1
-    run.budget += 30
-    merit: Merit = shortfall
-    if not stationary(best):
-        inner.run(run, merit, best, tuple(run.evaluations), stationary)
-    best = min(run.evaluations, key=lambda e: (max(e.violation, feasibility), e.worst))
-    if best.violation <= feasibility:
-        return best, _refit(best, multipliers), stop if stop is Stop.BUDGET else Stop.STAGNATED
-    return best, _refit(best, multipliers), Stop.INFEASIBLE
 
 
 def _refit(at: Evaluation, multipliers: Multipliers) -> Multipliers:
@@ -357,7 +274,7 @@ def _outcome(
         weights=multipliers.weights,
         multipliers=multipliers.margins,
         scale=run.scale or 1.0,
-        residual=left or residual(at, multipliers, run.logits),
+        residual=left or residual(at, multipliers, run.bounded),
         stop=stop,
         feasible=at.violation <= feasibility,
         history=tuple(run.records),

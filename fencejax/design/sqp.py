@@ -14,7 +14,8 @@ Tucker hold for the slopes of points on all its sides.
 
 A point that cannot be evaluated tells no slopes. Steps keep off the plane that separates the point
 from all such points nearby, which turns into the wall's own as more of them are known. So they do
-where numbers are doubtful; but those tell slopes, from which B and the branches of kinks learn.
+where the model does not hold (`Evaluation.doubtful`); but there slopes are told, from which B and
+the branches of kinks learn.
 
 Where no step is lower, the run starts again from there, with all it knew forgotten, as long as that
 lowers the worst case; only where a kink is judged do all its points count.
@@ -26,7 +27,7 @@ import numpy as np
 
 from .first_order import Evaluate
 from .lagrangian import Evaluation, Multipliers, Residual, Vector, residual
-from .sqp_model import Chart, LocalModel
+from .sqp_model import LocalModel, span
 
 _SMALLEST = 1e-9
 _PATIENCE = 12
@@ -138,7 +139,7 @@ class Sequence:
     """A run: what it is asked for, the penalty of the program, nu, the conditions as last seen, and
     what the points of all its descents told, by which kinks are judged."""
 
-    logits: bool
+    bounded: bool
     tolerance: float
     feasibility: float
     penalty: float
@@ -151,14 +152,14 @@ class Sequence:
     ) -> tuple[Evaluation, Multipliers, str]:
         """Step until the conditions of Karush, Kuhn and Tucker hold within the tolerance.
 
-        Gives the last point, its multipliers and the outcome: `"optimal"`, `"spent"` where the
-        budget is, `"stalled"` where no step is lower, `"infeasible"` where the limits' violation
-        cannot be lowered. `latest` holds the multipliers at hand; `left` is what is left of the
-        conditions at the last point.
+        Gives the last point, its multipliers and the outcome: `"optimal"`, `"spent"` where nothing
+        more is evaluated, `"stalled"` where no step is lower, `"infeasible"` where the limits'
+        violation cannot be lowered. `latest` holds the multipliers at hand; `left` is what is left
+        of the conditions at the last point.
         """
         self.nu = self.penalty
-        size = 1.0 if self.logits else max(1.0, float(np.linalg.norm(at.point)))
-        first, again = (_FIRST, _AGAIN) if self.logits else (_BROAD * size, 0.25 * _BROAD * size)
+        size = 1.0 if self.bounded else max(1.0, float(np.linalg.norm(at.point)))
+        first, again = (_FIRST, _AGAIN) if self.bounded else (_BROAD * size, 0.25 * _BROAD * size)
         best = np.inf
         while True:
             at, held, end = self._descend(evaluate, at, held, latest, first)
@@ -171,15 +172,14 @@ class Sequence:
         self, evaluate: Evaluate, at: Evaluation, held: Multipliers, latest, radius: float
     ) -> tuple[Evaluation, Multipliers, str]:
         """Step until there is a reason to stop."""
-        chart = Chart(self.logits)
-        largest = _LARGEST if self.logits else 1e3
-        model = LocalModel.of(at, chart)
+        largest = _LARGEST if self.bounded else 1e3
+        model = LocalModel.of(at)
         region = _Region(np.eye(at.point.size), radius, _Trail(self.tolerance), [model])
         while not region.exhausted:
             whole = model.with_branches(region.seen, min(region.reach, 2 * region.radius))
-            span = chart.span(model.at, region.radius)
+            within = span(model.at, region.radius, self.bounded)
             walls = region.walls_from(model.at)
-            solved = whole.step(region.curvature, self.penalty, span, walls)
+            solved = whole.step(region.curvature, self.penalty, within, walls)
             if solved is None:
                 if region.fresh:
                     return at, held, "stalled"
@@ -208,15 +208,15 @@ class Sequence:
             if none:
                 stuck = at.violation > self.feasibility and self.penalty >= 1e5
                 return at, held, "infeasible" if stuck else "stalled"
-            trial = evaluate(chart.point(model.at + step))
+            trial = evaluate(self._moved(model.at, step))
             if trial is None:
                 return at, held, "spent"
             if trial.failed:
                 if trial.doubtful:
-                    region.learn(LocalModel.of(trial, chart), model, held)
+                    region.learn(LocalModel.of(trial), model, held)
                 region.blocked(model.at + step, length)
                 continue
-            after = LocalModel.of(trial, chart)
+            after = LocalModel.of(trial)
             region.learn(after, model, held)
             self.told = [*self.told[1 - _MANY :], after]
             reached = merit - self._merit(trial)
@@ -229,6 +229,10 @@ class Sequence:
             if region.trail.add(at, self.nu):
                 break
         return at, held, "stalled"
+
+    def _moved(self, at: Vector, step: Vector) -> Vector:
+        """The point after a step; rounding leaves it within the bounds."""
+        return np.clip(at + step, 0.0, 1.0) if self.bounded else at + step
 
     def _merit(self, at: Evaluation) -> float:
         return at.worst + self.nu * at.violation if not at.failed else np.inf
@@ -251,11 +255,11 @@ class Sequence:
     def _optimal(self, at: Evaluation, held: Multipliers, model: LocalModel) -> Multipliers | None:
         """The multipliers with which the conditions hold, at the point or on the sides of its
         kink; `None` where they do not."""
-        self.left = residual(at, held, self.logits)
+        self.left = residual(at, held, self.bounded)
         beside = model.with_branches(self.told, _BESIDE)
         if max(self.left[:2]) > self.tolerance and beside.widest > 0:
-            rows = beside.balanced(self.logits, self.tolerance)
-            left = beside.residual(rows, at.violation, self.logits)
+            rows = beside.balanced(self.bounded, self.tolerance)
+            left = beside.residual(rows, at.violation, self.bounded)
             if max(left[:2]) < max(self.left[:2]):
                 self.left, held = left, beside.gathered(rows)
         within = max(self.left[:2]) <= self.tolerance and at.violation <= self.feasibility

@@ -18,6 +18,7 @@ from scipy import optimize
 from . import quadratic_program as quadratic
 from .lagrangian import Evaluation, Multipliers, Residual, Vector, complementarity
 
+# A share nearer to a bound than this is on it.
 _EDGE = 1e-6
 # Multipliers below it do not count.
 _COUNTS = 1e-3
@@ -29,37 +30,17 @@ _ROUGH = 0.1
 _CLOSE = 0.5
 
 
-@dataclasses.dataclass
-class Chart:
-    """The unknowns in which steps are made: shares in [0, 1] where the points are logits."""
-
-    logits: bool
-
-    def of(self, point: Vector) -> Vector:
-        if not self.logits:
-            return point
-        return np.clip(1 / (1 + np.exp(-point)), _EDGE, 1 - _EDGE)
-
-    def point(self, at: Vector) -> Vector:
-        if not self.logits:
-            return at
-        share = np.clip(at, _EDGE, 1 - _EDGE)
-        return np.log(share) - np.log1p(-share)
-
-    def rows(self, at: Vector, rows):
-        return rows / np.maximum(at * (1 - at), 1e-12) if self.logits else rows
-
-    def span(self, at: Vector, radius: float) -> tuple[Vector, Vector]:
-        """The least and the largest step."""
-        least, most = np.full(at.size, -radius), np.full(at.size, radius)
-        if self.logits:
-            least, most = np.maximum(least, _EDGE - at), np.minimum(most, 1 - _EDGE - at)
-        return least, most
+def span(at: Vector, radius: float, bounded: bool) -> tuple[Vector, Vector]:
+    """The least and the largest step within a radius, and within [0, 1] where that bounds."""
+    least, most = np.full(at.size, -radius), np.full(at.size, radius)
+    if bounded:
+        least, most = np.maximum(least, -at), np.minimum(most, 1 - at)
+    return least, most
 
 
 @dataclasses.dataclass
 class LocalModel:
-    """The problem as seen from a point: values and slopes of F and g in the chart's unknowns.
+    """The problem as seen from a point: values and slopes of F and g.
 
     `lanes` and `places` say which objective and which margin a row is of; one may have several.
     `far` and `limits_far` say how far away the point is that told a row.
@@ -76,14 +57,13 @@ class LocalModel:
     limits_far: Vector
 
     @classmethod
-    def of(cls, evaluation: Evaluation, chart: Chart) -> "LocalModel":
-        at = chart.of(evaluation.point)
+    def of(cls, evaluation: Evaluation) -> "LocalModel":
         return cls(
-            at,
+            evaluation.point,
             evaluation.objectives,
             evaluation.margins,
-            chart.rows(at, evaluation.objective_rows),
-            chart.rows(at, evaluation.margin_rows),
+            evaluation.objective_rows,
+            evaluation.margin_rows,
             np.arange(evaluation.objectives.size),
             np.arange(evaluation.margins.size),
             np.zeros(evaluation.objectives.size),
@@ -152,7 +132,7 @@ class LocalModel:
             np.max(self.limits_far[rows.margins > _COUNTS], initial=0.0),
         ))  # fmt: skip
 
-    def balanced(self, logits: bool, within: float) -> Multipliers:
+    def balanced(self, bounded: bool, within: float) -> Multipliers:
         """Multipliers of the rows whose slopes come nearest to balance, of the objectives that are
         `within` so much of the worst and the limits that are so near their bounds.
 
@@ -163,8 +143,8 @@ class LocalModel:
         low = self.margins <= within
         lead, limits = self.objective_rows[high], self.margin_rows[low]
         unit = np.eye(self.at.size)
-        least, most = self.at <= 2 * _EDGE, self.at >= 1 - 2 * _EDGE
-        bounds = np.vstack([unit[least], -unit[most]]) if logits else unit[:0]
+        least, most = self.at <= _EDGE, self.at >= 1 - _EDGE
+        bounds = np.vstack([unit[least], -unit[most]]) if bounded else unit[:0]
         others = np.vstack([limits, bounds])
         # The weights' sum is 1, as one more equation that outweighs the others.
         heavy = 1e3 * max(1.0, float(np.max(np.abs(lead))))
@@ -180,10 +160,10 @@ class LocalModel:
         margins[low] = found[len(lead) : len(lead) + len(limits)]
         return Multipliers(weights, margins)
 
-    def residual(self, rows: Multipliers, violation: float, logits: bool) -> Residual:
+    def residual(self, rows: Multipliers, violation: float, bounded: bool) -> Residual:
         """What is left of the conditions of Karush, Kuhn and Tucker with the rows' slopes."""
         slope = self.slope(rows)
-        step = np.clip(self.at - slope, 0, 1) - self.at if logits else slope
+        step = np.clip(self.at - slope, 0, 1) - self.at if bounded else slope
         left = complementarity(self.objectives, self.margins, rows)
         return Residual(float(np.max(np.abs(step))), left, violation)
 

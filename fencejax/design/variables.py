@@ -5,7 +5,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -16,8 +15,6 @@ from ..parts import AbstractDrive, Fence, HarmonicDrive
 from ..scenes import names as scene_names, numbers
 
 _SCALINGS = ("logarithmic", "linear")
-# Shares of the range nearer to a bound than this are moved here, where the logit is +-13.8.
-_EDGE = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,8 +22,7 @@ class DesignVariable:
     """One number that may be designed, between two bounds.
 
     With p the value and a, b the bounds, its share of the range is
-    s = (p - a) / (b - a) (linear scaling) or s = ln(p / a) / ln(b / a) (logarithmic scaling), and
-    its unconstrained value is the logit z = ln(s / (1 - s)).
+    s = (p - a) / (b - a) (linear scaling) or s = ln(p / a) / ln(b / a) (logarithmic scaling).
 
     **Fields:**
 
@@ -125,9 +121,8 @@ class _Designed(eqx.Module):
 class DesignSpace:
     """An ordered choice of design variables over a base fence and drive.
 
-    Values are vectors of shape (n,) in the order of `variables`, in SI units. The map to
-    unconstrained space is smooth and one-to-one inside the bounds:
-    p = value(sigmoid(z)), element by element (see `DesignVariable`).
+    Values are vectors of shape (n,) in the order of `variables`, in SI units. An optimiser works
+    with their shares of the ranges, in [0, 1] (see `DesignVariable`).
     """
 
     def __init__(
@@ -211,21 +206,20 @@ class DesignSpace:
         """The variables' values [SI] in a given fence and drive."""
         return jnp.stack(numbers.read(_Designed(fence, drive), self.names))
 
-    def to_unconstrained(self, values: ArrayLike) -> Array:
-        """z from values [SI]. A value on a bound is moved inside by a millionth of the range.
+    def to_shares(self, values: ArrayLike) -> Array:
+        """Shares of the ranges [1] from values [SI], within [0, 1].
 
         Raises `ValueError` where a value lies out of its bounds.
         """
         array = self._vector("values", values)
         self._in_bounds(array)
         shares = [v.share(x) for v, x in zip(self.variables, array, strict=True)]
-        share = jnp.clip(jnp.stack(shares), _EDGE, 1 - _EDGE)
-        return jnp.log(share) - jnp.log1p(-share)
+        return jnp.clip(jnp.stack(shares), 0.0, 1.0)
 
-    def from_unconstrained(self, z: ArrayLike) -> Array:
-        """Values [SI] from z."""
-        share = jax.nn.sigmoid(self._vector("z", z))
-        return jnp.stack([v.value(s) for v, s in zip(self.variables, share, strict=True)])
+    def from_shares(self, shares: ArrayLike) -> Array:
+        """Values [SI] from shares of the ranges [1]."""
+        given = self._vector("shares", shares)
+        return jnp.stack([v.value(s) for v, s in zip(self.variables, given, strict=True)])
 
     def apply(self, values: ArrayLike) -> tuple[Fence, AbstractDrive]:
         """The base fence and drive with the variables at `values` [SI]. Bounds are not checked."""

@@ -26,7 +26,7 @@ class Verification:
     - `margin_error`: the largest difference of a margin [1].
     - `violation`: the largest violation at the finer fidelity [1].
     - `status`: the largest `Status` of the lanes.
-    - `confirmed`: whether error, violation and status are within what was asked.
+    - `doubts`: what speaks against the optimum, in words; empty where nothing does.
     """
 
     objectives: Vector
@@ -35,7 +35,17 @@ class Verification:
     margin_error: float
     violation: float
     status: int
-    confirmed: bool
+    doubts: tuple[str, ...]
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether error, violation and status are within what was asked."""
+        return not self.doubts
+
+    @property
+    def text(self) -> str:
+        """`confirmed`, or what speaks against it."""
+        return "NOT confirmed, as " + "; ".join(self.doubts) if self.doubts else "confirmed"
 
     @property
     def objective(self) -> float:
@@ -71,8 +81,17 @@ def verify(
     worst = float(np.max(objectives))
     error = optimum.objective / worst - 1 if worst else float("inf")
     violation = float(np.max(-margins, initial=0.0))
-    fine = bool(np.isfinite(error) and np.all(np.isfinite(margins))) and status <= worst_status
-    held = violation <= feasibility or not optimum.feasible
+    doubts = []
+    if not (np.isfinite(error) and np.all(np.isfinite(margins))):
+        doubts.append("a number is not finite")
+    if status > worst_status:
+        doubts.append(f"{Status(status).name}: {Status(status).text}")
+    if optimum.feasible and violation > feasibility:
+        doubts.append(f"a limit is broken by {100 * violation:.3g} %")
+    if abs(error) > agreement:
+        doubts.append(
+            f"the worst case differs by {100 * error:+.3g} %, more than {100 * agreement:g} %"
+        )
     return Verification(
         objectives,
         margins,
@@ -80,5 +99,5 @@ def verify(
         float(np.max(np.abs(margins - optimum.margins), initial=0.0)),
         violation,
         status,
-        fine and held and abs(error) <= agreement,
+        tuple(doubts),
     )

@@ -34,7 +34,7 @@ from .sample import (
     strain_energy as strain_energy,
 )
 from .status import (
-    DOUBTFUL as DOUBTFUL,
+    NUMERICAL as NUMERICAL,
     Status as Status,
     worst as worst,
 )

@@ -34,6 +34,11 @@ class Status(enum.IntEnum):
         """Likely cause, and what to change."""
         return _TEXT[self]
 
+    @property
+    def numerical(self) -> bool:
+        """Whether it doubts the numbers and not the design: a finer fidelity settles it."""
+        return self in NUMERICAL
+
 
 _TEXT = {
     Status.SUCCESSFUL: "successful",
@@ -69,9 +74,11 @@ _TEXT = {
 }
 
 
-# The last of the statuses whose numbers still follow the design, though less well than they should:
-# an optimiser learns from them, and ends at none.
-DOUBTFUL = Status.MODES_TOO_FEW
+NUMERICAL = frozenset({
+    Status.FRICTION_SMOOTHED, Status.MODES_TOO_FEW, Status.ENERGY_GAINED, Status.STEP_TOO_COARSE,
+    Status.LIMIT_REACHED,
+})  # fmt: skip
+"""The statuses that doubt the numbers and not the design."""
 
 
 def worst(checks, like: Array) -> Array:

@@ -12,6 +12,7 @@ from . import (
     scene_groups as scene_groups,
     sensitivity as sensitivity,
 )
+from .batch import simulate_many as simulate_many
 from .candidates import (
     as_fine as as_fine,
     describe as describe,

@@ -54,7 +54,8 @@ def _key(config: CoDesignConfig) -> str:
         out=None, tolerance=1.0, feasibility=1.0, budget=1, verify="fast", agreement=1.0,
         plots=False,
     )  # fmt: skip
-    return repr(dataclasses.replace(config, **free))
+    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
+    return repr(dataclasses.replace(config, **free)) + repr(ladder)
 
 
 def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcome:
@@ -74,9 +75,8 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
     )
     optimum = minimize(
         joint.program,
-        designs.inside(joint.start),
-        logits=True,
-        method="sqp",
+        joint.start,
+        data=(joint.encounters,),
         tolerance=config.tolerance,
         feasibility=config.feasibility,
         budget=config.budget,
@@ -88,13 +88,13 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
         "before": joint.measure(optimum.first.point), "after": joint.measure(optimum.point),
     }  # fmt: skip
     verified = verify(
-        lambda z: joint.combined(measured["after"], 0.0),
+        lambda z: (*joint.combined(measured["after"], 0.0), measured["after"]["status"]),
         optimum,
         agreement=config.agreement,
         feasibility=config.feasibility,
     )
     before, after = (
-        np.asarray(joint.space.from_unconstrained(e.point)) for e in (optimum.first, optimum.last)
+        np.asarray(joint.space.from_shares(e.point)) for e in (optimum.first, optimum.last)
     )
     outcome = Outcome(
         config, joint, optimum, before, after, measured, verified, time.perf_counter() - begin
@@ -154,7 +154,7 @@ def _verdict(outcome: Outcome) -> str:
         f"violation {left.violation:.1e}\n"
         f"{config.verify}: the optimiser's peak force is off by {100 * verified.error:+.2f} %, "
         f"margins by up to {verified.margin_error:.3f}: "
-        f"{'confirmed' if verified.confirmed else 'NOT confirmed'}\n"
+        f"{verified.text}\n"
     )
     if not optimum.feasible:
         return text + (
@@ -193,6 +193,7 @@ def _write(outcome: Outcome, journal: Journal) -> None:
         "verified": {
             "fidelity": config.verify,
             "confirmed": outcome.verified.confirmed,
+            "doubts": outcome.verified.doubts,
             "error": outcome.verified.error,
             "margin_error": outcome.verified.margin_error,
             "violation": outcome.verified.violation,
@@ -206,7 +207,8 @@ def _write(outcome: Outcome, journal: Journal) -> None:
             {
                 "evaluation": r.evaluation, "peak_force": r.objective, "violation": r.violation,
                 "kkt": r.kkt, "status": fj.Status(r.status).name, "failed": r.failed,
-                "design": space.named(space.from_unconstrained(r.point)),
+                "rungs": r.rungs,
+                "design": space.named(space.from_shares(r.point)),
             }
             for r in optimum.history
         ],

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array
 
 import fencejax as fj
-from fencejax.design import Program, extremes, objectives
+from fencejax.design import LaneProgram, extremes, objectives
 from fencejax.model import FlexibleLink
 
 from ..common.encounters import Course, Encounter
@@ -35,21 +35,36 @@ class Joint:
         quantities = (objectives.PEAK_FORCE, *(x.quantity for x in self.limits))
         self._quantities = (*quantities, objectives.RING_ENERGY)
         base = self.space.values_of(self.space.fence, self.space.drive)
-        self.start = np.asarray(self.space.to_unconstrained(base))
-        self.program = Program(
-            lambda z: self.combined(self.read(z, config.fidelity), config.reserve)
+        self.start = np.asarray(self.space.to_shares(base))
+        self.program = LaneProgram(
+            self.sorts,
+            lambda z, found, statuses, encounters: self.combined(
+                self.completed(z, found), config.reserve
+            ),
+            getattr(fj.Fidelity, config.fidelity)().ladder(),
         )
-        self._measure = jax.jit(lambda z: self.read(z, config.verify))
+        verify = getattr(fj.Fidelity, config.verify)()
+        self._measure = jax.jit(lambda z: self.read(z, verify))
 
-    def read(self, z: Array, fidelity: str) -> dict[str, Array]:
-        """Every quantity by name, one number a sort; `ring_amplitude` [m]; and of the drive the
-        `speed`, `acceleration` and `jerk` (see `fencejax.design.spline_motion.Extremes`)."""
-        fence, drive = self.space.apply(self.space.from_unconstrained(z))
+    def sorts(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity):
+        """Every quantity by name and the statuses, one number a sort."""
+        fence, drive = self.space.apply(self.space.from_shares(z))
+        course = Course("sorts", self.config.period, fidelity)
+        found = course.measure(fence, drive, encounters, self._quantities)
+        return found, found.pop("status")
+
+    def completed(self, z: Array, found: dict[str, Array]) -> dict[str, Array]:
+        """The same with `ring_amplitude` [m], one a sort; and of the drive the `speed`,
+        `acceleration` and `jerk` (see `fencejax.design.spline_motion.Extremes`)."""
+        fence, drive = self.space.apply(self.space.from_shares(z))
         assert isinstance(drive, fj.SplineDrive)
-        course = Course("sorts", self.config.period, getattr(fj.Fidelity, fidelity)())
-        found = course.measure(fence, drive, self.encounters, self._quantities)
-        found["ring_amplitude"] = ring_amplitude(found["ring_energy"], fence)
-        return {**found, **extremes(drive)._asdict()}
+        rings = ring_amplitude(found["ring_energy"], fence)
+        return {**found, "ring_amplitude": rings, **extremes(drive)._asdict()}
+
+    def read(self, z: Array, fidelity: fj.Fidelity) -> dict[str, Array]:
+        """All of it, and `status`, at one fidelity."""
+        found, statuses = self.sorts(z, self.encounters, fidelity)
+        return {**self.completed(z, found), "status": statuses}
 
     def margins(self, read) -> dict[str, Array]:
         """Margins [1] by the limits' names: one a sort, or one a span or knot of the motion."""
@@ -61,13 +76,13 @@ class Joint:
         return rows
 
     def combined(self, read, reserve: float):
-        """Objectives, margins and statuses; the reserve is of what the fidelity bears on."""
+        """Objectives and margins; the reserve is of what the fidelity bears on."""
         exact = ("speed", "acceleration", "jerk")
         rows = [
             jnp.asarray(row) - (0.0 if name in exact else reserve)
             for name, row in self.margins(read).items()
         ]
-        return read["peak_force"], jnp.concatenate(rows), read["status"]
+        return read["peak_force"], jnp.concatenate(rows)
 
     def measure(self, z) -> dict[str, np.ndarray]:
         """The quantities at the fidelity of the verification, on the host."""

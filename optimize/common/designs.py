@@ -3,8 +3,6 @@
 import argparse
 from collections.abc import Sequence
 
-import numpy as np
-
 import fencejax as fj
 from fencejax.design import DesignSpace, variable
 
@@ -46,13 +44,6 @@ def space(
         spans[name] = (lower, upper)
     chosen = [variable(name, *spans[name]) if name in spans else name for name in variables]
     return DesignSpace(chosen, fence, drive)
-
-
-def inside(z: np.ndarray, least: float = 0.01) -> np.ndarray:
-    """Logits of shares moved off the bounds by `least` of the range, where they can move on from:
-    the derivative of a share vanishes at its bounds."""
-    edge = np.log((1 - least) / least)
-    return np.clip(z, -edge, edge)
 
 
 def on_bounds(space: DesignSpace, values) -> list[str]:

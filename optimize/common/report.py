@@ -24,6 +24,9 @@ def progress_line(record: Record, objective: Quantity = _FORCE) -> str:
         text += f"  violation {record.violation:8.1e}"
         if not math.isnan(record.kkt):
             text += f"  KKT {record.kkt:8.1e}"
+    finer = sum(record.rungs[1:])
+    text += f"  {finer} computed finer" if finer else ""
+    text += f"  {record.in_doubt} in doubt" if record.in_doubt else ""
     return f"{record.evaluation:4d}  round {record.outer:2d}  {text}  {record.elapsed:6.1f} s"
 
 
@@ -93,16 +96,15 @@ def elasticities(
 ) -> dict[str, dict[str, float]]:
     """d ln Q / d ln p [1] of the objective and of the limited quantities that are positive, each
     in the impact where it is worst. A variable whose value is 0 has none: 0."""
-    values = np.asarray(space.from_unconstrained(at.point))
-    share = 1 / (1 + np.exp(-at.point))
+    values = np.asarray(space.from_shares(at.point))
     spans = [
         variable.upper - variable.lower
         if variable.scaling == "linear"
         else value * math.log(variable.upper / variable.lower)
         for variable, value in zip(space.variables, values, strict=True)
     ]
-    # d ln p / dz = (dp / ds) s (1 - s) / p.
-    factor = values / (np.asarray(spans) * np.maximum(share * (1 - share), 1e-12))
+    # The derivatives are those in the shares s: p / (dp / ds).
+    factor = values / np.asarray(spans)
     count = at.objectives.size
     worst = int(np.argmax(at.objectives))
     rows = {objective.name: at.objective_rows[worst] / at.objectives[worst]}
@@ -146,7 +148,7 @@ def history_rows(
         rows.append({
             "evaluation": record.evaluation,
             "round": record.outer,
-            "design": space.named(space.from_unconstrained(record.point)),
+            "design": space.named(space.from_shares(record.point)),
             objective.name: record.objective,
             "violation": record.violation,
             "stationarity": None if record.residual is None else record.residual.stationarity,

@@ -36,12 +36,12 @@ class Blow:
 
 def blows(tradeoff: Tradeoff, z) -> list[Blow]:
     """The hardest blow of every encounter of a design."""
-    course, encounters = tradeoff.course("fast"), tradeoff.encounters
+    course, encounters = tradeoff.course(fj.Fidelity.fast()), tradeoff.encounters
     space = tradeoff.space
 
     @jax.jit
     def run(z, encounters):
-        fence, drive = space.apply(space.from_unconstrained(z))
+        fence, drive = space.apply(space.from_shares(z))
 
         def one(encounter):
             scene = course.scene(fence, drive, encounter)

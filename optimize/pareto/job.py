@@ -61,7 +61,8 @@ def _key(config: ParetoConfig) -> str:
         out=None, points=3, starts=1, together=False, width=1, tolerance=1.0, budget=1,
         feasibility=1.0, verify="none", agreement=1.0, plots=False,
     )  # fmt: skip
-    return repr(dataclasses.replace(config, **free)) + repr(fj.Fidelity.standard())
+    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
+    return repr(dataclasses.replace(config, **free)) + repr(ladder)
 
 
 def _good(points: list[Point]) -> np.ndarray:
@@ -108,6 +109,7 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
         row["verified"] = {
             "fidelity": tradeoff.config.verify,
             "confirmed": point.verified.confirmed,
+            "doubts": point.verified.doubts,
             "peak_force": point.finer.force,
             tradeoff.quantity.name: point.finer.other,
             "error": point.verified.error,
@@ -148,7 +150,7 @@ def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
             "recalled": journal.recalled,
             "elapsed": time.perf_counter() - begin,
             "start": {
-                "design": tradeoff.space.named(tradeoff.space.from_unconstrained(tradeoff.start)),
+                "design": tradeoff.space.named(tradeoff.space.from_shares(tradeoff.start)),
                 "peak_force": tracer.start.force,
                 tradeoff.quantity.name: tracer.start.other,
             },

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array
 
 import fencejax as fj
-from fencejax.design import Program, objectives
+from fencejax.design import LaneProgram, objectives, refined
 
 from ..common.encounters import Course, Encounter
 from .configuration import ParetoConfig
@@ -50,29 +50,26 @@ class Tradeoff:
         self._quantities = tuple({**named, "indentation": objectives.INDENTATION}.values())
         self._needed = tuple({q.name: q for q in quantities}.values())
         base = self.space.values_of(self.space.fence, self.space.drive)
-        self.start = np.asarray(self.space.to_unconstrained(base))
-        self.program = Program(self.margins_at(config.fidelity))
+        self.start = np.asarray(self.space.to_shares(base))
+        self.program = LaneProgram(
+            lambda z, encounters, fidelity: self._read(z, encounters, fidelity, self._needed),
+            lambda z, read, statuses, encounters, *data: self._combined(
+                read, *data, config.reserve
+            ),
+            getattr(fj.Fidelity, config.fidelity)().ladder(),
+        )
         self.loose = 1e6
         self._measure = {}
 
-    def course(self, fidelity: str) -> Course:
+    def course(self, fidelity: fj.Fidelity) -> Course:
         """How the encounters are run at a fidelity."""
-        return Course(self.config.kind, self.config.length, getattr(fj.Fidelity, fidelity)())
+        return Course(self.config.kind, self.config.length, fidelity)
 
-    def _read(self, course: Course, z: Array, quantities) -> dict[str, Array]:
-        fence, drive = self.space.apply(self.space.from_unconstrained(z))
-        return course.measure(fence, drive, self.encounters, quantities)
-
-    def margins_at(self, fidelity: str):
-        """The problem at a fidelity: z, what is minimised, the bound and the unit of the other
-        quantity -> objectives, margins, statuses."""
-        course = self.course(fidelity)
-
-        def problem(z, minimised, bound, unit):
-            read = self._read(course, z, self._needed)
-            return self._combined(read, minimised, bound, unit, self.config.reserve)
-
-        return problem
+    def _read(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity, quantities):
+        """The quantities by name and the statuses, one number an encounter."""
+        fence, drive = self.space.apply(self.space.from_shares(z))
+        read = self.course(fidelity).measure(fence, drive, encounters, quantities)
+        return read, read.pop("status")
 
     def _combined(self, read, minimised, bound, unit, reserve):
         other = read[self.quantity.name]
@@ -81,15 +78,23 @@ class Tradeoff:
         margins = [limit.margin_of(read[limit.name]) - reserve for limit in self.limits]
         margins.append((bound - rows) / unit)
         wanted = jnp.where(minimised == FORCE, read["peak_force"], other)
-        return wanted, jnp.concatenate(margins), read["status"]
+        return wanted, jnp.concatenate(margins)
 
     def measure(self, fidelity: str, z) -> Measured:
-        """Everything there is to say about a design, at a fidelity."""
+        """Everything there is to say about a design, at a fidelity, or at a finer one where that
+        is in doubt."""
         if fidelity not in self._measure:
-            course = self.course(fidelity)
-            self._measure[fidelity] = jax.jit(lambda z: self._read(course, z, self._quantities))
-        read = jax.device_get(self._measure[fidelity](jnp.asarray(z)))
-        lanes = {name: np.asarray(values) for name, values in read.items()}
+            self._measure[fidelity] = [
+                jax.jit(
+                    lambda z, lanes, rung=rung: self._read(z, lanes, rung, self._quantities)
+                )
+                for rung in getattr(fj.Fidelity, fidelity)().ladder()
+            ]
+        ladder = self._measure[fidelity]
+        found = refined(
+            lambda rung, lanes: ladder[rung](jnp.asarray(z), lanes), self.encounters, len(ladder)
+        )
+        lanes = {**found.numbers, "status": found.statuses}
         return Measured(
             float(np.max(lanes["peak_force"])), float(np.max(lanes[self.quantity.name])), lanes
         )
@@ -97,4 +102,5 @@ class Tradeoff:
     def judged(self, measured: Measured, minimised: float, bound: float, unit: float):
         """Objectives, margins with nothing kept in hand, and statuses from what was measured: for
         `fencejax.verify`."""
-        return self._combined(measured.lanes, minimised, bound, unit, 0.0)
+        pair = self._combined(measured.lanes, minimised, bound, unit, 0.0)
+        return *pair, measured.lanes["status"]

@@ -25,7 +25,6 @@ from fencejax.design import (
     verify,
 )
 
-from ..common import designs
 from .problem import FORCE, OTHER, Measured, Tradeoff
 
 
@@ -104,7 +103,7 @@ class Tracer:
         power = int(np.ceil(np.log2(self.config.starts + 1)))
         engine = qmc.Sobol(start.size, seed=0)  # pyright: ignore[reportCallIssue]
         shares = 0.1 + 0.8 * engine.random_base2(power)[1 : self.config.starts]
-        starts = designs.inside(np.vstack([start, np.log(shares / (1 - shares))]))
+        starts = np.vstack([start, shares])
         self.say(f"least force, {len(starts)} starts; compiling ...")
         if len(starts) == 1:
             tried = [self._minimize(starts[0], FORCE, self.tradeoff.loose, None)]
@@ -118,14 +117,13 @@ class Tracer:
         return best, self._minimize(best.point, OTHER, self.tradeoff.loose, None)
 
     def _data(self, minimised: float, bound: float):
-        return tuple(np.asarray(x, dtype=float) for x in (minimised, bound, self.unit))
+        numbers = (np.asarray(x, dtype=float) for x in (minimised, bound, self.unit))
+        return self.tradeoff.encounters, *numbers
 
     @property
     def _settings(self) -> dict[str, Any]:
         config = self.config
         return dict(
-            logits=True,
-            method="sqp",
             tolerance=config.tolerance,
             feasibility=config.feasibility,
             budget=config.budget,
@@ -139,7 +137,7 @@ class Tracer:
     def _minimize(self, start, minimised, bound, multipliers) -> Optimum:
         return minimize(
             self.tradeoff.program,
-            designs.inside(start),
+            start,
             data=self._data(minimised, bound),
             multipliers=multipliers,
             scale=self.scale if minimised == FORCE else self.unit,
@@ -168,7 +166,7 @@ class Tracer:
         self._add(bound, self._minimize(near.point, FORCE, bound, held))
 
     def _together(self, bounds, ends) -> None:
-        first, least = (designs.inside(o.point) for o in ends)
+        first, least = (o.point for o in ends)
         shares = np.linspace(0, 1, len(bounds) + 1)[1:, None]
         starts = (1 - shares) * first + shares * least
         for bound, optimum in zip(bounds, self._many(starts, bounds), strict=True):
@@ -195,13 +193,13 @@ class Tracer:
             # The bound as measured: beyond it by what the fidelities differ is no violation.
             data = self._data(FORCE, max(bound, finer.other))
             verified = verify(
-                lambda z, *data: tradeoff.judged(own, *data),
+                lambda z, encounters, *data: tradeoff.judged(own, *data),
                 optimum,
                 data=data,
                 agreement=config.agreement,
                 feasibility=config.feasibility,
             )
-        values = np.asarray(tradeoff.space.from_unconstrained(optimum.point))
+        values = np.asarray(tradeoff.space.from_shares(optimum.point))
         self.points.append(Point(bound, optimum, values, found, verified, finer))
         self.say(self._told(self.points[-1]))
         self.keep(self.points)
@@ -217,6 +215,7 @@ class Tracer:
             text += f", violation {point.optimum.residual.violation:.1e}"
         if point.verified is not None:
             text += f", error {100 * point.verified.error:+.2f} %"
+            text += "" if point.verified.confirmed else f", {point.verified.text}"
         return text + ")"
 
 

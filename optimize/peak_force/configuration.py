@@ -50,9 +50,8 @@ class PeakForceConfig:
     )
     method: str = flags.field(
         "sqp",
-        "sequential quadratic programming (sqp), or an augmented Lagrangian with an inner "
-        "descent by lbfgs or adam",
-        choices=("sqp", "lbfgs", "adam"),
+        "sequential quadratic programming (sqp), or optax' Adam on an augmented Lagrangian (adam)",
+        choices=("sqp", "adam"),
     )
     tolerance: float = flags.field(1e-3, "on stationarity and complementarity [1]")
     feasibility: float = flags.field(1e-4, "violation of a margin that counts as none [1]")

@@ -86,15 +86,14 @@ def problem(
     space: DesignSpace,
     impacts: Impacts,
     limits: tuple[Limit, ...],
-    fidelity: fj.Fidelity,
     reserve: float,
     objective: Quantity = objectives.PEAK_FORCE,
 ):
-    """z -> the objective of every impact, margins less `reserve` [1], statuses: for
-    `fencejax.minimize`."""
+    """z, fidelity -> the objective of every impact, margins less `reserve` [1], statuses: for
+    `fencejax.Program`."""
 
-    def evaluate(z):
-        fence, drive = space.apply(space.from_unconstrained(z))
+    def evaluate(z, fidelity):
+        fence, drive = space.apply(space.from_shares(z))
         measured, _ = measure(
             fence, drive, impacts, limits, fidelity, objective=objective, signals=False
         )

@@ -25,6 +25,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 
 import fencejax as fj
 from fencejax.design import (
@@ -32,6 +33,7 @@ from fencejax.design import (
     Evaluation,
     Limit,
     Optimum,
+    Program,
     Quantity,
     minimize,
 )
@@ -150,17 +152,19 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     checks = _Checks(config, space, impacts)
     say(f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling ...")
     optimum = minimize(
-        batch.problem(space, impacts, limits, fidelity, config.reserve, config.quantity),
-        space.to_unconstrained(before),
-        logits=True,
-        method=config.method,
+        Program(
+            batch.problem(space, impacts, limits, config.reserve, config.quantity),
+            fidelity.ladder(),
+        ),
+        space.to_shares(before),
+        method="sqp" if config.method == "sqp" else optax.adam(1e-2),
         tolerance=config.tolerance,
         feasibility=config.feasibility,
         penalty=config.penalty,
         budget=config.budget,
         progress=lambda record: say(report.progress_line(record, config.quantity)),
     )
-    after = np.asarray(space.from_unconstrained(optimum.point))
+    after = np.asarray(space.from_shares(optimum.point))
     say(f"\nstopped: {optimum.stop.value} ({len(optimum.history)} evaluations)")
     return _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
 
@@ -187,12 +191,19 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
         difference = float(np.max(new[name]) / np.max(found[name]) - 1)
         least = min(float(np.min(v)) for v in batch.margins(limits, new).values())
         # The reference must find the same force, and no limit broken.
-        confirmed = abs(difference) <= config.agreement and least >= -config.feasibility
-        confirmed = confirmed and int(np.max(new["status"])) <= fj.Status.LEFT_OVER_TIP
+        status = fj.Status(int(np.max(new["status"])))
+        doubts = {
+            f"the force differs by more than {100 * config.agreement:g} %":
+                not abs(difference) <= config.agreement,
+            "a limit is broken": not least >= -config.feasibility,
+            f"{status.name}: {status.text}": status > fj.Status.LEFT_OVER_TIP,
+        }  # fmt: skip
+        why = [text for text, holds in doubts.items() if holds]
+        confirmed = not why
         say(
             f"reference: {name.replace('_', ' ')} {100 * difference:+.3f} % of the optimiser's, "
-            f"smallest margin {least:+.4f}, status {fj.Status(int(np.max(new['status']))).name}: "
-            f"{'confirmed' if confirmed else 'NOT confirmed'}"
+            f"smallest margin {least:+.4f}, status {status.name}: "
+            f"{'confirmed' if confirmed else 'NOT confirmed, as ' + '; '.join(why)}"
         )
     stacked = checks.sorts(after)
     sorts = {} if stacked is None else {

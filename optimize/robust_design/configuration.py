@@ -110,7 +110,7 @@ class RobustConfig:
     batch: int = flags.field(128, "parcels of a batch", least=16)
     steps: int = flags.field(60, "stochastic steps", least=2)
     rate: float = flags.field(
-        0.1, "of the stochastic steps at the start, in logits of the shares [1]"
+        0.03, "of the stochastic steps at the start, in shares of the ranges [1]"
     )
     tolerance: float = flags.field(
         5e-3, "of the sample's problem, on stationarity and complementarity [1]"

@@ -7,25 +7,33 @@ import jax
 import numpy as np
 import optax
 
-from fencejax.design import Evaluation, Journal, Multipliers, Numbers, Record, augmented, minimize
+from fencejax.design import (
+    Evaluation,
+    FirstOrder,
+    Journal,
+    Multipliers,
+    Numbers,
+    Record,
+    minimize,
+)
 from fencejax.results import Status
 
-from ..common import designs
 from .parcels import draw
 from .problem import Population
 
 
 class Step(NamedTuple):
     """An evaluation: the measure [the severity's unit], the violation of the limits [1], how often
-    each status occurred, the number of parcels."""
+    each status occurred, and how many parcels are of each rung of the fidelities."""
 
     objective: float
     violation: float
     statuses: tuple[int, ...]
+    rungs: tuple[int, ...]
 
 
 class Found(NamedTuple):
-    """A design's logits, why the search ended, whether that was what it looks for, its steps, and
+    """A design's shares, why the search ended, whether that was what it looks for, its steps, and
     the measure of its own sample (NaN where there is none)."""
 
     point: np.ndarray
@@ -46,15 +54,15 @@ def by_sample(population: Population, journal: Journal, say: Callable[..., None]
     steps: list[Step] = []
 
     def progress(record: Record) -> None:
-        steps.append(Step(record.objective, record.violation, record.statuses))
+        steps.append(
+            Step(record.objective, record.violation, record.statuses, record.rungs)
+        )
         say(_line(record.evaluation, config, steps[-1], record.elapsed))
 
     found = minimize(
         population.program,
-        designs.inside(population.start),
+        population.start,
         data=(encounters,),
-        logits=True,
-        method="sqp",
         tolerance=config.tolerance,
         feasibility=config.feasibility,
         budget=config.budget,
@@ -70,14 +78,12 @@ def by_batches(population: Population, journal: Journal, say: Callable[..., None
     """Stochastic descent: optax' Adam on the augmented Lagrangian of a fresh batch a step, the
     multipliers following each batch's margins; the design is the mean of the last half."""
     config = population.config
-    schedule = optax.cosine_decay_schedule(config.rate, config.steps, 0.1)
     with jax.numpy_dtype_promotion("standard"):
-        transform = optax.adam(schedule)
-        point = designs.inside(population.start)
-        state = transform.init(point)
+        transform = optax.adam(optax.cosine_decay_schedule(config.rate, config.steps, 0.1))
+    point = population.start
     steps: list[Step] = []
     tail: list[np.ndarray] = []
-    held, scale, penalty = None, 1.0, 10.0
+    descent, scale = None, 1.0
     for number in range(config.steps):
         encounters = jax.tree.map(np.asarray, draw(config, config.batch, 2 + number))
         known = journal.find(point, (encounters,))
@@ -86,27 +92,23 @@ def by_batches(population: Population, journal: Journal, say: Callable[..., None
             journal.add(point, (encounters,), numbers)
         else:
             numbers = Numbers(*known)
-        if held is None:
+        if descent is None:
             scale = float(np.max(np.abs(numbers.objectives))) or 1.0
             held = Multipliers(np.ones(1), np.zeros(numbers.margins.size))
+            descent = FirstOrder(transform, held, share=0.1)
         at = Evaluation(
             point, numbers.objectives / scale, numbers.margins, numbers.objective_rows / scale,
             numbers.margin_rows, numbers.status, False,
         )  # fmt: skip
-        steps.append(Step(at.worst * scale, at.violation, tuple(numbers.statuses.tolist())))
+        steps.append(
+            Step(at.worst * scale, at.violation, *(tuple(n.tolist()) for n in numbers[4:]))
+        )
         say(_line(number + 1, config, steps[-1], None))
-        slope = augmented(at, held, penalty)[1]
-        if not np.all(np.isfinite(slope)):
+        point = descent.step(at)
+        if not np.all(np.isfinite(point)):
             return Found(
-                point, "the numbers of a batch are not finite", False, steps, float("nan")
+                at.point, "the numbers of a batch are not finite", False, steps, float("nan")
             )
-        # A batch's margins are noisy: the multipliers follow a tenth of what they ask for.
-        moved = np.maximum(held.margins - 0.1 * penalty * at.margins, 0.0)
-        held = Multipliers(held.weights, moved)
-        with jax.numpy_dtype_promotion("standard"):
-            change, state = transform.update(slope, state, point)
-        # Within 1 % of the bounds' range, where a logit can still be moved.
-        point = designs.inside(point + np.asarray(change))
         if 2 * number >= config.steps:
             tail.append(point)
     mean = np.mean(tail, axis=0)
@@ -118,6 +120,7 @@ def _line(number: int, config, step: Step, elapsed: float | None) -> str:
         f"{number:4d}  {config.measure} of the {config.severity.replace('_', ' ')} "
         f"{step.objective:9.4g} {config.unit}  violation {step.violation:8.1e}  "
     )
-    bad = sum(step.statuses[Status.STEP_TOO_COARSE:])
+    finer, bad = sum(step.rungs[1:]), sum(step.statuses[Status.INCONSISTENT:])
+    text += f"{finer} computed finer  " if finer else ""
     text += f"{bad} left out  " if bad else ""
     return text + ("" if elapsed is None else f"{elapsed:7.1f} s")

@@ -12,7 +12,8 @@ or a fresh batch at every step. Either way the paper's fence and the design foun
 fresh sample that the search has not seen, with intervals: bootstrap for the measure, exact ones
 for the shares of parcels that hold the limits.
 
-Parcels whose numbers are bad are left out, counted and reported, and count as breaking the limits.
+Parcels whose numbers are in doubt at the chosen fidelity are computed again at a finer one. Those
+without numbers are left out, counted and reported, and count as breaking the limits.
 Every evaluation is written to `evaluations.jsonl` at once: the same command with the same folder
 goes on where it was interrupted.
 """
@@ -78,9 +79,10 @@ def _key(config: RobustConfig) -> str:
     """What decides the numbers of an evaluation, besides the design and the parcels."""
     names = (
         "scenes", "severity", "measure", "level", "fraction", "tip_limit", "stress_limit",
-        "crossing", "variables", "bounds", "seconds", "fidelity",
+        "crossing", "limit", "drive", "taper", "variables", "bounds", "seconds", "fidelity",
     )  # fmt: skip
-    return repr([getattr(config, name) for name in names])
+    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
+    return repr([getattr(config, name) for name in names]) + repr(ladder)
 
 
 def _judgement(population: Population, read: dict[str, np.ndarray]) -> Judgement:
@@ -136,7 +138,7 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
         pairs, config.measure, config.level, config.resamples, config.confidence, config.seed
     )
     before, after = (
-        np.asarray(population.space.from_unconstrained(z)) for z in (population.start, found.point)
+        np.asarray(population.space.from_shares(z)) for z in (population.start, found.point)
     )
     outcome = Outcome(
         config, found, before, after, judged, ratio, time.perf_counter() - begin

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array
 
 import fencejax as fj
-from fencejax.design import Program, objectives, risk, shock
+from fencejax.design import LaneProgram, objectives, refined, risk, shock
 
 from ..common.encounters import Course, Encounter
 from .configuration import RobustConfig
@@ -19,23 +19,31 @@ class Population:
         self.config, self.space, self.limits = config, config.space, config.limits
         self._quantities = (objectives.PEAK_FORCE, *(limit.quantity for limit in self.limits))
         base = self.space.values_of(self.space.fence, self.space.drive)
-        self.start = np.asarray(self.space.to_unconstrained(base))
-        self.program = Program(self.statistics)
-        self._judge = jax.jit(lambda z, encounters: self._lanes(z, encounters, True))
-
-    def _lanes(self, z: Array, encounters: Encounter, check: bool) -> dict[str, Array]:
-        config = self.config
-        name = config.check_fidelity if check else config.fidelity
-        course = Course(
-            config.scenes, config.seconds, getattr(fj.Fidelity, name)(), config.chunk
+        self.start = np.asarray(self.space.to_shares(base))
+        self.program = LaneProgram(
+            self._lanes, self.statistics, getattr(fj.Fidelity, config.fidelity)().ladder()
         )
-        fence, drive = self.space.apply(self.space.from_unconstrained(z))
+        ladder = getattr(fj.Fidelity, config.check_fidelity)().ladder()
+        self._judge = [
+            jax.jit(lambda z, encounters, fidelity=fidelity: self._lanes(z, encounters, fidelity))
+            for fidelity in ladder
+        ]
+
+    def _lanes(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity):
+        """The quantities by name and the statuses, one number a parcel."""
+        config = self.config
+        course = Course(config.scenes, config.seconds, fidelity, config.chunk)
+        fence, drive = self.space.apply(self.space.from_shares(z))
         read = course.measure(fence, drive, encounters, self._quantities)
-        finite = jnp.ones_like(read["peak_force"], dtype=bool)
+        return read, read.pop("status")
+
+    @staticmethod
+    def valid(read: dict[str, Array], statuses: Array) -> Array:
+        """Which parcels have numbers: finite ones, of a scene that is consistent."""
+        valid = statuses < fj.Status.INCONSISTENT
         for values in read.values():
-            finite = finite & jnp.isfinite(values)
-        read["valid"] = finite & (read["status"] < fj.Status.STEP_TOO_COARSE)
-        return read
+            valid = valid & jnp.isfinite(values)
+        return valid
 
     def harm(self, force: Array, encounters: Encounter) -> Array:
         """The severity of the blows."""
@@ -45,26 +53,33 @@ class Population:
             return shock.drop_height(force, encounters.parcel)
         return force
 
-    def statistics(self, z: Array, encounters: Encounter):
+    def statistics(
+        self, z: Array, read: dict[str, Array], statuses: Array, encounters: Encounter
+    ):
         """The measure of the severity; of each limit the margin that the stated fraction of
-        parcels has at least; the statuses.
+        parcels has at least.
 
-        Parcels whose numbers are bad are left out of the measure and count as breaking every
-        limit.
+        Parcels without numbers are left out of the measure and count as breaking every limit.
         """
         config = self.config
-        read = self._lanes(z, encounters, False)
-        valid = read["valid"]
+        valid = self.valid(read, statuses)
         harm = self.harm(read["peak_force"], encounters)
         measure = risk.risk(harm, config.measure, config.level, valid)
         rows = [jnp.where(valid, x.margin_of(read[x.name]), -1.0) for x in self.limits]
         margins = [risk.quantile(row, 1 - config.fraction) for row in rows]
-        return measure, jnp.stack(margins), read["status"]
+        return measure, jnp.stack(margins)
 
     def judge(self, z, encounters: Encounter) -> dict[str, np.ndarray]:
-        """Every parcel's numbers at the check's fidelity, and its `severity`, without
-        derivatives."""
-        numbers = jax.tree.map(jnp.asarray, encounters)
-        read = {k: np.asarray(v) for k, v in self._judge(jnp.asarray(z), numbers).items()}
-        read["severity"] = np.asarray(self.harm(jnp.asarray(read["peak_force"]), numbers))
-        return read
+        """Every parcel's numbers at the check's fidelity, or at a finer one where they are in
+        doubt there (`rung`), and its `status` and `severity`, without derivatives."""
+        found = refined(
+            lambda rung, lanes: self._judge[rung](jnp.asarray(z), lanes), encounters,
+            len(self._judge),
+        )  # fmt: skip
+        read = dict(found.numbers)
+        severity = self.harm(jnp.asarray(read["peak_force"]), encounters)
+        valid = self.valid(read, found.statuses)
+        return {
+            **read, "status": found.statuses, "rung": found.rungs, "valid": np.asarray(valid),
+            "severity": np.asarray(severity),
+        }  # fmt: skip

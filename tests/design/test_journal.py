@@ -13,10 +13,10 @@ DATA = (np.asarray(1.0),)
 
 
 def numbers(x):
-    """Two objectives and one margin of two variables, and the counts of their statuses."""
+    """Two objectives and one margin of two variables, counts of their statuses and rungs."""
     return [
         np.array([x, 2 * x]), np.array([1 - x]), np.array([[1.0, 0.0], [2.0, np.nan]]),
-        np.array([[-1.0, 0.5]]), np.array([3, 0, 1]),
+        np.array([[-1.0, 0.5]]), np.array([3, 0, 1]), np.array([4, 0]),
     ]  # fmt: skip
 
 
@@ -95,7 +95,7 @@ def test_an_empty_file_and_half_a_header_begin_anew(path):
 
 @pytest.mark.parametrize(
     "content",
-    [b"notes of mine", b"\x89PNG\r\n\x1a\n\0", b'{"fencejax journal": 1}\n', b"[]\n", b"\n\n"],
+    [b"notes of mine", b"\x89PNG\r\n\x1a\n\0", b'{"fencejax journal": 2}\n', b"[]\n", b"\n\n"],
 )
 def test_foreign_files_are_refused_and_kept(path, content):
     path.parent.mkdir()

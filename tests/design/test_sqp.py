@@ -4,6 +4,7 @@ import json
 
 import jax.numpy as jnp
 import numpy as np
+import optax
 import pytest
 
 from fencejax.design import (
@@ -84,51 +85,48 @@ def _problems():
 
 
 @pytest.mark.parametrize("index", range(3))
-def test_steps_find_known_optima_with_fewer_evaluations(index):
+def test_steps_find_known_optima(index):
     problem, start, least = _problems()[index]
-    settings = dict(scale=1.0, tolerance=1e-5, feasibility=1e-6, budget=300)
-    found = minimize(problem, start, method="sqp", **settings)
+    settings = dict(scale=1.0, bounded=False, tolerance=1e-5, feasibility=1e-6, budget=300)
+    found = minimize(problem, start, **settings)
     assert found.converged
     assert found.objective == pytest.approx(least, abs=2e-5)
-    other = minimize(problem, start, method="lbfgs", **settings)
-    assert len(found.history) <= 1.2 * len(other.history)
 
 
 def test_steps_say_that_there_is_no_feasible_design():
     def impossible(z):
         return z @ z, jnp.stack([z[0] - 1, -z[0] - 1]), 0
 
-    found = minimize(impossible, [3.0, 1.0], scale=1.0, method="sqp")
+    found = minimize(impossible, [3.0, 1.0], scale=1.0, bounded=False)
     assert found.stop is Stop.INFEASIBLE
     assert found.residual.violation == pytest.approx(1.0, abs=1e-6)
 
 
 def test_steps_leave_a_bound_of_the_shares():
-    # In shares s of logits z: min (s - 0.3)^2 from s = 1 - 1e-6, where ds/dz is 1e-6.
-    def problem(z):
-        share = 1 / (1 + jnp.exp(-z))
+    def problem(share):
         return jnp.sum((share - 0.3) ** 2), jnp.zeros(0), 0
 
-    found = minimize(problem, [13.8, -13.8], method="sqp", logits=True, scale=1.0, tolerance=1e-6)
+    found = minimize(problem, [1.0, 0.0], scale=1.0, tolerance=1e-6)
     assert found.converged
-    np.testing.assert_allclose(1 / (1 + np.exp(-found.point)), 0.3, atol=1e-6)
+    np.testing.assert_allclose(found.point, 0.3, atol=1e-6)
 
 
 def test_one_program_serves_every_bound(circle):
-    before = circle._one._cache_size()
+    before = circle._each[0]._cache_size()
     for least in (0.5, 1.0, 2.0):
         data = (np.asarray(least),)
-        found = minimize(circle, [3.0, 0.0], data=data, scale=1.0, method="sqp", tolerance=1e-6)
+        found = minimize(circle, [3.0, 0.0], data=data, scale=1.0, bounded=False, tolerance=1e-6)
         np.testing.assert_allclose(found.point, [least, least], atol=1e-5)
         np.testing.assert_allclose(found.multipliers, [2 * least], rtol=1e-4)
-    assert circle._one._cache_size() <= before + 1
+    assert circle._each[0]._cache_size() <= before + 1
 
 
-@pytest.mark.parametrize("method", ["sqp", "lbfgs"])
+@pytest.mark.parametrize("method", ["sqp", optax.sgd(0.05)], ids=["sqp", "sgd"])
 def test_optimum_with_its_multipliers_is_seen_at_once(circle, method):
     data = (np.asarray(1.0),)
-    settings = dict(data=data, scale=1.0, method=method)
-    cold = minimize(circle, [3.0, 0.0], tolerance=1e-8, feasibility=1e-8, **settings)
+    settings = dict(data=data, scale=1.0, bounded=False, method=method)
+    cold = minimize(circle, [3.0, 0.0], tolerance=1e-6, feasibility=1e-6, budget=400, **settings)
+    assert cold.converged
     held = Multipliers(cold.weights, cold.multipliers)
     warm = minimize(circle, cold.point, multipliers=held, tolerance=1e-5, **settings)
     assert warm.converged
@@ -137,11 +135,11 @@ def test_optimum_with_its_multipliers_is_seen_at_once(circle, method):
         minimize(circle, [1.0, 1.0], data=data, multipliers=Multipliers(np.ones(2), np.ones(1)))
 
 
-@pytest.mark.parametrize("method", ["sqp", "lbfgs"])
+@pytest.mark.parametrize("method", ["sqp", optax.sgd(0.02)], ids=["sqp", "sgd"])
 def test_runs_side_by_side_do_what_they_do_alone(circle, method):
     starts = np.array([[3.0, 0.0], [-1.0, 2.0], [0.5, 0.4], [4.0, 4.0], [0.0, 0.1]])
     data = [(np.asarray(least),) for least in (0.5, 1.0, 2.0, 0.7, 0.1)]
-    settings = dict(scale=1.0, tolerance=1e-6, method=method)
+    settings = dict(scale=1.0, bounded=False, tolerance=1e-6, method=method, budget=60)
     seen = []
     many = minimize_many(
         circle, starts, data=data, width=3, progress=lambda run, r: seen.append(run), **settings
@@ -167,7 +165,7 @@ def test_failure_of_one_run_is_not_swallowed(circle):
 
 def test_journal_resumes_where_it_was_cut_off(circle, tmp_path):
     path, data = tmp_path / "j.jsonl", (np.asarray(1.0),)
-    run = dict(data=data, scale=1.0, tolerance=1e-8, method="lbfgs")
+    run = dict(data=data, scale=1.0, bounded=False, tolerance=1e-8)
     whole = minimize(circle, [3.0, 0.0], journal=Journal(path, "a"), **run)
     lines = path.read_text().splitlines(keepends=True)
     assert len(lines) == 1 + len(whole.history)
@@ -181,7 +179,7 @@ def test_journal_resumes_where_it_was_cut_off(circle, tmp_path):
     assert len(Journal(path, "a")) == len(whole.history)
     # Another datum is another problem: nothing is recalled.
     other = Journal(path, "a")
-    minimize(circle, [3.0, 0.0], journal=other, data=(np.asarray(0.9),), scale=1.0, budget=2)
+    minimize(circle, [3.0, 0.0], journal=other, budget=2, **{**run, "data": (np.asarray(0.9),)})
     assert other.recalled == 0
 
 
@@ -197,7 +195,7 @@ def test_journals_of_other_problems_are_refused(circle, tmp_path):
 
 def test_verification_states_the_error(circle):
     data = (np.asarray(1.0),)
-    found = minimize(circle, [3.0, 0.0], data=data, scale=1.0, method="sqp", tolerance=1e-6)
+    found = minimize(circle, [3.0, 0.0], data=data, scale=1.0, bounded=False, tolerance=1e-6)
 
     def finer(z, least):
         force, margins, status = _circle(z, least)

@@ -23,7 +23,7 @@ def _limited(z):
 
 @pytest.mark.parametrize("start", [[-1.0, 1.5], [2.0, -1.0], [0.0, 0.3]])
 def test_kinked_valley_is_followed_to_its_end(start):
-    found = minimize(_valley, start, method="sqp", scale=1.0, tolerance=1e-4, budget=250)
+    found = minimize(_valley, start, scale=1.0, bounded=False, tolerance=1e-4, budget=250)
     # Steps that know one side of the kink alone end between 0.4 and 4.6. Along the valley a step's
     # gain falls below the tolerance where |1 - x| is some hundredths.
     assert found.objective < 0.03**2
@@ -53,7 +53,7 @@ def test_run_starts_again_while_that_lowers_the_worst_case(monkeypatch):
 
 def test_limit_with_a_kink():
     found = minimize(
-        _limited, [0.0, 0.5], method="sqp", scale=1.0, tolerance=1e-4, feasibility=1e-6
+        _limited, [0.0, 0.5], scale=1.0, bounded=False, tolerance=1e-4, feasibility=1e-6
     )
     assert found.feasible
     # On the kink no side's slope balances; both together do.
@@ -70,7 +70,7 @@ def test_largest_of_three_as_one_number(start):
         rows = jnp.stack([x**2 + y**4, (2 - x) ** 2 + (2 - y) ** 2, 2 * jnp.exp(y - x)])
         return jnp.max(rows), jnp.zeros(0), 0
 
-    found = minimize(hidden, start, method="sqp", scale=1.0, tolerance=1e-3)
+    found = minimize(hidden, start, scale=1.0, bounded=False, tolerance=1e-3)
     assert found.converged
     assert found.objective == pytest.approx(1.9522245, abs=1e-3)
     np.testing.assert_allclose(found.weights, [1.0])
@@ -96,7 +96,7 @@ def test_straight_wall_is_followed(start):
     def walled(z):
         return z @ z, jnp.ones(1), jnp.where(z[0] + z[1] < 1, 6, 0)
 
-    found = minimize(walled, start, method="sqp", scale=1.0)
+    found = minimize(walled, start, scale=1.0, bounded=False)
     assert not found.converged
     assert found.objective == pytest.approx(0.5, abs=5e-3)
 
@@ -109,5 +109,5 @@ def test_bent_wall_is_followed(start):
         worst = 20 * z[1] ** 2 + (z[0] - 3) ** 2
         return worst, jnp.ones(1), jnp.where(z[1] < 0.05 * jnp.sin(3 * z[0]), 6, 0)
 
-    found = minimize(bent, start, method="sqp", scale=1.0)
+    found = minimize(bent, start, scale=1.0, bounded=False)
     assert found.objective < 0.02

@@ -127,6 +127,11 @@ def test_design_jobs_take_them(machine, job):
     assert fence.taper.share == 0.3
     assert type(drive).__name__ == ("SplineDrive" if job == "co_design" else "Swing")
     assert config.limits[-1].name == "impulse"
+    if job != "peak_force":
+        # Evaluations on file are another machine's.
+        key = importlib.import_module(f"optimize.{job}.job")._key
+        keys = {key(configured(job, machine, text)) for text in ([], own[-2:], LIMITS)}
+        assert len(keys) == 3
 
 
 def test_other_jobs_take_them(machine):

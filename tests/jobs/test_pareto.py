@@ -50,7 +50,7 @@ def test_front_falls_and_holds_its_limits(small):
 
 def test_every_bound_is_served_by_one_program(small):
     front, _ = small
-    assert front.tradeoff.program._one._cache_size() == 1
+    assert front.tradeoff.program._each[0]._cache_size() == 1
     # At the optimiser's own fidelity the second look finds the same, compiled otherwise.
     for point in front.points:
         assert abs(point.verified.error) < 1e-9

@@ -1,6 +1,7 @@
 """The methods: what each of them does with a task, from a start, on a ledger.
 
-The package's own two see the worst case and the limits as they are. So does SciPy's SLSQP, given
+The package's own see the worst case and the limits as they are, by its SQP and by optax' Adam on
+its augmented Lagrangian. So does SciPy's SLSQP, given
 the largest force as an extra unknown t with t >= F_i. The others see one number,
 
     worst case + rho * sum of violations          (`exact`), or
@@ -24,17 +25,16 @@ from scipy import optimize
 from fencejax.design import minimize
 
 from .ledger import Ledger, SpentError
-from .tasks import Task, logits, shares
+from .tasks import Task
 
 Method = Callable[[Task, Ledger, np.ndarray, int], None]
 
 
-def _ours(method: str) -> Method:
+def _ours(method: str | optax.GradientTransformation) -> Method:
     def run(task, ledger, start, seed):
         minimize(
             task.slopes,
-            logits(start),
-            logits=True,
+            start,
             method=method,
             tolerance=1e-4,
             feasibility=1e-4,
@@ -59,14 +59,13 @@ def _penalised(ledger: Ledger, share, rho: float, power: int):
 def _adam(rate: float, rho: float) -> Method:
     def run(task, ledger, start, seed):
         adam = optax.adam(rate)
-        z = jnp.asarray(logits(start))
+        z = jnp.asarray(start)
         with jax.numpy_dtype_promotion("standard"):
             state, update = adam.init(z), jax.jit(adam.update)
             while True:
-                share = shares(z)
-                _, slope = _penalised(ledger, share, rho, 1)
-                step, state = update(jnp.asarray(slope * share * (1 - share)), state)
-                z = jnp.clip(z + step, -13.0, 13.0)
+                _, slope = _penalised(ledger, np.asarray(z), rho, 1)
+                step, state = update(jnp.asarray(slope), state)
+                z = jnp.clip(z + step, 0.0, 1.0)
 
     return run
 
@@ -165,11 +164,13 @@ def _evolution(size: int) -> Method:
 
 METHODS: dict[str, dict[str, Method]] = {
     "SQP (fencejax)": {"": _ours("sqp")},
-    "augmented Lagrangian (fencejax)": {"": _ours("lbfgs")},
+    "Adam, augmented Lagrangian (fencejax)": {
+        f"rate {rate}": _ours(optax.adam(rate)) for rate in (0.005, 0.025)
+    },
     "SLSQP (SciPy)": {"": _slsqp(False), "walled": _slsqp(True)},
     "L-BFGS-B, penalties (SciPy)": {"exact": _lbfgsb(1), "squares": _lbfgsb(2)},
     "Adam, penalties (optax)": {
-        f"rate {rate}, rho {rho}": _adam(rate, rho) for rate, rho in ((0.02, 3.0), (0.1, 3.0))
+        f"rate {rate}, rho {rho}": _adam(rate, rho) for rate, rho in ((0.005, 3.0), (0.025, 3.0))
     },
     "differential evolution (SciPy)": {f"{n} n members": _evolution(n) for n in (3,)},
     "Nelder-Mead, penalties (SciPy)": {"": _nelder_mead},

@@ -1,6 +1,7 @@
 """The two design problems on which methods are compared."""
 
 import dataclasses
+import functools
 import time
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +14,6 @@ from fencejax.design import DesignSpace, Numbers, Program
 from fencejax.results import Status
 from optimize.co_design.configuration import CoDesignConfig
 from optimize.co_design.problem import Joint
-from optimize.common import designs
 from optimize.peak_force import impacts
 from optimize.peak_force.configuration import PeakForceConfig
 
@@ -49,7 +49,7 @@ class Task:
 
     def numbers(self, share: np.ndarray) -> tuple[float, np.ndarray, bool]:
         """The worst case over the scale, the margins, and whether the evaluation failed."""
-        objectives, margins, status = jax.device_get(self.value(logits(share)))
+        objectives, margins, status = jax.device_get(self.value(share))
         failed = int(np.max(status)) > Status.LEFT_OVER_TIP or not np.all(np.isfinite(objectives))
         return float(np.max(objectives)) / self.scale, np.asarray(margins), failed
 
@@ -60,25 +60,12 @@ class Task:
         return not finite or found.status > Status.LEFT_OVER_TIP
 
     def rows(self, share: np.ndarray) -> Numbers:
-        """Everything over the scale, with the derivatives in the shares."""
-        found, inside = self.slopes(logits(share)), np.clip(share, 1e-6, 1 - 1e-6)
-        bend = inside * (1 - inside)
+        """Everything over the scale, with the derivatives."""
+        found = self.slopes(share)
         return found._replace(
             objectives=found.objectives / self.scale,
-            objective_rows=found.objective_rows / self.scale / bend,
-            margin_rows=found.margin_rows / bend,
+            objective_rows=found.objective_rows / self.scale,
         )
-
-
-def logits(share: np.ndarray) -> np.ndarray:
-    """z of shares, moved off the bounds by a millionth."""
-    share = np.clip(share, 1e-6, 1 - 1e-6)
-    return np.log(share) - np.log1p(-share)
-
-
-def shares(z: np.ndarray) -> np.ndarray:
-    """Shares of logits."""
-    return 1 / (1 + np.exp(-np.asarray(z)))
 
 
 def _fastest(functions, repeats: int = 60) -> list[float]:
@@ -94,7 +81,7 @@ def _fastest(functions, repeats: int = 60) -> list[float]:
 
 def _task(name, title, space, problem, program, start) -> Task:
     value = jax.jit(problem)
-    first = shares(start)
+    first = start
     rng = np.random.default_rng(5)
     # The paper's fence, and designs a sixth of the range away from it in every variable.
     moved = [
@@ -120,8 +107,10 @@ def fence() -> Task:
     )
     space = DesignSpace(config.variables)
     blows = impacts.Impacts(config.distances, config.masses, config.drive_angle, config.duration)
-    problem = impacts.problem(space, blows, config.limits, fj.Fidelity.fast(), 0.0)
-    start = np.asarray(space.to_unconstrained(space.values_of(space.fence, space.drive)))
+    problem = functools.partial(
+        impacts.problem(space, blows, config.limits, 0.0), fidelity=fj.Fidelity.fast()
+    )
+    start = np.asarray(space.to_shares(space.values_of(space.fence, space.drive)))
     title = "fence, worst of four impacts"
     return _task("fence", title, space, problem, Program(problem), start)
 
@@ -131,11 +120,11 @@ def motion() -> Task:
     joint = Joint(CoDesignConfig(masses=(15.0,), offsets=(0.05,), controls=16, fidelity="fast"))
 
     def problem(z):
-        return joint.combined(joint.read(z, "fast"), 0.0)
+        read = joint.read(z, fj.Fidelity.fast())
+        return *joint.combined(read, 0.0), read["status"]
 
     title = "fence and free-form motion, one whole sort"
-    start = designs.inside(joint.start)
-    return _task("motion", title, joint.space, problem, Program(problem), start)
+    return _task("motion", title, joint.space, problem, Program(problem), joint.start)
 
 
 TASKS = {"fence": fence, "motion": motion}

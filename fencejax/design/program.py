@@ -1,0 +1,245 @@
+"""A design problem with its Jacobian, compiled; numbers in doubt are computed again, finer."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..results import NUMERICAL, Status
+from .lagrangian import Vector
+
+Problem = Callable[..., tuple[Array, Array, Array]]
+"""z (n,), and data where there are any -> objectives (k,), margins (m,), statuses of any shape."""
+
+_DOUBTS = np.array(sorted(NUMERICAL))
+_FEWEST = 8
+
+
+class Numbers(NamedTuple):
+    """What a problem and its Jacobian are at a point, on the host: objectives (k,), margins (m,),
+    their Jacobians (k, n) and (m, n), how often each `Status` occurred, and how many lanes are
+    of each rung of the problem's fidelities."""
+
+    objectives: Vector
+    margins: Vector
+    objective_rows: np.ndarray
+    margin_rows: np.ndarray
+    statuses: np.ndarray
+    rungs: np.ndarray
+
+    @property
+    def status(self) -> int:
+        """The largest status that occurred."""
+        return int(np.max(np.flatnonzero(self.statuses), initial=0))
+
+    @property
+    def physical(self) -> int:
+        """The largest status that occurred and is not numerical: it speaks of the design."""
+        found = np.setdiff1d(np.flatnonzero(self.statuses), _DOUBTS)
+        return int(np.max(found, initial=0))
+
+
+class Refined(NamedTuple):
+    """Numbers of lanes, each leaf with the lanes first; their statuses, and the rung of each."""
+
+    numbers: Any
+    statuses: np.ndarray
+    rungs: np.ndarray
+
+
+def refined(
+    compute: Callable[[int, Any], tuple[Any, Array]], lanes: Any, rungs: int
+) -> Refined:
+    """The numbers of lanes, each at the first rung at which they are not in doubt.
+
+    Lanes whose status is numerical (`Status.numerical`) are gathered on the host and computed
+    again at the next rung, up to the last, whose numbers stand in any case. The number of lanes in
+    a call is a power of two from 8 on, filled up with the first of them, so that few programs are
+    compiled: one lane takes hardly less time than eight.
+
+    **Arguments:**
+
+    - `compute`: rung (from 0, coarsest) and lanes -> numbers and statuses, each leaf with the lanes
+      first; a compiled function.
+    - `lanes`: a pytree whose leaves have the lanes first.
+    - `rungs`: how many there are.
+    """
+    numbers, statuses = jax.device_get(compute(0, lanes))
+    numbers, statuses = jax.tree.map(np.array, numbers), np.array(statuses)
+    used = np.zeros(statuses.shape[0], dtype=int)
+    for rung in range(1, rungs):
+        doubtful = np.flatnonzero(np.isin(statuses, _DOUBTS))
+        if not doubtful.size:
+            break
+        # Never more than there are: of few lanes all, so that one program serves any of them.
+        size = min(max(_FEWEST, 1 << int(doubtful.size - 1).bit_length()), statuses.shape[0])
+        chosen = np.append(doubtful, np.full(size - doubtful.size, doubtful[0]))
+        part = jax.tree.map(lambda leaf, chosen=chosen: np.asarray(leaf)[chosen], lanes)
+        finer, now = jax.device_get(compute(rung, part))
+        count = doubtful.size
+
+        def put(old, new, at=doubtful, count=count):
+            old[at] = np.asarray(new)[:count]
+
+        jax.tree.map(put, numbers, finer)
+        put(statuses, now)
+        used[doubtful] = rung
+    return Refined(numbers, statuses, used)
+
+
+class Program:
+    """A problem with its Jacobian, compiled once for all runs that use it.
+
+    The problem is a function of z (n,) and of further arguments, the *data*: any pytrees of
+    numbers that a run holds fixed, such as the bound of a limit. They are arguments of the
+    compiled program, so that another value of theirs compiles nothing.
+
+    With `fidelities`, each finer than the one before, the problem is called with one of them, too:
+
+        def problem(z, fidelity):
+            result = fj.simulate(scene(z), fidelity=fidelity, history=False)
+            return result.peak_force, limit.margin(result, scene(z)), result.status
+
+        fj.minimize(fj.Program(problem, fj.Fidelity.fast().ladder()), start)
+
+    Where a status is numerical (`Status.numerical`), value and Jacobian are computed again at the
+    next one. Those of the last are used in any case, and the record keeps the status.
+    """
+
+    def __init__(self, problem: Problem, fidelities: Sequence[Any] | None = None):
+        ladder: Sequence[dict[str, Any]] = [{}]
+        if fidelities is not None:
+            ladder = [{"fidelity": fidelity} for fidelity in fidelities]
+        self._rungs = len(ladder)
+
+        def at(chosen):
+            def everything(z, *data):
+                objectives, margins, status = problem(z, *data, **chosen)
+                numbers = (jnp.atleast_1d(objectives), jnp.atleast_1d(margins))
+                return numbers, (numbers, _counted(status))
+
+            return jax.jacfwd(everything, has_aux=True)
+
+        self._each = [jax.jit(at(chosen)) for chosen in ladder]
+        self._many = jax.jit(jax.vmap(at(ladder[0])))
+
+    def __call__(self, point: Vector, *data: Any) -> Numbers:
+        """The numbers at a point."""
+        return self._settled(_hosted(self._each[0](jnp.asarray(point), *data)), point, data)
+
+    def many(self, points: np.ndarray, *data: Any) -> list[Numbers]:
+        """The numbers at several points (w, n), in one vectorised call; every leaf of the data has
+        a first axis of that length. Another w compiles anew."""
+        together = _hosted(self._many(jnp.asarray(points), *data))
+        return [
+            self._settled(
+                tuple(part[i] for part in together), points[i],
+                jax.tree.map(lambda leaf, i=i: leaf[i], data),
+            )
+            for i in range(len(points))
+        ]  # fmt: skip
+
+    def _settled(self, found, point: Vector, data: tuple[Any, ...]) -> Numbers:
+        """The numbers of the first rung that is not in doubt, given those of the coarsest."""
+        rung = 0
+        while np.any(found[4][_DOUBTS]) and rung + 1 < self._rungs:
+            rung += 1
+            found = _hosted(self._each[rung](jnp.asarray(point), *data))
+        used = np.bincount([rung], minlength=self._rungs)
+        return Numbers(*found, used * max(1, int(np.sum(found[4]))))
+
+
+class LaneProgram:
+    """A problem over many lanes (parcels, impacts) with its Jacobian, each lane at the fidelity
+    that it needs.
+
+    It is the composition of
+
+    - `read`: z (n,), lanes, fidelity -> numbers (a pytree) and statuses, each leaf with the lanes
+      first: what a simulation of every lane gives;
+    - `combine`: z, numbers, statuses, lanes, further data -> objectives (k,), margins (m,).
+
+    Lanes with a numerical status are computed again at the next of the `fidelities`, they alone
+    (`refined`). Their derivatives are composed with those of `combine` by the chain rule. Like a
+    `Program` it is called with a point and the data, of which the first are the lanes: a pytree
+    whose leaves have the lanes first.
+    """
+
+    def __init__(
+        self,
+        read: Callable[[Array, Any, Any], tuple[Any, Array]],
+        combine: Callable[..., tuple[Array, Array]],
+        fidelities: Sequence[Any],
+    ):
+        self._rungs = len(fidelities)
+
+        def at(fidelity):
+            def values(z, lanes):
+                numbers, statuses = read(z, lanes, fidelity)
+                return numbers, (numbers, jnp.asarray(statuses, dtype=int))
+
+            def both(z, lanes):
+                rows, (numbers, statuses) = jax.jacfwd(values, has_aux=True)(z, lanes)
+                return (numbers, rows), statuses
+
+            return both
+
+        def whole(z, numbers, rows, statuses, lanes, *data):
+            def of(z, numbers):
+                pair = combine(z, numbers, statuses, lanes, *data)
+                return tuple(jnp.atleast_1d(part) for part in pair)
+
+            def along(unit, change):
+                return jax.jvp(of, (z, numbers), (unit, change))[1]
+
+            columns = jax.vmap(along, in_axes=(0, -1), out_axes=-1)
+            slopes = columns(jnp.eye(z.size, dtype=z.dtype), rows)
+            return slopes, (of(z, numbers), _counted(statuses))
+
+        self._each = [jax.jit(at(fidelity)) for fidelity in fidelities]
+        self._many = jax.jit(jax.vmap(at(fidelities[0])))
+        self._whole = jax.jit(whole)
+
+    def __call__(self, point: Vector, *data: Any) -> Numbers:
+        """The numbers at a point."""
+        return self._settled(jnp.asarray(point), data, None)
+
+    def many(self, points: np.ndarray, *data: Any) -> list[Numbers]:
+        """As `Program.many`."""
+        together = jax.device_get(self._many(jnp.asarray(points), data[0]))
+        return [
+            self._settled(
+                jnp.asarray(points[i]),
+                *jax.tree.map(lambda leaf, i=i: leaf[i], (data, together)),
+            )
+            for i in range(len(points))
+        ]
+
+    def _settled(self, point: Array, data: tuple[Any, ...], known: Any) -> Numbers:
+        """The numbers with each lane at its rung; `known`: those of the coarsest, if they are."""
+
+        def compute(rung, lanes):
+            if rung == 0 and known is not None:
+                return known
+            return self._each[rung](point, lanes)
+
+        (numbers, rows), statuses, rungs = refined(compute, data[0], self._rungs)
+        found = _hosted(self._whole(point, numbers, rows, statuses, *data))
+        return Numbers(*found, np.bincount(rungs, minlength=self._rungs))
+
+
+def _counted(status) -> Array:
+    """How often each status occurs."""
+    codes = jnp.ravel(jnp.asarray(status, dtype=int))
+    return jnp.sum(codes[:, None] == jnp.arange(len(Status))[None], axis=0)
+
+
+def _hosted(found) -> tuple[np.ndarray, ...]:
+    rows, (numbers, counts) = jax.device_get(found)
+    objectives, margins, by_objective, by_margin = (
+        np.asarray(part, dtype=float) for part in (*numbers, *rows)
+    )
+    return objectives, margins, by_objective, by_margin, np.asarray(counts)

@@ -1,0 +1,109 @@
+"""Problems whose numbers are computed again, finer, where they are in doubt."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fencejax as fj
+from fencejax.design import LaneProgram, Program, minimize
+from fencejax.results import Status
+
+_SIZES: list[tuple[int, int]] = []
+
+
+def _read(z, lanes, fidelity):
+    """Forces x (1 + z_0^2) + z_1, off by 1 at rung 0 and by 0.1 at rung 1, which doubt lanes above
+    2 and above 4; rung 2 still doubts what is above 8, and there is a wall below 0."""
+    _SIZES.append((fidelity, lanes.shape[0]))
+    error = (1.0, 0.1, 0.0)[fidelity]
+    force = lanes * (1 + z[0] ** 2) + z[1] + error
+    status = jnp.where(lanes > (2.0, 4.0, 8.0)[fidelity], int(Status.STEP_TOO_COARSE), 0)
+    status = jnp.where(lanes < 0, int(Status.LARGE_DEFLECTION), status)
+    return {"force": force, "lane": lanes}, status
+
+
+def _combine(z, numbers, statuses, lanes, bound):
+    return numbers["force"] ** 2, bound - jnp.sum(numbers["force"]) - jnp.sum(z**3)
+
+
+_PROGRAM = LaneProgram(_read, _combine, (0, 1, 2))
+
+
+def _exact(z, x, bound, error):
+    force = x * (1 + z[0] ** 2) + z[1] + error
+    return force**2, jnp.atleast_1d(bound - jnp.sum(force) - jnp.sum(z**3))
+
+
+def test_lanes_in_doubt_alone_are_computed_again():
+    lanes = np.array([1.0, 3.0, 0.5, 5.0, 6.0, 2.0, 7.0, 3.5, 2.5, 2.1, 2.2, 2.3, 2.4])
+    error = np.where(lanes > 4, 0.0, np.where(lanes > 2, 0.1, 1.0))
+    z, bound = np.array([0.3, -0.2]), np.asarray(2.0)
+    _SIZES.clear()
+    found = _PROGRAM(z, lanes, bound)
+    # Ten of the thirteen, as there is no call of sixteen of them, then three, filled up to eight.
+    assert sorted({size for size in _SIZES if size[0]}) == [(1, 13), (2, 8)]
+    np.testing.assert_array_equal(found.rungs, [3, 7, 3])
+    assert found.status == 0
+    objectives, margins = _exact(jnp.asarray(z), lanes, bound, error)
+    rows = jax.jacfwd(lambda z: _exact(z, lanes, bound, error))(jnp.asarray(z))
+    np.testing.assert_allclose(found.objectives, objectives, rtol=1e-14)
+    np.testing.assert_allclose(found.margins, margins, rtol=1e-14)
+    # The chain rule gives the derivative of the composition.
+    np.testing.assert_allclose(found.objective_rows, rows[0], rtol=1e-13)
+    np.testing.assert_allclose(found.margin_rows, rows[1], rtol=1e-13)
+
+
+def test_several_points_are_what_each_is_alone():
+    lanes = np.array([[1.0, 3.0], [5.0, 9.0], [0.5, 1.0]])
+    points, bounds = np.array([[0.3, -0.2], [0.1, 0.4], [1.0, 0.0]]), np.array([1.0, 2.0, 3.0])
+    for point, own, bound, many in zip(
+        points, lanes, bounds, _PROGRAM.many(points, lanes, bounds), strict=True
+    ):
+        alone = _PROGRAM(point, own, bound)
+        for one, other in zip(many, alone, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-14)
+
+
+def test_physics_is_not_computed_again_and_doubt_at_the_finest_is_kept():
+    found = _PROGRAM(np.zeros(2), np.array([-1.0, 9.0, 1.0]), np.asarray(1.0))
+    np.testing.assert_array_equal(found.rungs, [2, 0, 1])
+    assert found.statuses[Status.STEP_TOO_COARSE] == 1
+    assert found.physical == Status.LARGE_DEFLECTION
+
+
+@pytest.mark.parametrize("many", [False, True])
+def test_whole_problem_is_computed_again(many):
+    def problem(z, least, fidelity):
+        status = jnp.where((z[0] > 0.5) & (fidelity < 1), int(Status.MODES_TOO_FEW), 0)
+        return z @ z + 1.0 - 0.5 * fidelity, z[0] - least, status
+
+    program = Program(problem, fidelities=(0, 1))
+    point, least = np.array([0.7, 0.0]), np.asarray(0.6)
+    found = program.many(point[None], least[None])[0] if many else program(point, least)
+    np.testing.assert_array_equal(found.rungs, [0, 1])
+    np.testing.assert_allclose(found.objectives, [0.99])
+    assert found.status == 0
+    best = minimize(program, point, data=(least,), scale=1.0)
+    assert best.converged
+    np.testing.assert_allclose(best.point, [0.6, 0.0], atol=1e-3)
+    assert all(record.rungs == (0, 1) and not record.failed for record in best.history)
+
+
+def test_ladder_settles_a_doubtful_sort():
+    # Steps of 4 ms do not resolve the blow; the next rung does, and agrees with the finest.
+    coarse = fj.Fidelity.coarse(step=4e-3)
+    ladder = coarse.ladder()
+    assert ladder[0] == coarse
+    assert [rung.step for rung in ladder[1:]] == [1.25e-4, 2.5e-5]
+    assert all(rung.geometry == coarse.geometry for rung in ladder)
+
+    def problem(z, fidelity):
+        scene = fj.scenes.oblique_impact(parcel=fj.Parcel(mass=10 * z[0]), duration=0.05)
+        result = fj.simulate(scene, fidelity=fidelity, only=("peak_force",))
+        return result.peak_force, jnp.ones(1), result.status
+
+    assert Status(int(problem(jnp.ones(1), coarse)[2])).numerical
+    found = Program(problem, ladder[:2])(np.ones(1))
+    assert found.status <= Status.LEFT_OVER_TIP
+    np.testing.assert_array_equal(found.rungs, [0, 1])
