@@ -18,7 +18,7 @@ from ..results import MEASURES, Result
 from ..simulate import simulate
 from .sampling import Samples
 from .scene_family import SceneFamily
-from .sweep_table import IMPOSSIBLE
+from .sweep_table import IMPOSSIBLE, derivative
 
 OUTPUTS: dict[str, str] = {
     **{name: measure.unit for name, measure in MEASURES.items()},
@@ -92,6 +92,17 @@ class Sweep:
         }
 
     @property
+    def columns(self) -> dict[str, str]:
+        """What is kept of each lane, with its unit: the outputs, and the derivatives of one of
+        them, named `d_OUTPUT_d_VARIABLE`. The status comes beside them."""
+        kept = {name: OUTPUTS[name] for name in self.outputs}
+        if self.gradient_of is not None:
+            unit = OUTPUTS[self.gradient_of]
+            for v in self.samples.variables:
+                kept[derivative(self.gradient_of, v.name)] = f"({unit}) / ({v.unit})"
+        return kept
+
+    @property
     def lane(self) -> "Lane":
         """What is done at each point."""
         return Lane(self.family, tuple(self.outputs), self.gradient_of, self.fidelity)
@@ -132,7 +143,11 @@ class Lane:
             "options": family.options,
             "outputs": list(self.outputs),
             "gradient_of": self.gradient_of,
-            "fidelity": dataclasses.asdict(self.fidelity),
+            "fidelity": {
+                # A solver of diffrax is known by what it prints.
+                each.name: _named(getattr(self.fidelity, each.name))
+                for each in dataclasses.fields(self.fidelity)
+            },
             "parts": {
                 name: _plain(getattr(family, name))
                 for name in ("fence", "drive", "parcel", "belt", "friction", "border")
@@ -176,5 +191,12 @@ def _plain(part: Any) -> dict[str, Any] | None:
         return None
     leaves, structure = jax.tree_util.tree_flatten_with_path(part)
     numbers = {jax.tree_util.keystr(path): np.asarray(leaf).tolist() for path, leaf in leaves}
+    return {**numbers, "structure": _named(structure)}
+
+
+def _named(value: Any) -> Any:
+    """A plain value as it is, another one as text."""
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
     # A function's address differs from process to process.
-    return {**numbers, "structure": re.sub(r" at 0x[0-9a-f]+", "", str(structure))}
+    return re.sub(r" at 0x[0-9a-f]+", "", str(value))

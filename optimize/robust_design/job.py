@@ -116,8 +116,8 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
     config.out.mkdir(parents=True, exist_ok=True)
     population = Population(config)
     journal = Journal(config.out / "evaluations.jsonl", _key(config))
-    if len(journal):
-        say(f"{len(journal)} evaluations known from {journal.path}")
+    if len(journal) or journal.torn:
+        say(str(journal))
     count = config.sample if config.method == "sample" else config.batch
     say(
         f"{count} {config.scenes} a step, variables {', '.join(population.space.names)}; "
@@ -247,4 +247,4 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
 
 def run():
     """The job from the command line."""
-    command.run("robust_design", configure, main)
+    command.run("robust_design", configure, main, stopped=command.RESUMED)
