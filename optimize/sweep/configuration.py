@@ -55,7 +55,9 @@ class SweepConfig:
     drive: str = named.drive_field()
     taper: str = named.taper_field()
     outputs: tuple[str, ...] = flags.field(
-        ("peak_force", "tip_deflection"), f"what is kept, of {', '.join(OUTPUTS)}", metavar="OUTPUT"
+        ("peak_force", "tip_deflection"),
+        f"what is kept, of {', '.join(OUTPUTS)}, {named.OWN} of a Measure",
+        metavar="OUTPUT",
     )
     gradient: str = flags.field(
         "none", "output whose derivatives in all variables are kept too, or none"
@@ -134,15 +136,16 @@ class SweepConfig:
             drive=named.drive(self.drive),
             duration=self.duration or None,
         )
-        outputs = self.outputs
-        if self.gradient != "none" and self.gradient not in outputs:
-            outputs = (*outputs, self.gradient)
+        texts = (*self.outputs, *(() if self.gradient == "none" else (self.gradient,)))
+        own = {text: named.measure("outputs", text) for text in texts if ":" in text}
+        names = [own[text].name if text in own else text for text in texts]
         return Sweep(
             family,
             samples,
-            outputs,
-            None if self.gradient == "none" else self.gradient,
+            names,
+            None if self.gradient == "none" else names[-1],
             getattr(fj.Fidelity, self.fidelity)(),
+            tuple({measure.name: measure for measure in own.values()}.values()),
         )
 
     def quick(self) -> "SweepConfig":
