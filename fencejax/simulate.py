@@ -200,7 +200,8 @@ def raise_for(result: Result) -> None:
         raise RuntimeError(f"{outcome.name}: {outcome.text}.")
 
 
-@functools.lru_cache(maxsize=256)
+# A compiled program takes some 30 MB, one with its gradient 50 MB, a whole sort 100 MB.
+@functools.lru_cache(maxsize=32)
 def _program(
     structure,
     fidelity: Fidelity,
