@@ -39,3 +39,7 @@ class AbstractSurface(eqx.Module):
     @abc.abstractmethod
     def at(self, x: Array, y: Array) -> SurfacePoint:
         """How the point (x, y) [m], in fixed axes, lies to the surface."""
+
+    def line(self) -> tuple[tuple[Array, ...], tuple[Array, ...]] | None:
+        """x and y [m] of points along it, for a picture; `None` for what need not be drawn."""
+        return None

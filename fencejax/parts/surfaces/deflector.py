@@ -65,3 +65,8 @@ class Deflector(AbstractSurface):
             normal=(-sine, cosine),
             beyond=jnp.maximum(-place, place - self.length),
         )
+
+    def line(self):
+        end_x = self.hinge_x + self.length * jnp.cos(self.angle)
+        end_y = self.hinge_y + self.length * jnp.sin(self.angle)
+        return (self.hinge_x, end_x), (self.hinge_y, end_y)
