@@ -59,6 +59,9 @@ from .parts import (
     SteppedTaper as SteppedTaper,
     TrapezoidDrive as TrapezoidDrive,
     Uniform as Uniform,
+    contact_laws as contact_laws,
+    friction_laws as friction_laws,
+    surfaces as surfaces,
 )
 from .results import (
     ErrorEstimate as ErrorEstimate,
@@ -87,6 +90,7 @@ from .study import (
     run_sweep as run_sweep,
     sampling as sampling,
     sensitivity as sensitivity,
+    simulate_many as simulate_many,
 )
 
 scene_numbers = scenes.numbers
@@ -143,8 +147,10 @@ __all__ = [
     "Uniform",
     "Verification",
     "choose_fidelity",
+    "contact_laws",
     "design",
     "estimate_gradient_error",
+    "friction_laws",
     "good",
     "holds",
     "identify",
@@ -166,7 +172,9 @@ __all__ = [
     "severity",
     "shock",
     "simulate",
+    "simulate_many",
     "study",
+    "surfaces",
     "tune_compiler",
     "verify",
 ]

@@ -15,6 +15,7 @@ from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array
 
 _LARGE = 10**9
+_DEVICES = "--xla_force_host_platform_device_count="
 
 # Settings of one backend that another or a later one does not know are passed over by XLA.
 _EXTRA = {
@@ -65,8 +66,8 @@ def tune_compiler(devices: int | None = None) -> None:
     if _KNOWN[0] <= jaxlib.version.__version_info__ < _KNOWN[1]:
         flags += [f"--{key}={value}" for key, value in _FLAGS.items() if key not in given]
     if devices is not None:
-        lead = "--xla_force_host_platform_device_count="
-        flags = [flag for flag in flags if not flag.startswith(lead)] + [f"{lead}{devices}"]
+        others = [flag for flag in flags if not flag.startswith(_DEVICES)]
+        flags = [*others, f"{_DEVICES}{devices}"]
     wanted = " ".join(flags)
     if wanted == given:
         return
@@ -108,3 +109,26 @@ def sound(tree: Any) -> Array:
     compiler as soon as one leaf of the tree is."""
     sums = [jnp.sum(leaf) for leaf in jax.tree.leaves(tree)]
     return unvmap_any(jnp.isfinite(functools.reduce(jnp.add, sums)))
+
+
+def compiler_flags() -> str:
+    """XLA's flags of this process as far as they decide results: all but the number of devices."""
+    given = os.environ.get("XLA_FLAGS", "").split()
+    return " ".join(flag for flag in given if not flag.startswith(_DEVICES))
+
+
+def adopt_flags(flags: str) -> None:
+    """Compile with the flags of another process, keeping this one's number of devices.
+
+    Raises `RuntimeError` if JAX has computed already with other flags.
+    """
+    if flags == compiler_flags():
+        return
+    if backends_are_initialized():
+        raise RuntimeError(
+            "JAX has computed already in this worker, with other settings of XLA. Restart the "
+            "workers (client.restart())."
+        )
+    given = os.environ.get("XLA_FLAGS", "").split()
+    mine = [flag for flag in given if flag.startswith(_DEVICES)]
+    os.environ["XLA_FLAGS"] = " ".join([flags, *mine])

@@ -67,7 +67,7 @@ class Fidelity:
     30 and 15 % at `coarse`, `fast` and `standard`. Of 37,624 random results compared with a
     reference one was worse, and nine more had two peaks equally high, where the gradient may be
     that of the other one; 99 % of real designs are within 0.8, 0.5 and 0.3 %, and 8, 3 and 2 %
-    (`tests/offline_fuzz.py`). The rungs below say what ordinary impacts have.
+    (`tests/robustness/offline_fuzz.py`). The rungs below say what ordinary impacts have.
     """
 
     modes: int | None = 4

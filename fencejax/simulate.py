@@ -48,6 +48,7 @@ def simulate(
     history: bool = True,
     only: Sequence[str] | None = None,
     measures: Sequence[Measure] = (),
+    refine: bool = False,
     throw: bool = False,
     estimate_error: bool = False,
 ) -> Result:
@@ -64,6 +65,9 @@ def simulate(
       and cost nothing, also in compiling a derivative. `history` then counts only if it is named.
     - `measures`: measures of one's own, beside those of `fencejax.results.MEASURES`: fields of the
       result by their names.
+    - `refine`: where the status doubts the numbers (`Status.numerical`), compute them again at the
+      next finer rung of `Fidelity.ladder`, up to the last one; `Result.rung` says at which they
+      are. Outside transformations alone: `fencejax.simulate_many` does so for batches.
     - `throw`: raise on the host if the status is not among those with good numbers.
     - `estimate_error`: put an `ErrorEstimate` into `Result.error`, from two more runs of half as
       many steps (one where there is no friction): about twice the cost.
@@ -107,6 +111,8 @@ def simulate(
         history = "history" in only
     _refuse(scene, fidelity)
     result = _result(scene, fidelity, history, only, own)
+    if refine:
+        fidelity, result = _refined(scene, fidelity, result, history, only, own)
     if estimate_error:
         estimated = error.estimate(_result, scene, fidelity, result)
         result = dataclasses.replace(result, error=estimated)
@@ -168,6 +174,23 @@ def _refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
 _PARTS = ("final", "energy", "start_time", "history")
 
 
+def _refined(scene, fidelity: Fidelity, result: Result, history: bool, only, own):
+    """The first fidelity of the ladder whose numbers are not in doubt, or the last, and its
+    result."""
+    if isinstance(result.status, Tracer):
+        raise TypeError(
+            "refine=True needs concrete numbers. Inside a transformation read `status`, or write "
+            "fj.simulate_many(scenes) for a batch."
+        )
+    rung, ladder = 0, fidelity.ladder()
+    while Status(int(result.status)).numerical and rung + 1 < len(ladder):
+        rung += 1
+        fidelity = ladder[rung]
+        _refuse(scene, fidelity)
+        result = _result(scene, fidelity, history, only, own)
+    return fidelity, dataclasses.replace(result, rung=rung)
+
+
 def raise_for(result: Result) -> None:
     """Raise `RuntimeError` if any lane's status is not among those with good numbers."""
     if isinstance(result.status, Tracer):
@@ -177,7 +200,8 @@ def raise_for(result: Result) -> None:
         raise RuntimeError(f"{outcome.name}: {outcome.text}.")
 
 
-@functools.lru_cache(maxsize=256)
+# A compiled program takes some 30 MB, one with its gradient 50 MB, a whole sort 100 MB.
+@functools.lru_cache(maxsize=32)
 def _program(
     structure,
     fidelity: Fidelity,
@@ -227,7 +251,7 @@ def _result(scene, fidelity: Fidelity, history: bool, only, own=()) -> Result:
 def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory]:
     """What the integrator begins with: the parts made ready, the clock, and the state at the
     start."""
-    touching = scene.fence_corners or scene.border_corners
+    touching = scene.fence_corners or scene.border_corners or scene.surfaces
     fidelity = fidelity.settled(scene.duration if touching else 0.0)
     good = sound(scene)
     steps = time_loop.count_steps(scene.duration, fidelity.step)

@@ -1,0 +1,9 @@
+"""The jobs, each `python -m optimize.NAME`."""
+
+import sys
+
+# Only where one of them is run, and before its long imports: then the first argument is still "-m".
+if sys.argv[:1] == ["-m"]:
+    from .common import interrupts
+
+    interrupts.watch()

@@ -1,10 +1,12 @@
 """A file of evaluations, one a line, from which an interrupted optimisation goes on."""
 
+import contextlib
+import errno
 import hashlib
 import json
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +30,9 @@ class Journal:
 
     Every evaluation is written out as soon as it is made. An optimisation is a deterministic
     function of its evaluations: run again with the same journal it takes the same way, without
-    computing what is known, and goes on where it was interrupted. A last line that was cut off is
-    dropped. Several runs of one problem with different data may share a journal.
+    computing what is known, and goes on where it was interrupted. Lines that a kill, a full disk or
+    a defect has torn count as not made, and are left in the file; the others are kept. Several runs
+    of one problem with different data may share a journal.
     """
 
     def __init__(self, path: str | os.PathLike[str], key: str = ""):
@@ -39,47 +42,61 @@ class Journal:
         - `key`: what else decides the numbers (fidelity, scenes, bounds), as text. A file with
           another key is of another problem.
 
-        Raises `ValueError` for a file of another problem or of another kind.
+        Raises `ValueError` for a file of another problem or of another kind, and `OSError` where it
+        cannot be read or written.
         """
-        self.path, self.recalled = Path(path), 0
+        self.path, self.recalled, self.torn = Path(path), 0, 0
         self._known: dict[str, list[np.ndarray]] = {}
         self._lock = threading.Lock()
-        self.path.parent.mkdir(parents=True, exist_ok=True)
         header = {"fencejax journal": _FORMAT, "key": hashlib.sha256(key.encode()).hexdigest()}
-        text = self.path.read_text() if self.path.exists() else ""
-        whole, _, _ = text.rpartition("\n")
-        lines = whole.splitlines()
-        if lines:
-            self._read(lines, header)
-        if text != "".join(f"{line}\n" for line in lines) or not lines:
-            # Written beside and put in place at once: at no moment is what was known gone.
-            fresh = self.path.with_name(self.path.name + ".new")
-            kept = lines or [json.dumps(header)]
-            fresh.write_text("".join(f"{line}\n" for line in kept))
-            fresh.replace(self.path)
+        with self._said():
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            raw = self.path.read_bytes() if self.path.exists() else b""
+        first, *rows = raw.decode(errors="replace").split("\n")
+        start = json.dumps(header)
+        if not rows and start.startswith(first):
+            # Nothing is there yet, or not even the whole header.
+            with self._said():
+                self.path.write_text(start + "\n")
+            return
+        self._check(first, header)
+        for row in filter(None, rows):
+            try:
+                self._known.update([_evaluation(row)])
+            except (ValueError, KeyError, TypeError, IndexError, OverflowError):
+                self.torn += 1
 
-    def _read(self, lines: list[str], header: dict) -> None:
+    def _check(self, first: str, header: dict) -> None:
+        """Raise `ValueError` where a file's first line is not the header of this problem."""
         try:
-            first, *rows = [json.loads(line) for line in lines]
-            kind = first["fencejax journal"]
-            known = {row["address"]: [np.asarray(p) for p in row["numbers"]] for row in rows}
+            found = json.loads(first)
+            kind, key = found["fencejax journal"], found["key"]
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(
-                f"Argument `path` must name a journal of evaluations, but {self.path} is none: "
-                f"{error}. Name another file, or remove this one."
+                f"Argument `path` must name a journal of evaluations, but {self.path} is none. "
+                "Name another file or folder, or remove this one."
             ) from error
-        if kind != _FORMAT or first["key"] != header["key"]:
+        if kind != _FORMAT or key != header["key"]:
             raise ValueError(
                 f"Argument `path` must name a journal of the same problem, but {self.path} was "
                 "written with other settings. Name another file or folder, or remove this one."
             )
-        for name, parts in known.items():
-            objectives, margins = parts[0], parts[1]
-            parts[3] = parts[3].reshape(margins.size, -1 if margins.size else parts[2].shape[-1])
-            parts[2] = parts[2].reshape(objectives.size, -1)
-            self._known[name] = [
-                *(p.astype(float) for p in parts[:4]), *(p.astype(int) for p in parts[4:]),
-            ]  # fmt: skip
+
+    @contextlib.contextmanager
+    def _said(self) -> Iterator[None]:
+        """What the system refuses, in one line with its remedy."""
+        try:
+            yield
+        except OSError as error:
+            raise OSError(
+                f"Journal {self.path} cannot be read or written "
+                f"({error.strerror or error}). What it holds is kept: make room or name another "
+                "folder, and run the same again."
+            ) from error
+
+    def __str__(self) -> str:
+        torn = f", {self.torn} torn lines passed over" if self.torn else ""
+        return f"{len(self)} evaluations known from {self.path}{torn}"
 
     def __len__(self) -> int:
         """Number of evaluations that are known."""
@@ -101,9 +118,42 @@ class Journal:
             "point": np.asarray(point, dtype=float).tolist(),
             "numbers": [part.tolist() for part in parts],
         })  # fmt: skip
-        with self._lock:
+        with self._lock, self._said():
+            _append(self.path, line.encode() + b"\n")
             self._known[name] = parts
-            with self.path.open("a") as file:
-                file.write(line + "\n")
-                file.flush()
-                os.fsync(file.fileno())
+
+
+def _append(path: Path, line: bytes) -> None:
+    """Add a line to a file, whole or not at all; a torn line before it takes none with it."""
+    with path.open("ab+", buffering=0) as file:
+        end = file.seek(0, os.SEEK_END)
+        file.seek(max(0, end - 1))
+        if end and file.read(1) != b"\n":
+            line = b"\n" + line
+        try:
+            if file.write(line) < len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.fsync(file.fileno())
+        except OSError:
+            with contextlib.suppress(OSError):
+                file.truncate(end)
+            raise
+
+
+def _evaluation(line: str) -> tuple[str, list[np.ndarray]]:
+    """Address and numbers of a line.
+
+    Raises `ValueError`, `KeyError`, `TypeError`, `IndexError` or `OverflowError` where it is torn.
+    """
+    row = json.loads(line)
+    size = len(row["point"])
+    objectives, margins, slopes, margin_slopes = (
+        np.asarray(part, dtype=float) for part in row["numbers"][:4]
+    )
+    counts = [np.asarray(part, dtype=int) for part in row["numbers"][4:]]
+    if len(counts) != 2 or any(np.any(part < 0) for part in counts):
+        raise ValueError("counts")
+    # Of no rows, a list does not know how long they are.
+    slopes = slopes.reshape(objectives.size, size)
+    margin_slopes = margin_slopes.reshape(margins.size, size)
+    return str(row["address"]), [objectives, margins, slopes, margin_slopes, *counts]

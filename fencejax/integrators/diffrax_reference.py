@@ -73,9 +73,9 @@ def at_state(
     forces, shapes = forces_at(places)
     shares = ()
     if mechanics.sides:
-        leans = _leans(forces, len(places))
+        leans = _leans(forces)
         forces, shapes = forces_at(tuple(map(mechanics.loaded, places, leans)))
-        shares = tuple(lean.share for lean in _leans(forces, len(places)))
+        shares = tuple(lean.share for lean in _leans(forces))
     still = tuple(jnp.zeros_like(place) for place in places)
     fence = FenceState(drive, vibration, (), shapes, (), still, (), shares)
     loads = fence.loads(forces)
@@ -83,9 +83,11 @@ def at_state(
     return forces, fence._replace(modal_force=load, lagged=loads)
 
 
-def _leans(forces: Forces, corners: int) -> tuple[Lean, ...]:
-    """How the first `corners` load the fence, where its tip may carry a contact."""
-    return tuple(touch.lean for touch in forces.touches[:corners] if touch.lean is not None)
+def _leans(forces: Forces) -> tuple[Lean, ...]:
+    """How corners load the fence, where its tip may carry a contact."""
+    leans = (meeting.touch.lean for meeting in forces.fence)
+    return tuple(lean for lean in leans if lean is not None)
+
 
 def run(
     mechanics: Mechanics,

@@ -13,7 +13,6 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..model import Acceleration, Forces, Mechanics
-from ..parts import Friction
 
 # Stiffness of a friction [1], its slope with the motion relative to that of the inertia over half a
 # step, above which it holds: up to there the trapezoidal rule does not ring.
@@ -25,25 +24,18 @@ def _holds(stiff: Array) -> Array:
     return (stiff > _STIFF).astype(stiff.dtype)
 
 
-def frictions(mechanics: Mechanics) -> tuple[Friction | None, ...]:
-    """Of each contact, those at the fence first."""
-    at_fence = (mechanics.fence_friction,) * len(mechanics.fence_corners)
-    return at_fence + (mechanics.border_friction,) * len(mechanics.border_corners)
-
-
 def count(mechanics: Mechanics) -> int:
     """Number of corners with friction."""
-    return sum(friction is not None for friction in frictions(mechanics))
+    return sum(friction is not None for friction in mechanics.frictions)
 
 
 def weights(mechanics: Mechanics, forces: Forces, step: Array) -> tuple[Array, ...]:
-    """Whether friction holds [1], of each corner at the fence and at the border that has any."""
+    """Whether friction holds [1], of each contact that has any."""
     found = []
-    contacts = (*forces.fence, *forces.border)
-    for what, parts, response, friction in zip(
-        contacts, forces.touches, forces.responses, frictions(mechanics), strict=True
-    ):
+    for meeting, friction in zip(forces.meetings, mechanics.frictions, strict=True):
+        what, parts, _, response = meeting
         if friction is not None:
+            assert response is not None
             slope = -what.normal * response.sliding * mechanics.lightness(parts)
             found.append(_holds(0.5 * step * slope))
     return tuple(found)
@@ -52,7 +44,7 @@ def weights(mechanics: Mechanics, forces: Forces, step: Array) -> tuple[Array, .
 def spread(mechanics: Mechanics, sticking: tuple[Array, ...]) -> list[Array | float]:
     """The weights by contact, 0 where there is no friction."""
     left = iter(sticking)
-    return [0.0 if f is None else next(left) for f in frictions(mechanics)]
+    return [0.0 if f is None else next(left) for f in mechanics.frictions]
 
 
 def shares(
@@ -60,8 +52,9 @@ def shares(
 ) -> list[Array]:
     """Of each contact, the friction's share of N as it counts at a step's end."""
     return [
-        (1 + weight) * response.share
-        for response, weight in zip(forces.responses, spread(mechanics, sticking), strict=True)
+        (1 + weight) * meeting.response.share
+        for meeting, weight in zip(forces.meetings, spread(mechanics, sticking), strict=True)
+        if meeting.response is not None
     ]
 
 
@@ -72,9 +65,9 @@ def held(
     if not sticking:
         return None
     total = [jnp.zeros_like(forces.acceleration.x)] * 3
-    contacts, of_contacts = (*forces.fence, *forces.border), spread(mechanics, sticking)
-    for what, parts, weight, friction in zip(
-        contacts, forces.touches, of_contacts, frictions(mechanics), strict=True
+    of_contacts = spread(mechanics, sticking)
+    for (what, parts, _, _), weight, friction in zip(
+        forces.meetings, of_contacts, mechanics.frictions, strict=True
     ):
         if friction is not None:
             drag = weight * what.friction
@@ -88,9 +81,9 @@ def slides(
     """The velocities of the parcel by which corners slide that friction held by the weights
     `sticking`: without these they are at rest."""
     x = y = angle = jnp.zeros_like(forces.acceleration.x)
-    contacts, of_contacts = (*forces.fence, *forces.border), spread(mechanics, sticking)
-    for what, parts, weight, friction in zip(
-        contacts, forces.touches, of_contacts, frictions(mechanics), strict=True
+    of_contacts = spread(mechanics, sticking)
+    for (what, parts, _, _), weight, friction in zip(
+        forces.meetings, of_contacts, mechanics.frictions, strict=True
     ):
         if friction is not None:
             impulse = weight * what.sliding / mechanics.lightness(parts)
@@ -118,8 +111,7 @@ def reversal(
     share = jnp.ones_like(forces.acceleration.x)
     rest = (0.3 * mechanics.fidelity.slip_speed) ** 2
     velocities, normals = change[:3], change[3:]
-    contacts = (*forces.fence, *forces.border)
-    for k, (what, parts) in enumerate(zip(contacts, forces.touches, strict=True)):
+    for k, (what, parts, _, _) in enumerate(forces.meetings):
         x, y, turning = (t * c for t, c in zip(parts.tangent, velocities, strict=True))
         turn = x + y + turning
         if k < len(drifts):

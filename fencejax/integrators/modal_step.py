@@ -140,8 +140,10 @@ class _End(eqx.Module):
         drifts = self.drifts(points)
         for k, normal in enumerate(normals):
             assert self.fence is not None
-            parts, response = forces.touches[k], forces.responses[k]
-            residual.append(normal - forces.laws[k])
+            _, parts, law, response = forces.fence[k]
+            assert law is not None
+            assert response is not None
+            residual.append(normal - law)
             press = response.gap * h / 3 + response.gap_rate
             row = [press * parts.normal[j] for j in range(3)]
             for other in range(len(normals)):
@@ -150,8 +152,8 @@ class _End(eqx.Module):
             matrix.append(row)
             for i in range(3):
                 along = parts.normal[i] + shares[k] * parts.tangent[i]
-                for drag, drift, touch in zip(drags, drifts, forces.touches, strict=False):
-                    along = along + drag * drift[k] * touch.tangent[i]
+                for drag, drift, other in zip(drags, drifts, forces.fence, strict=False):
+                    along = along + drag * drift[k] * other.touch.tangent[i]
                 matrix[i].append(-scales[i] * along)
         unbalance = mechanics.mass * jnp.maximum(jnp.abs(residual[0]), jnp.abs(residual[1]))
         turning = mechanics.inertia * jnp.abs(residual[2]) / mechanics.size
@@ -271,15 +273,15 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         lambda extra: (extra[0].outcome(), *extra[1:-1]),
     )
     after = equations.body_at(root[:3])
-    normals = tuple(c.normal for c in forces.fence)
+    normals = tuple(meeting.contact.normal for meeting in forces.fence)
     size = None
     if memory.step_size is not None:
         jump = equations.force_jump(guess, root, forces)
         size = next_step_size(mechanics, clock, end - begin, jump, forces, memory.normals)
 
     state = None if fence is None else fence.state(normals)
-    touches = forces.touches[: len(places)]
-    sliding = tuple(c.sliding for c in forces.fence)
+    touches = tuple(meeting.touch for meeting in forces.fence)
+    sliding = tuple(meeting.contact.sliding for meeting in forces.fence)
     feet = tuple(p + t.foot_offset for p, t in zip(loaded, touches, strict=True))
     memory = Memory(
         body=after,

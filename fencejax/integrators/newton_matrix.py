@@ -21,13 +21,11 @@ def drags(
     their own slope would be turned back at the fold instead of going on to the root beyond it.
     """
     found = []
-    for what, parts, response, weight in zip(
-        (*forces.fence, *forces.border),
-        forces.touches,
-        forces.responses,
-        friction_tangent.spread(mechanics, sticking),
-        strict=True,
+    for meeting, weight in zip(
+        forces.meetings, friction_tangent.spread(mechanics, sticking), strict=True
     ):
+        what, parts, _, response = meeting
+        assert response is not None
         drag = (1 + weight) * what.normal * response.sliding
         inertia = jnp.maximum(0.5 * step * mechanics.lightness(parts), 1e-30)
         found.append(jnp.minimum(drag, _MOST_ALONG / inertia))
@@ -57,13 +55,15 @@ def rate_matrix(
             for j in range(3):
                 matrix[i][j] = 2 * bend * slip[i] * slip[j]
             matrix[i][i] = matrix[i][i] + grip * weights[i]
-    for k, (parts, response) in enumerate(zip(forces.touches, forces.responses, strict=True)):
-        held = unknown_normals and k < len(forces.fence)
+    held_at = (unknown_normals,) * len(forces.fence) + (False,) * len(forces.still)
+    for meeting, held, share, drag in zip(forces.meetings, held_at, shares, drags, strict=True):
+        _, parts, _, response = meeting
+        assert response is not None
         press = response.gap * step / 3 + response.gap_rate
         for i in range(3):
-            along = parts.normal[i] + shares[k] * parts.tangent[i]
+            along = parts.normal[i] + share * parts.tangent[i]
             for j in range(3):
-                change = -drags[k] * parts.tangent[i] * parts.tangent[j]
+                change = -drag * parts.tangent[i] * parts.tangent[j]
                 if not held:
                     change = change + press * along * parts.normal[j]
                 matrix[i][j] = matrix[i][j] + change

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Fidelity
-from ..model import FenceState, FlexibleLink, NormalState, contact
-from ..parts import DriveMotion
+from ..model import FenceState, FlexibleLink, NormalState
+from ..parts import AbstractContactLaw, DriveMotion
 from ..scenes import Body, NormalScene
 from . import newton, time_loop
 from .fence_response import FenceEnd
@@ -35,7 +35,7 @@ class _Memory(NamedTuple):
 class _Blow(NamedTuple):
     """The scalar equation of a step: N = law(gap - give N, rate - give_rate N)."""
 
-    stiffness: Array
+    law: AbstractContactLaw
     viscosity: Array
     gap: Array
     rate: Array
@@ -46,7 +46,7 @@ class _Blow(NamedTuple):
         """Residual, its slope, its size against what is tolerated, and gap, rate, unbalance."""
         (force,) = unknowns
         gap, rate = self.gap - self.give * force, self.rate - self.give_rate * force
-        law = contact.kelvin(self.stiffness, self.viscosity, gap, rate)
+        law = self.law.force(gap, rate, self.viscosity)
         value = force - law.force
         slope = 1 + law.by_gap * self.give + law.by_rate * self.give_rate
         unbalance = jnp.abs(value)
@@ -130,7 +130,8 @@ def _step(given, memory: _Memory, begins: Array, ends: Array):
         yields, yields_rate = fence.compliance(0, 0)
         gap, rate = gap + deflection, rate + deflection_rate
         give, give_rate = give + yields, give_rate + yields_rate
-    blow = _Blow(parcel.stiffness, contact.viscosity(parcel), gap, rate, give, give_rate)
+    law = parcel.contact_law
+    blow = _Blow(law, law.viscosity(parcel.mass), gap, rate, give, give_rate)
     guess = (jnp.maximum(2 * memory.force - memory.force_before, 0.0),)
     (force,), (gap, rate, unbalance) = newton.solve(
         _Blow.evaluate, _Blow.shorten, blow, guess, clock.iterations

@@ -130,12 +130,12 @@ def next_step_size(
     """
     tolerance, longest = mechanics.fidelity.stride_tolerance, jnp.maximum(last, 1.0)
     best = jnp.ones_like(last)
-    corners = (*forces.fence, *forces.border)
+    corners = tuple(meeting.contact for meeting in forces.meetings)
     changes = [
-        (now.normal - before) / longest
+        (now.contact.normal - before) / longest
         for now, before in zip(forces.fence, normals_before, strict=True)
     ]
-    changes += [0.0 * corner.normal for corner in forces.border]
+    changes += [0.0 * meeting.contact.normal for meeting in forces.still]
     for count in clock.counts[2:]:
         length, ratio = count * clock.step, count / longest
         fine = (jump * ratio**2 <= tolerance) & (ratio <= 2)

@@ -4,10 +4,7 @@ fence, kinematics of the corners, contact and friction laws, and the balance of 
 May import: `scenes`, `parts`, `fidelity`. Nothing here advances in time.
 """
 
-from . import (
-    beam as beam,
-    contact as contact,
-)
+from . import beam as beam
 from .beam import (
     hermite as hermite,
     hermite_slope as hermite_slope,
@@ -18,9 +15,6 @@ from .belt_contact import (
 )
 from .contact import (
     fade as fade,
-    kelvin as kelvin,
-    stored_energy as stored_energy,
-    viscosity as viscosity,
 )
 from .fence_geometry import (
     Arc as Arc,
@@ -45,7 +39,6 @@ from .flexible_link import (
 )
 from .friction import (
     belt_grip as belt_grip,
-    coefficient as coefficient,
     corner_share as corner_share,
 )
 from .kinematics import (
@@ -59,6 +52,7 @@ from .mechanics import (
     FenceFrame as FenceFrame,
     Forces as Forces,
     Mechanics as Mechanics,
+    Meeting as Meeting,
     force_tolerance as force_tolerance,
 )
 from .mode_shapes import (

@@ -6,7 +6,7 @@ import equinox as eqx
 from jaxtyping import Array
 
 from ..fidelity import Smoothing
-from ..parts import Friction
+from ..parts import AbstractFriction
 from ..scenes import Body
 from .friction import belt_grip
 
@@ -25,7 +25,7 @@ class BeltContact(eqx.Module):
     [N] and the mean distance c [m] of the parcel's points from C_s."""
 
     speed: Array
-    friction: Friction
+    friction: AbstractFriction
     weight: Array
     mean_distance: Array
 

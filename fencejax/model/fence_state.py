@@ -58,7 +58,7 @@ class FenceState(NamedTuple):
 
     def loads(self, forces: Forces) -> tuple[Array, ...]:
         """What of the contact forces bends the fence [N]."""
-        return bending_loads(self.shares, tuple(c.normal for c in forces.fence))
+        return bending_loads(self.shares, tuple(meeting.contact.normal for meeting in forces.fence))
 
     def kept(self) -> "FenceState":
         """What the next step needs to know."""

@@ -1,29 +1,14 @@
 """Dry friction: of a corner along the fence or the border, and of the parcel on the belt."""
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Smoothing
-from ..parts import Friction
-
-
-def coefficient(
-    friction: Friction, speed_squared: Array, smoothing: Smoothing
-) -> tuple[Array, Array]:
-    """mu(w) = mu_k + (mu_s - mu_k) exp(-(w / w_s)^2) [1] at w^2 = `speed_squared`, and its
-    derivative in w^2 [s^2/m^2].
-
-    Paper: (2.21)-(2.24). There what is at rest is a case of its own, held by the other forces; this
-    law tends to it as w_s and eps fall.
-    """
-    scale = 1 / smoothing.static_speed**2
-    excess = (friction.static - friction.kinetic) * jnp.exp(-scale * speed_squared)
-    return friction.kinetic + excess, -scale * excess
+from ..parts import AbstractFriction
 
 
 def corner_share(
-    friction: Friction, sliding: Array, smoothing: Smoothing
+    friction: AbstractFriction, sliding: Array, smoothing: Smoothing
 ) -> tuple[Array, Array]:
     """Friction on a corner along the tangent as a share of its normal force:
     -mu(w) w / sqrt(w^2 + eps^2) [1], with w the sliding speed [m/s]; and its derivative in w.
@@ -31,14 +16,14 @@ def corner_share(
     Paper: (2.19)_4. There with the sign of w, unsmoothed.
     """
     square = sliding * sliding
-    mu, slope = coefficient(friction, square, smoothing)
+    mu, slope = friction.coefficient(square, smoothing.static_speed)
     inverse = jax.lax.rsqrt(square + smoothing.slip_speed**2)
     bend = 2 * slope * square + mu * (smoothing.slip_speed * inverse) ** 2
     return -mu * sliding * inverse, -bend * inverse
 
 
 def belt_grip(
-    friction: Friction, weight: Array, speed_squared: Array, smoothing: Smoothing
+    friction: AbstractFriction, weight: Array, speed_squared: Array, smoothing: Smoothing
 ) -> tuple[Array, Array]:
     """Goyal's limit surface as a viscosity [N s/m]: grip = F_max / S, with F_max = mu_1 m_p g and
     S = sqrt(s^2 + eps^2), s^2 = |u|^2 + c^2 phidot^2; and its derivative in s^2.
@@ -50,7 +35,7 @@ def belt_grip(
 
     Paper: (2.19)_1-3, (2.20).
     """
-    mu, slope = coefficient(friction, speed_squared, smoothing)
+    mu, slope = friction.coefficient(speed_squared, smoothing.static_speed)
     inverse = jax.lax.rsqrt(speed_squared + smoothing.slip_speed**2)
     grip = weight * inverse
     return grip * mu, grip * (slope - 0.5 * mu * inverse * inverse)

@@ -1,10 +1,11 @@
-"""Motion of the parcel and of its corners, and how a corner meets the fence or the border."""
+"""Motion of the parcel and of its corners, and how a corner meets the fence or a still surface."""
 
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..parts import SurfacePoint
 from ..scenes import Body
 from .fence_geometry import FencePoint
 
@@ -119,18 +120,16 @@ def fence_touch(
     )
 
 
-def border_touch(corner: Corner) -> Touch:
-    """The same at the border y = 0: D = -y_C, Ddot = -v_C.(0, 1), w = v_C.(1, 0).
-
-    Paper: (2.34).
-    """
-    zero, one = jnp.zeros_like(corner.x), jnp.ones_like(corner.x)
+def surface_touch(corner: Corner, point: SurfacePoint) -> Touch:
+    """The same at a still surface: Ddot = -v_C.n, w = v_C.t, t the normal n turned by -pi / 2."""
+    x, y = point.normal
+    zero = jnp.zeros_like(corner.x)
     return Touch(
-        gap=-corner.y,
-        gap_rate=-corner.y_rate,
-        sliding=corner.x_rate,
+        gap=point.gap,
+        gap_rate=-(x * corner.x_rate + y * corner.y_rate),
+        sliding=y * corner.x_rate - x * corner.y_rate,
         foot_offset=zero,
-        normal=(zero, one, corner.arm_x),
-        tangent=(one, zero, -corner.arm_y),
+        normal=(x, y, corner.arm_x * y - corner.arm_y * x),
+        tangent=(y, -x, -(corner.arm_x * x + corner.arm_y * y)),
         rates=(zero, zero),
     )

@@ -1,5 +1,5 @@
-"""Newton-Euler for a parcel on the belt, at the fence and at the border: the forces at an instant,
-and how they answer to a small change.
+"""Newton-Euler for a parcel on the belt, at the fence and at still surfaces: the forces at an
+instant, and how they answer to a small change.
 
 Everything a scene does not hold is `None` or an empty tuple here, and traces to nothing.
 """
@@ -11,22 +11,31 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Fidelity
-from ..parts import SIDES, AbstractDrive, DriveMotion, Friction
+from ..parts import (
+    SIDES,
+    AbstractContactLaw,
+    AbstractDrive,
+    AbstractFriction,
+    AbstractSurface,
+    DriveMotion,
+    NormalForce,
+)
 from ..scenes import Body, Scene
-from . import contact
 from .belt_contact import BeltContact, BeltForce
+from .contact import fade
 from .fence_geometry import FencePoint
 from .flexible_link import FlexibleLink
 from .friction import corner_share
-from .kinematics import Acceleration, Lean, Touch, border_touch, corner_from_arm, fence_touch
+from .kinematics import Acceleration, Lean, Touch, corner_from_arm, fence_touch, surface_touch
 from .tip import Side, around
 
 
 class Contact(NamedTuple):
-    """What happens at one corner, against the fence or the border.
+    """What happens at one corner, against the fence or a still surface.
 
     `normal` N [N]; `friction` F [N] along the tangent; `gap` D [m], positive inside; `gap_rate`
-    [m/s]; `place` [m], the arc coordinate on the fence or x on the border; `sliding` w [m/s].
+    [m/s]; `place` [m], the arc coordinate on the fence, x on the border or the coordinate along
+    another surface; `sliding` w [m/s].
     """
 
     normal: Array
@@ -47,30 +56,51 @@ class Response(NamedTuple):
     share: Array
 
 
-class Forces(NamedTuple):
-    """Everything that acts on the parcel at an instant, and its acceleration.
+class Meeting(NamedTuple):
+    """One corner at one surface: what happens, the kinematics, the normal force [N] that the
+    contact law gives, and how the contact answers to a small change."""
 
-    `laws` are the normal forces [N] that the contact law gives at the fence.
-    """
+    contact: Contact
+    touch: Touch
+    law: Array | None
+    response: Response | None
+
+    def outcome(self) -> "Meeting":
+        """What counts of it once the motion is found: not how it answers to a change, and
+        directions where the fence's slope does not tell them."""
+        normal = () if self.touch.lean is None else self.touch.normal
+        return Meeting(self.contact, self.touch._replace(normal=normal, tangent=()), None, None)
+
+
+class Forces(NamedTuple):
+    """Everything that acts on the parcel at an instant, and its acceleration: by corner at the
+    fence, at the border, and at each of the other surfaces."""
 
     acceleration: Acceleration
-    fence: tuple[Contact, ...]
-    touches: tuple[Touch, ...]
-    laws: tuple[Array, ...]
-    border: tuple[Contact, ...]
+    fence: tuple[Meeting, ...]
+    border: tuple[Meeting, ...]
+    surfaces: tuple[tuple[Meeting, ...], ...]
     belt: BeltForce | None
-    responses: tuple[Response, ...]
     belt_slopes: tuple[Array, Array] | None
     slip: tuple[Array, Array, Array] | None
 
+    @property
+    def still(self) -> tuple[Meeting, ...]:
+        """Those at still surfaces."""
+        return sum(self.surfaces, self.border)
+
+    @property
+    def meetings(self) -> tuple[Meeting, ...]:
+        """All of them, in the order of `Mechanics.frictions`."""
+        return self.fence + self.still
+
     def outcome(self) -> "Forces":
-        """What counts of them once the motion is found: not how they answer to a change, and
-        directions where the fence's slope does not tell them."""
-        touches = tuple(
-            touch._replace(normal=() if touch.lean is None else touch.normal, tangent=())
-            for touch in self.touches
+        """What counts of them once the motion is found."""
+        fence, border, *surfaces = (
+            tuple(meeting.outcome() for meeting in group)
+            for group in (self.fence, self.border, *self.surfaces)
         )
-        return self._replace(touches=touches, laws=(), responses=(), belt_slopes=None, slip=None)
+        return Forces(self.acceleration, fence, border, tuple(surfaces), self.belt, None, None)
 
 
 class FenceFrame(NamedTuple):
@@ -93,29 +123,34 @@ class Mechanics(eqx.Module):
     inertia: Array
     corners: dict[int, tuple[Array, Array]]
     sides: dict[int, Array]
-    stiffness: Array
+    law: AbstractContactLaw
     viscosity: Array
     belt: BeltContact | None
     size: Array
     link: FlexibleLink | None
     drive: AbstractDrive | None
-    fence_friction: Friction | None
-    border_friction: Friction | None
+    fence_friction: AbstractFriction | None
+    border: AbstractSurface | None
+    surfaces: tuple[AbstractSurface, ...]
     fence_corners: tuple[int, ...] = eqx.field(static=True)
     border_corners: tuple[int, ...] = eqx.field(static=True)
+    surface_corners: tuple[int, ...] = eqx.field(static=True)
     fidelity: Fidelity = eqx.field(static=True)
 
     def __init__(self, scene: Scene, fidelity: Fidelity):
         parcel, belt = scene.parcel, scene.belt
         self.mass, self.inertia = parcel.mass, parcel.inertia
         self.fence_corners, self.border_corners = scene.fence_corners, scene.border_corners
+        self.surface_corners = scene.surface_corners if scene.surfaces else ()
         self.sides = {}
         if scene.tip_contact:
             self.sides = {number: parcel.side(number) for number in self.fence_corners}
         behind = {SIDES[number] for number in self.sides}
-        touching = sorted({*self.fence_corners, *self.border_corners, *behind})
+        still = {*self.border_corners, *self.surface_corners}
+        touching = sorted({*self.fence_corners, *still, *behind})
         self.corners = {number: parcel.corner(number) for number in touching}
-        self.stiffness, self.viscosity = parcel.stiffness, contact.viscosity(parcel)
+        self.law = parcel.contact_law
+        self.viscosity = self.law.viscosity(parcel.mass)
         self.belt = None
         if belt is not None:
             weight = parcel.mass * belt.gravity
@@ -124,8 +159,18 @@ class Mechanics(eqx.Module):
         self.link = None if scene.fence is None else FlexibleLink(scene.fence, fidelity)
         self.drive = scene.drive
         self.fence_friction = scene.fence_friction
-        self.border_friction = None if scene.border is None else scene.border.friction
+        self.border, self.surfaces = scene.border, scene.surfaces
         self.fidelity = fidelity
+
+    @property
+    def frictions(self) -> tuple[AbstractFriction | None, ...]:
+        """Of each contact, in the order of `Forces.meetings`."""
+        found = (self.fence_friction,) * len(self.fence_corners)
+        if self.border is not None:
+            found += (self.border.friction,) * len(self.border_corners)
+        for surface in self.surfaces:
+            found += (surface.friction,) * len(self.surface_corners)
+        return found
 
     def arms(self, angle: Array) -> dict[int, tuple[Array, Array]]:
         """The corners that can touch, from C_s in fixed axes [m], at the parcel's `angle`."""
@@ -142,10 +187,10 @@ class Mechanics(eqx.Module):
         Where the tip may carry the contact, it does not end there."""
         assert self.link is not None
         length = self.fidelity.tip_fade
-        on_link = contact.fade(-place, length)
+        on_link = fade(-place, length)
         if self.sides:
             return on_link
-        return contact.fade(place - self.link.reach, length) * on_link
+        return fade(place - self.link.reach, length) * on_link
 
     def frame(
         self,
@@ -203,20 +248,40 @@ class Mechanics(eqx.Module):
         length = self.sides[number]
         return Side((far_x - x) / length, (far_y - y) / length, length)
 
-    def _contact(self, touch: Touch, friction: Friction | None, place, normal, share):
-        """One contact: what it does, the law's normal force and its response.
-
-        `normal` is the force where it is an unknown of its own, else `None`.
-        """
-        law = contact.kelvin(self.stiffness, self.viscosity, touch.gap, touch.gap_rate)
+    def _meeting(
+        self, touch: Touch, friction: AbstractFriction | None, place, normal, share
+    ) -> Meeting:
+        """One contact. `normal` is the force where it is an unknown of its own, else `None`."""
+        law = self.law.force(touch.gap, touch.gap_rate, self.viscosity)
         if share is not None:
-            law = contact.Kelvin(*(share * value for value in law))
+            law = NormalForce(*(share * value for value in law))
         normal = law.force if normal is None else normal
         drag = by_sliding = jnp.zeros_like(normal)
         if friction is not None:
             drag, by_sliding = corner_share(friction, touch.sliding, self.fidelity.smoothing)
         what = Contact(normal, normal * drag, touch.gap, touch.gap_rate, place, touch.sliding)
-        return what, law.force, Response(law.by_gap, law.by_rate, by_sliding, drag)
+        response = Response(law.by_gap, law.by_rate, by_sliding, drag)
+        return Meeting(what, touch, law.force, response)
+
+    def _at_surface(
+        self,
+        surface: AbstractSurface,
+        corners: tuple[int, ...],
+        body: Body,
+        arms: dict[int, tuple[Array, Array]],
+    ) -> tuple[Meeting, ...]:
+        """What happens at a still surface. Beyond its end the contact law ends as at the fence's
+        hinge."""
+        found = []
+        for number in corners:
+            corner = corner_from_arm(body, *arms[number])
+            point = surface.at(corner.x, corner.y)
+            share = None
+            if point.beyond is not None:
+                share = fade(point.beyond, self.fidelity.tip_fade)
+            touch = surface_touch(corner, point)
+            found.append(self._meeting(touch, surface.friction, point.place, None, share))
+        return tuple(found)
 
     def forces(
         self,
@@ -239,7 +304,7 @@ class Mechanics(eqx.Module):
         stage and corner by corner.
         """
         total = [jnp.zeros_like(body.x)] * 3
-        touches, fence, border, laws, responses = [], [], [], [], []
+        fence = []
 
         for k, number in enumerate(self.fence_corners):
             assert frame is not None
@@ -247,27 +312,20 @@ class Mechanics(eqx.Module):
             parts = fence_touch(corner, points[k], frame.turn, frame.speed)
             share = frame.shares[k]
             if self.sides:
-                side, fade = self._side(number, arms), self.fidelity.tip_fade
-                parts = around(parts, body.spin, side, frame.edges[k], fade)
+                side, length = self._side(number, arms), self.fidelity.tip_fade
+                parts = around(parts, body.spin, side, frame.edges[k], length)
                 share = parts.remaining(share)
             given = None if normals is None else normals[k]
-            what, law, response = self._contact(
-                parts, self.fence_friction, frame.places[k], given, share
-            )
-            touches.append(parts)
-            fence.append(what)
-            laws.append(law)
-            responses.append(response)
+            meeting = self._meeting(parts, self.fence_friction, frame.places[k], given, share)
+            fence.append(meeting)
 
-        for number in self.border_corners:
-            corner = corner_from_arm(body, *arms[number])
-            parts = border_touch(corner)
-            what, _, response = self._contact(parts, self.border_friction, corner.x, None, None)
-            touches.append(parts)
-            border.append(what)
-            responses.append(response)
-
-        for what, parts in zip((*fence, *border), touches, strict=True):
+        border = ()
+        if self.border is not None:
+            border = self._at_surface(self.border, self.border_corners, body, arms)
+        surfaces = tuple(
+            self._at_surface(surface, self.surface_corners, body, arms) for surface in self.surfaces
+        )
+        for what, parts, _, _ in (*fence, *border, *sum(surfaces, ())):
             total = [
                 q + what.normal * n + what.friction * t
                 for q, n, t in zip(total, parts.normal, parts.tangent, strict=True)
@@ -282,11 +340,9 @@ class Mechanics(eqx.Module):
         return Forces(
             self.acceleration(*total),
             tuple(fence),
-            tuple(touches),
-            tuple(laws),
-            tuple(border),
+            border,
+            surfaces,
             belt,
-            tuple(responses),
             belt_slopes,
             slip,
         )
@@ -300,10 +356,11 @@ class Mechanics(eqx.Module):
         scale = jnp.full_like(forces.acceleration.x, 1e-6)
         if self.belt is not None:
             scale = scale + self.belt.weight
-        for what in (*forces.fence, *forces.border):
-            scale = scale + jnp.abs(what.normal)
-        for law in forces.laws:
-            scale = scale + law
+        for meeting in forces.meetings:
+            scale = scale + jnp.abs(meeting.contact.normal)
+        for meeting in forces.fence:
+            if meeting.law is not None:
+                scale = scale + meeting.law
         return scale
 
     def lightness(self, parts: Touch) -> Array:

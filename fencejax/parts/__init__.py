@@ -1,14 +1,26 @@
-"""What a scene is made of, as a designer writes it: fence, material, taper, drive, parcel, belt,
-border, friction coefficients, and units. Parts know neither time nor forces.
+"""What a scene is made of, as a designer writes it: fence, material, taper, drive, parcel, contact
+law, belt, still surfaces, friction law, and units. Parts know no scene and no instant: a contact
+law here is a function of a gap and its rate, a friction law one of a speed, a surface one of a
+point, and what acts when is the model's.
 
-May import: `_check` alone. A new taper or drive law is a subclass of `AbstractTaper` or
-`AbstractDrive` in a file of its own, exported here; every number in it is an array field, with its
+May import: `_check` alone. A new taper, drive, contact law, friction law or surface is a subclass
+of `AbstractTaper`, `AbstractDrive`, `AbstractContactLaw`, `AbstractFriction` or `AbstractSurface`
+in a file of its own, exported by its folder; every number in it is an array field, with its
 `Bounds`.
 """
 
+from . import (
+    contact_laws as contact_laws,
+    friction_laws as friction_laws,
+    surfaces as surfaces,
+)
 from .belt import (
     Belt as Belt,
-    Border as Border,
+)
+from .contact_laws import (
+    AbstractContactLaw as AbstractContactLaw,
+    Kelvin as Kelvin,
+    NormalForce as NormalForce,
 )
 from .drives import (
     CYCLE_TIME as CYCLE_TIME,
@@ -24,8 +36,10 @@ from .drives import (
 from .fence import (
     Fence as Fence,
 )
-from .friction import (
+from .friction_laws import (
+    AbstractFriction as AbstractFriction,
     Friction as Friction,
+    FrictionScales as FrictionScales,
 )
 from .material import (
     Material as Material,
@@ -33,6 +47,11 @@ from .material import (
 from .parcel import (
     SIDES as SIDES,
     Parcel as Parcel,
+)
+from .surfaces import (
+    AbstractSurface as AbstractSurface,
+    Border as Border,
+    SurfacePoint as SurfacePoint,
 )
 from .taper import (
     AbstractTaper as AbstractTaper,

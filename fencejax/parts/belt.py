@@ -1,13 +1,13 @@
-"""The belt the parcel lies on, and the border beside it."""
+"""The belt the parcel lies on."""
 
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
 from .._check import Bounds
-from .friction import Friction
+from .friction_laws import AbstractFriction, Friction
 
 
 class Belt(eqx.Module):
@@ -15,7 +15,7 @@ class Belt(eqx.Module):
 
     speed: Array
     width: Array
-    friction: Friction
+    friction: AbstractFriction
     gravity: Array
 
     bounds: ClassVar[dict[str, Bounds]] = {
@@ -28,7 +28,7 @@ class Belt(eqx.Module):
         self,
         speed: ArrayLike = 2.0,
         width: ArrayLike = 0.7,
-        friction: Friction | None = None,
+        friction: AbstractFriction | None = None,
         gravity: ArrayLike = 9.81,
     ):
         """**Arguments:**
@@ -42,13 +42,3 @@ class Belt(eqx.Module):
         self.width = _check.field(self, "width", width)
         self.friction = Friction(kinetic=0.65, static=0.85) if friction is None else friction
         self.gravity = _check.field(self, "gravity", gravity)
-
-
-class Border(eqx.Module):
-    """The conveyor border: a still wall along y = 0 with the normal (0, 1)."""
-
-    friction: Friction | None
-
-    def __init__(self, friction: Friction | None | Literal["default"] = "default"):
-        """**Arguments:** `friction`: default kinetic 0.35, static 0.5; `None` for none."""
-        self.friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction

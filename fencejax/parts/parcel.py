@@ -8,6 +8,7 @@ from jaxtyping import Array, ArrayLike
 
 from .. import _check
 from .._check import Bounds
+from .contact_laws import AbstractContactLaw, Kelvin
 
 SIDES = {1: 2, 2: 3, 3: 4, 4: 1}
 """The other corner of the side behind each corner, clockwise."""
@@ -26,8 +27,9 @@ class Parcel(eqx.Module):
     center_x: Array
     center_y: Array
     given_inertia: Array | None
-    stiffness: Array
-    damping: Array
+    stiffness: Array | None
+    damping: Array | None
+    contact: AbstractContactLaw | None
 
     bounds: ClassVar[dict[str, Bounds]] = {
         "mass": Bounds("kg", above=0, size=10.0),
@@ -36,8 +38,8 @@ class Parcel(eqx.Module):
         "center_x": Bounds("m", size=0.4),
         "center_y": Bounds("m", size=0.4),
         "inertia": Bounds("kg m^2", above=0, size=0.3),
-        "stiffness": Bounds("N/m^4", least=0, size=1e9),
-        "damping": Bounds("N s kg^-0.4 m^-3", least=0, size=1e5),
+        "stiffness": Kelvin.bounds["stiffness"],
+        "damping": Kelvin.bounds["damping"],
     }
 
     def __init__(
@@ -48,8 +50,9 @@ class Parcel(eqx.Module):
         center_x: ArrayLike = 0.0,
         center_y: ArrayLike = 0.0,
         inertia: ArrayLike | None = None,
-        stiffness: ArrayLike = 1.72e9,
-        damping: ArrayLike = 3.3e5,
+        stiffness: ArrayLike | None = None,
+        damping: ArrayLike | None = None,
+        contact: AbstractContactLaw | None = None,
     ):
         """**Arguments:**
 
@@ -59,7 +62,13 @@ class Parcel(eqx.Module):
           inside the rectangle.
         - `inertia`: I_p about C_s [kg m^2]; by default m_p (A^2 + B^2) / 12, and it then follows
           the mass and the size.
-        - `stiffness`: k_p [N/m^4], at least 0. `damping`: b_p [N s kg^-0.4 m^-3], at least 0.
+        - `stiffness`: k_p [N/m^4], at least 0, by default 1.72e9. `damping`: b_p
+          [N s kg^-0.4 m^-3], at least 0, by default 3.3e5. Both are those of the paper's contact
+          law (2.2), and `None` in a parcel with another one.
+        - `contact`: another contact law of the corners; by default `Kelvin(stiffness, damping)`.
+
+        Raises `ValueError` where a number is out of its bounds, or both a contact law and a number
+        of the paper's law are given.
         """
         self.mass = _check.field(self, "mass", mass)
         self.length = _check.field(self, "length", length)
@@ -75,8 +84,31 @@ class Parcel(eqx.Module):
                 f"|{name}| / half side", 2 * jnp.abs(offset) / side, most=1, remedy=inside
             )
         self.given_inertia = None if inertia is None else _check.field(self, "inertia", inertia)
-        self.stiffness = _check.field(self, "stiffness", stiffness)
-        self.damping = _check.field(self, "damping", damping)
+        self.stiffness = self.damping = None
+        self.contact = contact
+        if contact is None:
+            law = Kelvin()
+            stiffness = law.stiffness if stiffness is None else stiffness
+            damping = law.damping if damping is None else damping
+            self.stiffness = _check.field(self, "stiffness", stiffness)
+            self.damping = _check.field(self, "damping", damping)
+            return
+        for name, value in (("stiffness", stiffness), ("damping", damping)):
+            if value is not None:
+                raise ValueError(
+                    f"Argument `{name}` must be None where `contact` is given, but is {value!r}: "
+                    f"it is a number of the paper's contact law. Write "
+                    f"contact=fj.contact_laws.Kelvin(stiffness, damping), or leave `contact` out."
+                )
+
+    @property
+    def contact_law(self) -> AbstractContactLaw:
+        """The contact law of the corners."""
+        if self.contact is None:
+            assert self.stiffness is not None
+            assert self.damping is not None
+            return Kelvin(self.stiffness, self.damping)
+        return self.contact
 
     @property
     def inertia(self) -> Array:

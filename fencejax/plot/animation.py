@@ -181,7 +181,7 @@ def animate(
     stop: float | None = None,
     frames: int = 60,
     frames_per_second: int = 20,
-    forces: Sequence[str] = ("fence", "border"),
+    forces: Sequence[str] = ("fence", "border", "surfaces"),
     force_scale: float | None = None,
     signal: bool = True,
     fidelity: Fidelity | None = None,

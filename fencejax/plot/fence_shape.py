@@ -13,8 +13,11 @@ from ..results import Result, Sample
 from ..scenes import Scene
 from .time_series import single_history
 
-FORCES = ("fence", "fence_friction", "border", "border_friction", "belt")
-"""Forces on the parcel that can be shown: normal force and friction of fence and border, belt."""
+FORCES = (
+    "fence", "fence_friction", "border", "border_friction", "surfaces", "surfaces_friction", "belt",
+)  # fmt: skip
+"""Forces on the parcel that can be shown: normal force and friction of fence, border and other
+surfaces, and the belt's."""
 
 
 class Vectors(NamedTuple):
@@ -92,6 +95,8 @@ def outline(
         points = _at(arms, scene.border_corners)
         upright = np.zeros_like(points[0]), np.ones_like(points[1])
         forces |= _contacts("border", history.border, points, upright)
+    if history.surfaces:
+        forces |= _of_surfaces(scene, history, _at(arms, scene.surface_corners))
     if history.belt is not None:
         parts = (body.x, body.y, history.belt.x, history.belt.y)
         forces["belt"] = Vectors(*(np.asarray(part)[:, None] for part in parts))
@@ -169,6 +174,19 @@ def _contacts(name, contacts, points, normals) -> dict[str, Vectors]:
     return {
         name: Vectors(at_x, at_y, normal * x, normal * y),
         f"{name}_friction": Vectors(at_x, at_y, friction * y, -friction * x),
+    }
+
+
+def _of_surfaces(scene: Scene, history: Sample, points) -> dict[str, Vectors]:
+    """The forces of all surfaces but the border, side by side."""
+    found = []
+    for surface, contacts in zip(scene.surfaces, history.surfaces, strict=True):
+        normals = tuple(np.asarray(part) for part in surface.at(*points).normal)
+        normals = tuple(np.broadcast_to(part, points[0].shape) for part in normals)
+        found.append(_contacts("surfaces", contacts, points, normals))
+    return {
+        name: Vectors(*(np.concatenate(p, 1) for p in zip(*(f[name] for f in found), strict=True)))
+        for name in found[0]
     }
 
 

@@ -26,6 +26,8 @@ _FORCES = {
     "fence_friction": ("#7a4aa0", "fence, friction"),
     "border": ("black", "border, normal"),
     "border_friction": ("#7a4aa0", "border, friction"),
+    "surfaces": ("black", "surface, normal"),
+    "surfaces_friction": ("#7a4aa0", "surface, friction"),
     "belt": ("#2a8c4a", "belt"),
 }
 _LONGEST = 0.3
@@ -51,7 +53,9 @@ def chosen_arrows(
     if force_scale is not None:
         return Arrows(names, _check.number("force_scale", force_scale, above=0, unit="m/N"))
     history = single_history(result)
-    found = [np.asarray(c.normal) for c in (*history.fence, *history.border)]
+    surfaces = [contact for group in history.surfaces for contact in group]
+    touching = (*history.fence, *history.border, *surfaces)
+    found = [np.asarray(c.normal) for c in touching]
     if history.belt is not None and "belt" in names:
         found.append(np.hypot(np.asarray(history.belt.x), np.asarray(history.belt.y)))
     largest = max((float(np.nanmax(part)) for part in found), default=0.0)
@@ -59,12 +63,16 @@ def chosen_arrows(
 
 
 def draw_ground(scene: Scene, axes: "Axes") -> None:
-    """Belt, border and hinge, in metres; labels of the axes."""
+    """Belt, border, other surfaces and hinge, in metres; labels of the axes."""
     if scene.belt is not None:
         width = float(scene.belt.width)
         axes.axhspan(0.0, width, color=_BELT, linewidth=0, zorder=0)
         axes.axhline(width, color=_TEXT, linewidth=0.8, linestyle=":", zorder=0)
     axes.axhline(0.0, color="black", linewidth=0.8 if scene.border is None else 2.0, zorder=1)
+    for surface in scene.surfaces:
+        line = surface.line()
+        if line is not None:
+            axes.plot(*np.asarray(line, dtype=float), color="black", linewidth=2.0, zorder=1)
     if scene.fence is not None:
         axes.plot(0.0, 0.0, "o", color=FENCE, markersize=5, zorder=5)
     axes.set_aspect("equal")
@@ -118,7 +126,7 @@ def draw_scene(
     result: Result,
     times: Any = 0.0,
     *,
-    forces: Sequence[str] = ("fence", "border"),
+    forces: Sequence[str] = ("fence", "border", "surfaces"),
     force_scale: float | None = None,
     path: bool = False,
     axes: "Axes | None" = None,
@@ -132,13 +140,13 @@ def draw_scene(
     **Arguments:**
 
     - `scene`, `result`: what was simulated, with its history.
-    - `forces`: names of `fencejax.outline.FORCES`; those that the scene lacks are left out.
+    - `forces`: names of `fencejax.plot.FORCES`; those that the scene lacks are left out.
     - `force_scale` [m/N]: metres of arrow a newton; by default the largest force is 0.3 m long.
     - `path`: draw the path of C_s up to the last of the times.
     - `axes`: where to draw, in metres; by default a figure of page width.
     - `fidelity`: the one that the result was computed with, if its elements are not 20.
 
-    Raises `TypeError` and `ValueError` as `fencejax.outline.outline` does, and `ValueError` for an
+    Raises `TypeError` and `ValueError` as `fencejax.plot.outline` does, and `ValueError` for an
     unknown force.
     """
     arrows = chosen_arrows(result, forces, force_scale)

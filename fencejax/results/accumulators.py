@@ -58,13 +58,20 @@ class Accumulator:
     needs: tuple["Accumulator", ...] = ()
 
 
-def peak_of(name: str, signal: Callable[[Sample], Array]) -> Accumulator:
-    """The largest value of a signal that is not negative, and its time."""
-    return Accumulator(
-        name,
-        lambda nothing, body: Peak.start(nothing.time),
-        lambda state, step: state.update(signal(step.now), step.now.time, step.span),
-    )
+def peak_of(name: str, signal: Callable[[Sample], Array | None]) -> Accumulator:
+    """The largest value of a signal that is not negative, and its time. Where a scene lacks the
+    part that makes the signal, which is `None` then, so is the state, and nothing is computed."""
+
+    def start(nothing: Sample, body: Body) -> Peak | None:
+        return None if signal(nothing) is None else Peak.start(nothing.time)
+
+    def update(state: Peak | None, step: Step) -> Peak | None:
+        now = signal(step.now)
+        if state is None or now is None:
+            return None
+        return state.update(now, step.now.time, step.span)
+
+    return Accumulator(name, start, update)
 
 
 def largest_of(name: str, signal: Callable[[Sample], Array], start=None) -> Accumulator:
@@ -81,11 +88,20 @@ def border_force(sample: Sample) -> Array:
     return sum((c.normal for c in sample.border), jnp.zeros_like(sample.time))
 
 
+def surface_force(sample: Sample) -> Array | None:
+    """Normal force of the surfaces besides the border [N], all together; `None` without any."""
+    if not sample.surfaces:
+        return None
+    contacts = (c for corners in sample.surfaces for c in corners)
+    return sum((c.normal for c in contacts), jnp.zeros_like(sample.time))
+
+
 FORCE = peak_of("force", lambda sample: sample.fence_force)
 TIP = peak_of("tip", lambda sample: jnp.abs(sample.tip_deflection))
 STRESS = peak_of("stress", lambda sample: sample.stress)
 TORQUE = peak_of("torque", lambda sample: jnp.abs(sample.torque))
 BORDER = peak_of("border", border_force)
+SURFACE = peak_of("surface", surface_force)
 
 
 def _update_stress_place(place: Array, step: Step) -> Array:
@@ -120,7 +136,7 @@ ORIGIN = Accumulator(
 def _depth(sample: Sample) -> Array:
     """The largest gap D of a corner under load [m], at least 0."""
     depth = jnp.zeros_like(sample.time)
-    for c in (*sample.fence, *sample.border):
+    for c in (*sample.fence, *sample.border, *sum(sample.surfaces, ())):
         depth = jnp.maximum(depth, jnp.where(c.normal > 0, c.gap, 0.0))
     return depth
 

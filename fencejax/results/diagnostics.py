@@ -29,7 +29,7 @@ _REBOUND_ROUGHNESS = 0.01
 # step rings the fence as it would not in time, by little, but the derivative counts its phase.
 _RINGING = 1.5
 # So it does under a contact that is all damper, which holds the fence to the corner: its time of
-# relaxation b_p m_p^0.4 / (k_p D), in steps.
+# relaxation dN/dDdot over the secant stiffness N(D, 0) / D, in steps.
 _DAMPER_HELD = 1e6
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
 # contact: |N''| G / w^2 with their compliance G and w between the highest frequency kept and the
@@ -65,6 +65,7 @@ class Evidence(NamedTuple):
     force: Peak
     tip: Peak
     border: Peak
+    surface: Peak | None
     touched: Array
     deepest: Array
     over_tip: Array
@@ -81,6 +82,7 @@ def evidence(record: Record) -> Evidence:
             states["force"],
             states["tip"],
             states["border"],
+            states["surface"],
             states["contact"].touched,
             *(states[name] for name in ("deepest", "over_tip", "unbalance", "resolution")),
         )
@@ -97,15 +99,14 @@ def _smoothed(scene: Scene, fidelity: Fidelity, seen: Evidence, weight: Array) -
     share |mu_s - mu_k| g T / s of the slip.
     """
     assert scene.belt is not None
-    friction, peak = scene.belt.friction, seen.resolution.at_peak
-    jump = jnp.abs(friction.static - friction.kinetic)
-    lost = friction.kinetic * fidelity.slip_speed + jump * fidelity.static_speed
+    peak = seen.resolution.at_peak
+    kinetic, jump, largest = scene.belt.friction.scales(peak.slip)
+    lost = kinetic * fidelity.slip_speed + jump * fidelity.static_speed
     now = weight * lost > _SMOOTHED * seen.force.value * peak.slip
     held = jump * scene.belt.gravity * peak.creep_time
-    steep = [jump > times * friction.kinetic for times, _ in _FRICTION_FALLS]
+    steep = [jump > times * kinetic for times, _ in _FRICTION_FALLS]
     allowed = _CREEP_LOSS * jnp.select(steep, [share for _, share in _FRICTION_FALLS], 1.0)
     late = jump * weight * held > allowed * seen.force.value * peak.slip
-    largest = jnp.maximum(friction.static, friction.kinetic)
     creep = largest * fidelity.slip_speed + jump * fidelity.static_speed
     early = (peak.creep_time > 0.25 * fidelity.step) & (creep > _CREEP_SHARE * largest * peak.slip)
     return (seen.force.value > 0) & (now | late | early)
@@ -115,9 +116,8 @@ def _belt_slip_unresolved(scene: Scene, fidelity: Fidelity, seen: Evidence) -> A
     """Whether it is too much beside the slip at the peak what friction adds in a step's length h,
     mu g h, of a parcel that turned round on the belt before."""
     assert scene.belt is not None
-    friction, peak = scene.belt.friction, seen.resolution.at_peak
-    largest = jnp.maximum(friction.static, friction.kinetic)
-    jump = largest * scene.belt.gravity * fidelity.step
+    peak = seen.resolution.at_peak
+    jump = scene.belt.friction.scales(peak.slip).largest * scene.belt.gravity * fidelity.step
     return (peak.belt_slip_reversed > 0) & (jump > _STEP_SLIP * peak.slip)
 
 
@@ -146,13 +146,16 @@ def of_record(
     parcel = scene.parcel
     side = jnp.minimum(parcel.length, parcel.breadth)
     checks = [(Status.DEEP_PENETRATION, seen.deepest > side / 2)]
-    forces = jnp.maximum(seen.force.value, seen.border.value)
+    still = seen.border.value
+    if seen.surface is not None:
+        still = jnp.maximum(still, seen.surface.value)
+    forces = jnp.maximum(seen.force.value, still)
     weight = parcel.mass * (0.0 if scene.belt is None else scene.belt.gravity)
     # Where the fence is touched its force must be right beside a large weight, too.
     share = max(1e-3, 4 * force_tolerance(parcel.mass.dtype))
     allowed = share * (forces + jnp.where(seen.touched > 0, 0.0, weight))
     checks.append((Status.STEP_TOO_COARSE, seen.unbalance > allowed + 1e-9))
-    at_border = _ROUGHNESS * seen.border.value + _NEGLIGIBLE_ROUGHNESS * forces
+    at_border = _ROUGHNESS * still + _NEGLIGIBLE_ROUGHNESS * forces
     checks.append((Status.STEP_TOO_COARSE, seen.resolution.border_roughness > at_border))
     again = seen.resolution.at_peak.rebound_roughness > _REBOUND_ROUGHNESS * seen.force.value
     checks.append((Status.STEP_TOO_COARSE, again))
@@ -167,8 +170,10 @@ def of_record(
     if mechanics.link is not None and mechanics.link.frequency_squared:
         frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.eigenvalues[0]))
         rings = frequency * mechanics.fidelity.step > _RINGING
-        relaxed = _DAMPER_HELD * mechanics.fidelity.step * mechanics.stiffness * seen.deepest
-        pinned = (mechanics.viscosity > relaxed) & (seen.deepest > 0)
+        still = jnp.zeros_like(seen.deepest)
+        elastic = mechanics.law.force(seen.deepest, still, mechanics.viscosity).force
+        damper = mechanics.law.force(seen.deepest, still + 1, mechanics.viscosity).by_rate
+        pinned = damper * seen.deepest > _DAMPER_HELD * mechanics.fidelity.step * elastic
         reversed_ = seen.resolution.at_peak.sliding_reversed > 0
         checks.append((Status.STEP_TOO_COARSE, rings & (pinned | reversed_)))
         assert scene.fence is not None

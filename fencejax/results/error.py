@@ -96,7 +96,8 @@ def _rubs(scene: Scene | NormalScene) -> bool:
     """Whether there is dry friction in the scene."""
     if isinstance(scene, NormalScene):
         return False
-    return any(part is not None for part in (scene.belt, scene.fence_friction, scene.border))
+    parts = (scene.belt, scene.fence_friction, scene.border, *scene.surfaces)
+    return any(part is not None for part in parts)
 
 
 class GradientEstimate(NamedTuple):

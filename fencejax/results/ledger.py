@@ -31,7 +31,7 @@ class Ledger(eqx.Module):
     fence_friction_loss: Array
     """Dissipated by corners sliding along the fence."""
     border_friction_loss: Array
-    """Dissipated by corners sliding along the border."""
+    """Dissipated by corners sliding along the border and other still surfaces."""
     belt_friction_loss: Array
     """Dissipated between parcel and belt."""
     damping_loss: Array

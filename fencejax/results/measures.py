@@ -60,7 +60,7 @@ class Measure:
 
 
 def _value(state) -> Array:
-    return state.value
+    return jnp.zeros(()) if state is None else state.value
 
 
 def _time(state) -> Array:
@@ -144,6 +144,11 @@ _ROWS = (
     Measure(
         "peak_border_force", "N", "largest normal force of the border on the parcel", _POSITIVE,
         accumulators.BORDER, _value, _USUAL, label="border force", shown_unit="N", note="largest",
+    ),
+    Measure(
+        "peak_surface_force", "N", "largest normal force of the surfaces besides the border on the "
+        "parcel (all together)", _POSITIVE, accumulators.SURFACE, _value, _USUAL,
+        label="surface force", shown_unit="N", note="largest",
     ),
     Measure(
         "deepest", "m", "largest gap D of a corner under load: how far it was pressed in",

@@ -21,8 +21,9 @@ from .sample import Sample, describe, describe_normal
 
 # What a status is read from.
 _JUDGED = (
-    accumulators.FORCE, accumulators.TIP, accumulators.BORDER, accumulators.CONTACT,
-    accumulators.DEEPEST, accumulators.OVER_TIP, accumulators.UNBALANCE, RESOLUTION,
+    accumulators.FORCE, accumulators.TIP, accumulators.BORDER, accumulators.SURFACE,
+    accumulators.CONTACT, accumulators.DEEPEST, accumulators.OVER_TIP, accumulators.UNBALANCE,
+    RESOLUTION,
 )  # fmt: skip
 
 

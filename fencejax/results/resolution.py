@@ -13,7 +13,16 @@ from jaxtyping import Array
 
 from ..fidelity import Smoothing
 from ..scenes import Body
-from .accumulators import BORDER, CONTACT, FORCE, Accumulator, Step, border_force
+from .accumulators import (
+    BORDER,
+    CONTACT,
+    FORCE,
+    SURFACE,
+    Accumulator,
+    Step,
+    border_force,
+    surface_force,
+)
 from .peak import Peak, second_difference
 from .sample import Sample
 
@@ -36,8 +45,8 @@ class AtPeak(NamedTuple):
 
 class Resolution(NamedTuple):
     """`roughness`, `border_roughness` [N] are the largest second differences of the forces of the
-    fence and of the border from step to step; `creep_time` [s] is how long C_s, under the fence's
-    force, has let go of the belt or come to rest on it so far, neither at rest nor sliding;
+    fence and of the still surfaces from step to step; `creep_time` [s] is how long C_s, under the
+    fence's force, has let go of the belt or come to rest on it so far, neither at rest nor sliding;
     `separated` and `sliding_reversed` are 1.0 where parcel and fence have touched and parted, and
     where a corner pressed on the fence has come to rest on it or turned round, `belt_slip_reversed`
     where C_s, pressed by the fence, has turned round on the belt within a step;
@@ -169,6 +178,12 @@ def _update(state: Resolution, step: Step) -> Resolution:
     creep_time = _creep_time(slip_before, slip, now, length, smoothing, state.creep_time)
     at_border = border_force(now)
     of_border = second_difference(border.before, border.now, at_border, step.span, step.second)
+    surface, at_surfaces = step.known["surface"], surface_force(now)
+    if at_surfaces is not None:
+        of_surfaces = second_difference(
+            surface.before, surface.now, at_surfaces, step.span, step.second
+        )
+        of_border = jnp.maximum(of_border, of_surfaces)
     apart = (step.known["contact"].touched > 0) & (now.fence_force <= 0)
     separated = jnp.where(apart, 1.0, state.separated)
     roughest = jnp.maximum(state.roughness, roughness)
@@ -189,4 +204,4 @@ def _update(state: Resolution, step: Step) -> Resolution:
     )
 
 
-RESOLUTION = Accumulator("resolution", _start, _update, needs=(FORCE, BORDER, CONTACT))
+RESOLUTION = Accumulator("resolution", _start, _update, needs=(FORCE, BORDER, SURFACE, CONTACT))

@@ -39,6 +39,9 @@ class Result(eqx.Module):
     """Every sample, if asked for: each field with the time as its first axis."""
     error: ErrorEstimate | None = None
     """Estimated errors of the measures, if asked for."""
+    rung: Any = None
+    """At which rung of `Fidelity.ladder` the numbers are (one a lane; 0: as asked for), where they
+    were to be refined."""
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name == "measures":
@@ -65,6 +68,8 @@ class Result(eqx.Module):
         if self.status.ndim:
             return self._summary()
         rows = [("status", Status(int(self.status)).text)]
+        if self.rung:
+            rows.append(("computed", f"{self.rung} rungs finer than asked for, as it was in doubt"))
         rows += [row for name in self._names if (row := self._row(name))]
         rows.append(("energy residual", f"{self.energy.residual:.2e} J"))
         text = "\n".join(f"{name:>16}  {value}".rstrip() for name, value in rows)

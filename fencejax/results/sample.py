@@ -15,7 +15,6 @@ from ..model import (
     Mechanics,
     NormalState,
     Vibration,
-    contact,
     dot,
     total,
 )
@@ -78,6 +77,8 @@ class Sample(NamedTuple):
     directions: tuple[tuple[Array, Array, Array], ...] = ()
     """For each corner at the fence: the direction (x, y) of the normal force and its moment about
     C_s [m]; empty where the tip carries none, as they follow from the fence's slope then."""
+    surfaces: tuple[tuple[Contact, ...], ...] = ()
+    """For each of the scene's other surfaces: its corners."""
 
 
 def describe(
@@ -85,15 +86,17 @@ def describe(
 ) -> Sample:
     """Gather a sample from the motion, the forces and the fence's state."""
     zero = jnp.zeros_like(body.x)
-    fence_force = sum((c.normal for c in forces.fence), zero)
+    at_fence = tuple(meeting.contact for meeting in forces.fence)
+    at_border = tuple(meeting.contact for meeting in forces.border)
+    at_still = tuple(meeting.contact for meeting in forces.still)
+    fence_force = sum((c.normal for c in at_fence), zero)
     kinetic = 0.5 * mechanics.mass * (body.x_rate**2 + body.y_rate**2)
     kinetic = kinetic + 0.5 * mechanics.inertia * body.spin**2
-    contacts = [*forces.fence, *forces.border]
-    stored = sum((contact.stored_energy(mechanics.stiffness, c.gap) for c in forces.border), zero)
+    stored = sum((mechanics.law.stored_energy(c.gap) for c in at_still), zero)
     over_tip = zero
-    for k, c in enumerate(forces.fence):
-        share, touch = mechanics.fade(c.place), forces.touches[k]
-        stored = stored + touch.remaining(share) * contact.stored_energy(mechanics.stiffness, c.gap)
+    for k, (c, touch, _, _) in enumerate(forces.fence):
+        share = mechanics.fade(c.place)
+        stored = stored + touch.remaining(share) * mechanics.law.stored_energy(c.gap)
         over_tip = jnp.where(mechanics.ends(k, c, touch), 1.0, over_tip)
     tip, stress, place, torque = zero, zero, zero, zero
     energy = Energy(kinetic, zero, zero, stored)
@@ -101,9 +104,9 @@ def describe(
         drive=zero,
         belt=zero,
         geometry=zero,
-        contact=sum((c.normal * c.gap_rate for c in contacts), zero),
-        fence_friction=sum((-c.friction * c.sliding for c in forces.fence), zero),
-        border_friction=sum((-c.friction * c.sliding for c in forces.border), zero),
+        contact=sum((c.normal * c.gap_rate for c in at_fence + at_still), zero),
+        fence_friction=sum((-c.friction * c.sliding for c in at_fence), zero),
+        border_friction=sum((-c.friction * c.sliding for c in at_still), zero),
         belt_friction=zero,
         beam_damping=zero,
     )
@@ -125,8 +128,8 @@ def describe(
         acceleration=forces.acceleration,
         drive=None if fence is None else fence.drive,
         vibration=None if fence is None else fence.vibration,
-        fence=forces.fence,
-        border=forces.border,
+        fence=at_fence,
+        border=at_border,
         belt=forces.belt,
         fence_force=fence_force,
         over_tip=over_tip,
@@ -137,7 +140,12 @@ def describe(
         energy=energy,
         power=power,
         carried=() if fence is None else carried(fence),
-        directions=tuple(touch.normal for touch in forces.touches if touch.lean is not None),
+        directions=tuple(
+            meeting.touch.normal for meeting in forces.fence if meeting.touch.lean is not None
+        ),
+        surfaces=tuple(
+            tuple(meeting.contact for meeting in group) for group in forces.surfaces
+        ),
     )
 
 
@@ -207,10 +215,9 @@ def _fence_power(
 ) -> Power:
     assert fence.drive is not None
     geometry = jnp.zeros_like(torque)
-    touches = forces.touches[: len(forces.fence)]
     loads = fence.loads(forces)
-    for k, (c, load, parts, shape) in enumerate(
-        zip(forces.fence, loads, touches, fence.shapes, strict=True)
+    for k, ((c, parts, _, _), load, shape) in enumerate(
+        zip(forces.fence, loads, fence.shapes, strict=True)
     ):
         transverse = shape.place * fence.drive.speed + dot(shape.load, fence.vibration.rate)
         if fence.residual and shape.residual_mode is not None:
@@ -228,7 +235,7 @@ def describe_normal(parcel: Parcel, link: FlexibleLink | None, state: NormalStat
     """A sample of a scene of the normal direction: the fence lies along x, and the parcel moves
     along -y onto it."""
     zero, fence = jnp.zeros_like(state.time), state.fence
-    stored = contact.stored_energy(parcel.stiffness, state.gap)
+    stored = parcel.contact_law.stored_energy(state.gap)
     energy = Energy(0.5 * parcel.mass * state.rate**2, zero, zero, stored)
     power = Power(zero, zero, zero, state.force * state.gap_rate, zero, zero, zero, zero)
     place, tip, stress, stress_place = zero, zero, zero, zero

@@ -37,6 +37,7 @@ from .scene import (
 )
 from .sorts import (
     free_motion as free_motion,
+    passive_sort as passive_sort,
     whole_sort as whole_sort,
 )
 from .stages import (

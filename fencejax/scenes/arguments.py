@@ -9,7 +9,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
-from ..parts import AbstractDrive, Belt, Fence, Friction, Parcel
+from ..parts import AbstractDrive, AbstractFriction, AbstractSurface, Belt, Fence, Friction, Parcel
 
 _CORNERS = (1, 2, 3, 4)
 Default = Literal["default"]
@@ -25,7 +25,9 @@ def corners_of(name: str, corners: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(sorted(set(corners)))
 
 
-def fence_friction_of(friction: Friction | None | Default) -> Friction | None:
+def fence_friction_of(
+    friction: AbstractFriction | None | Default,
+) -> AbstractFriction | None:
     return Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
 
 
@@ -110,6 +112,41 @@ def check_clear_of_fence(parcel: Parcel, position, angle, fence: Fence, tilt, re
                 f"The parcel must be clear of the fence at the start, but corner {number} is "
                 f"{float(np.max(np.where(over, beyond, -np.inf))):g} [m] beyond it. {remedy}"
             )
+
+
+def check_clear_of_surfaces(
+    parcel: Parcel, position, angle, surfaces: tuple[AbstractSurface, ...], corners, remedy: str
+) -> None:
+    """Refuse a parcel of which one of the `corners` lies beyond a surface by more than rounding.
+    `position` is that of C_s [m]."""
+    if traced(parcel, position, angle, surfaces):
+        return
+    for index, surface in enumerate(surfaces):
+        for number in corners:
+            x, y = parcel.corner(number)
+            point = surface.at(
+                position[0] + jnp.cos(angle) * x - jnp.sin(angle) * y,
+                position[1] + jnp.sin(angle) * x + jnp.cos(angle) * y,
+            )
+            inside = point.gap
+            if point.beyond is not None:
+                inside = jnp.where(point.beyond <= 0, inside, 0.0)
+            if np.any(np.asarray(inside > 1e-6 * (parcel.length + parcel.breadth))):
+                raise ValueError(
+                    f"The parcel must be clear of the surfaces at the start, but corner {number} "
+                    f"is {float(jnp.max(inside)):g} [m] inside `surfaces[{index}]`. {remedy}"
+                )
+
+
+def surfaces_of(surfaces: tuple[AbstractSurface, ...]) -> tuple[AbstractSurface, ...]:
+    if not isinstance(surfaces, (tuple, list)) or not all(
+        isinstance(surface, AbstractSurface) for surface in surfaces
+    ):
+        raise TypeError(
+            f"Argument `surfaces` must be a tuple of surfaces, but is {surfaces!r}. Write, for "
+            "example, surfaces=(fj.Border(),)."
+        )
+    return tuple(surfaces)
 
 
 def duration_of(duration: float | None, default: float) -> float:

@@ -20,9 +20,12 @@ def _bounded(part: Any):
     if not isinstance(part, eqx.Module):
         return
     for name, bounds in getattr(type(part), "bounds", {}).items():
-        yield jnp.all(bounds.holds(getattr(part, name)))
+        value = getattr(part, name)
+        if value is not None:
+            yield jnp.all(bounds.holds(value))
     for inner in vars(part).values():
-        yield from _bounded(inner)
+        for each in inner if isinstance(inner, tuple) else (inner,):
+            yield from _bounded(each)
 
 
 def _within(value: Array, least: Array | float, most: Array) -> Array:

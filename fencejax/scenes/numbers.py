@@ -59,6 +59,13 @@ def unit(name: str) -> str:
     return scene_names.at(name).unit
 
 
+def _inner(part, name: str):
+    """A field of a part, or an element of a field that holds several parts."""
+    field, place = element(name)
+    inner = getattr(part, field)
+    return inner if place is None else inner[place]
+
+
 def number(scene, name: str) -> Number:
     """What a name stands for in a scene: its path, unit and bounds, and default bounds if it has
     any. Of a number that the table does not hold, the part that holds it says unit and bounds, by
@@ -72,7 +79,7 @@ def number(scene, name: str) -> Number:
     if path in DERIVED and found is not None:
         return found
     owner, _, field = whole.rpartition(".")
-    part = functools.reduce(getattr, owner.split("."), scene) if owner else scene
+    part = functools.reduce(_inner, owner.split("."), scene) if owner else scene
     bounds = getattr(type(part), "bounds", {}).get(field)
     if found is None:
         return Number(path, Bounds() if bounds is None else bounds)

@@ -4,7 +4,7 @@
 import equinox as eqx
 from jaxtyping import Array
 
-from ..parts import AbstractDrive, Belt, Border, Fence, Friction, Parcel
+from ..parts import AbstractDrive, AbstractFriction, AbstractSurface, Belt, Border, Fence, Parcel
 from .start import AbstractStart
 
 
@@ -19,12 +19,14 @@ class Scene(eqx.Module):
     belt: Belt | None
     fence: Fence | None
     drive: AbstractDrive | None
-    fence_friction: Friction | None
+    fence_friction: AbstractFriction | None
     border: Border | None
     fence_corners: tuple[int, ...] = eqx.field(static=True)
     border_corners: tuple[int, ...] = eqx.field(static=True)
     duration: float = eqx.field(static=True)
     tip_contact: bool = eqx.field(static=True, default=False)
+    surfaces: tuple[AbstractSurface, ...] = ()
+    surface_corners: tuple[int, ...] = eqx.field(static=True, default=())
 
 
 class NormalScene(eqx.Module):

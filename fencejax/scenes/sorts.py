@@ -5,16 +5,28 @@ import jax.numpy as jnp
 from jaxtyping import ArrayLike
 
 from .. import _check
-from ..parts import CYCLE_TIME, AbstractDrive, Belt, Border, Fence, Friction, HarmonicDrive, Parcel
+from ..parts import (
+    CYCLE_TIME,
+    AbstractDrive,
+    AbstractFriction,
+    AbstractSurface,
+    Belt,
+    Border,
+    Fence,
+    HarmonicDrive,
+    Parcel,
+)
 from .arguments import (
     Default,
     belt_of,
     check_clear_of_fence,
+    check_clear_of_surfaces,
     check_motion,
     corners_of,
     cycle_of,
     duration_of,
     fence_friction_of,
+    surfaces_of,
     traced,
 )
 from .body import Body
@@ -31,6 +43,8 @@ def free_motion(
     belt: Belt | None | Default = "default",
     fence: Fence | None = None,
     drive: AbstractDrive | None = None,
+    surfaces: tuple[AbstractSurface, ...] = (),
+    surface_corners: tuple[int, ...] = (1, 2, 3, 4),
     duration: float | None = None,
 ) -> Scene:
     """The parcel on the belt alone.
@@ -40,6 +54,7 @@ def free_motion(
     - `position`: (x, y) of C_s [m]; `angle`: phi [rad].
     - `velocity`: (xdot, ydot, phidot) [m/s, m/s, rad/s].
     - `fence`, `drive`: if given, the fence swings and rings beside the parcel without contact.
+    - `surfaces`: still surfaces that its `surface_corners` can touch.
     - `duration` [s], static, default 0.5.
     """
     numbers = {
@@ -55,8 +70,13 @@ def free_motion(
     )
     if fence is not None and drive is None:
         drive = HarmonicDrive()
+    parcel = Parcel() if parcel is None else parcel
+    surfaces = surfaces_of(surfaces)
+    corners = corners_of("surface_corners", surface_corners) if surfaces else ()
+    remedy = "Change `position` or `angle`."
+    check_clear_of_surfaces(parcel, motion[:2], motion.angle, surfaces, corners, remedy)
     return Scene(
-        Parcel() if parcel is None else parcel,
+        parcel,
         AsGiven(motion),
         belt_of(belt),
         fence,
@@ -66,6 +86,9 @@ def free_motion(
         (),
         (),
         duration_of(duration, 0.5),
+        False,
+        surfaces,
+        corners,
     )
 
 
@@ -78,11 +101,13 @@ def whole_sort(
     parcel: Parcel | None = None,
     belt: Belt | None | Default = "default",
     drive: AbstractDrive | None = None,
-    fence_friction: Friction | None | Default = "default",
+    fence_friction: AbstractFriction | None | Default = "default",
     border: Border | None | Default = "default",
     fence_corners: tuple[int, ...] = (1, 2),
     border_corners: tuple[int, ...] = (1, 2),
     tip_contact: bool = True,
+    surfaces: tuple[AbstractSurface, ...] = (),
+    surface_corners: tuple[int, ...] = (1, 2, 3, 4),
     duration: float | None = None,
 ) -> Scene:
     """A whole sort: the drive starts at rest, the parcel rides in, and contacts come and go.
@@ -95,6 +120,8 @@ def whole_sort(
     - `fence_corners`, `border_corners`: the corners that can touch, static; each one costs. By
       default the two of the lower wall.
     - `tip_contact`: as in `oblique_impact`, but by default the tip carries on.
+    - `surfaces`: other still surfaces that the parcel's `surface_corners` can touch, such as a wall
+      of the chute. `Result.peak_surface_force` is theirs.
     - `duration` [s], static, by default the drive's cycle.
     """
     fence = Fence() if fence is None else fence
@@ -107,9 +134,14 @@ def whole_sort(
     )
     border = Border() if border == "default" else border
     parcel = Parcel() if parcel is None else parcel
+    surfaces = surfaces_of(surfaces)
+    surface_corners = corners_of("surface_corners", surface_corners) if surfaces else ()
     check_motion(drive)
     if not traced(parcel, start, fence, drive):
         body = start.body(parcel, None, None)
+        check_clear_of_surfaces(
+            parcel, body[:2], body.angle, surfaces, surface_corners, "Lower `front`."
+        )
         tilt = drive.angle(jnp.zeros_like(drive.turning_time))
         remedy = "Raise `offset`, lower `front`, or begin with the fence at rest at 0 rad."
         check_clear_of_fence(parcel, body[:2], body.angle, fence, tilt, remedy)
@@ -125,4 +157,63 @@ def whole_sort(
         () if border is None else corners_of("border_corners", border_corners),
         duration_of(duration, cycle_of(drive) if duration is None else duration),
         _check.flag("tip_contact", tip_contact),
+        surfaces,
+        surface_corners,
+    )
+
+
+def passive_sort(
+    surfaces: tuple[AbstractSurface, ...],
+    *,
+    front: ArrayLike = 0.1,
+    offset: ArrayLike = 0.2,
+    angle: ArrayLike = 0.0,
+    parcel: Parcel | None = None,
+    belt: Belt | None | Default = "default",
+    border: Border | None | Default = "default",
+    border_corners: tuple[int, ...] = (1, 2),
+    surface_corners: tuple[int, ...] = (1, 2, 3, 4),
+    duration: float = 1.36,
+) -> Scene:
+    """A sort without a fence: the parcel rides with the belt into still surfaces, such as a
+    deflector, which push it aside. `Result.peak_surface_force` is their largest force.
+
+    **Arguments:**
+
+    - `surfaces`: the still surfaces besides the border.
+    - `front` [m]: x of the parcel's foremost point at the start; it may be negative.
+    - `offset` [m] between the border and the parcel's lowest point, at least 0.
+    - `angle`: phi [rad].
+    - `surface_corners`, `border_corners`: the corners that can touch, static; each one costs.
+    - `duration` [s], static.
+
+    Raises `ValueError` where a corner lies inside a surface at the start.
+    """
+    surfaces = surfaces_of(surfaces)
+    start = OnBelt(
+        _check.scalar("front", front, size=1.0, unit="m"),
+        _check.scalar("offset", offset, least=0, size=1.0, unit="m"),
+        _check.scalar("angle", angle, size=10.0, unit="rad"),
+    )
+    parcel = Parcel() if parcel is None else parcel
+    corners = corners_of("surface_corners", surface_corners)
+    if not traced(parcel, start, surfaces):
+        body = start.body(parcel, None, None)
+        remedy = "Lower `front`, or move the surface."
+        check_clear_of_surfaces(parcel, body[:2], body.angle, surfaces, corners, remedy)
+    border = Border() if border == "default" else border
+    return Scene(
+        parcel,
+        start,
+        belt_of(belt),
+        None,
+        None,
+        None,
+        border,
+        (),
+        () if border is None else corners_of("border_corners", border_corners),
+        duration_of(duration, 1.36),
+        False,
+        surfaces,
+        corners if surfaces else (),
     )

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from .. import _check
-from ..parts import AbstractDrive, Belt, Border, Fence, Friction, HarmonicDrive, Parcel
+from ..parts import AbstractDrive, AbstractFriction, Belt, Border, Fence, HarmonicDrive, Parcel
 from .arguments import (
     Default,
     belt_of,
@@ -33,7 +33,7 @@ def oblique_impact(
     parcel: Parcel | None = None,
     belt: Belt | None | Default = "default",
     drive: AbstractDrive | None = None,
-    fence_friction: Friction | None | Default = "default",
+    fence_friction: AbstractFriction | None | Default = "default",
     tip_contact: bool = False,
     duration: float | None = None,
 ) -> Scene:
@@ -121,7 +121,7 @@ def along_fence(
     parcel: Parcel | None = None,
     belt: Belt | None | Default = "default",
     drive: AbstractDrive | None = None,
-    fence_friction: Friction | None | Default = "default",
+    fence_friction: AbstractFriction | None | Default = "default",
     tip_contact: bool = False,
     duration: float | None = None,
 ) -> Scene:
@@ -161,7 +161,7 @@ def border_and_fence(
     parcel: Parcel | None = None,
     belt: Belt | None | Default = "default",
     drive: AbstractDrive | None = None,
-    fence_friction: Friction | None | Default = "default",
+    fence_friction: AbstractFriction | None | Default = "default",
     border: Border | None = None,
     tip_contact: bool = False,
     duration: float | None = None,

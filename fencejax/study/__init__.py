@@ -12,6 +12,7 @@ from . import (
     scene_groups as scene_groups,
     sensitivity as sensitivity,
 )
+from .batch import simulate_many as simulate_many
 from .candidates import (
     as_fine as as_fine,
     describe as describe,
@@ -67,20 +68,28 @@ from .sensitivity import (
 )
 from .sweep import (
     OUTPUTS as OUTPUTS,
+    Lane as Lane,
     Sweep as Sweep,
 )
-from .sweep_run import (
-    FILE as FILE,
+from .sweep_cluster import (
+    WorkerSettings as WorkerSettings,
+)
+from .sweep_program import (
     Plan as Plan,
+)
+from .sweep_run import (
     Progress as Progress,
     run_sweep as run_sweep,
 )
 from .sweep_store import (
+    FILE as FILE,
     Store as Store,
+    sweep_library as sweep_library,
 )
 from .sweep_table import (
     IMPOSSIBLE as IMPOSSIBLE,
     SweepTable as SweepTable,
+    lanes as lanes,
 )
 from .trial import (
     Trial as Trial,

@@ -37,7 +37,7 @@ def ladder() -> tuple[Fidelity, ...]:
 def expected_cost(fidelity: Fidelity) -> float:
     """Work a second of simulated time of a few runs, in steps of one mode; orders what is tried
     first."""
-    work = _GEOMETRY_WORK[fidelity.geometry] * _INTEGRATOR_WORK.get(fidelity.integrator, 300.0)
+    work = _GEOMETRY_WORK[fidelity.geometry] * _INTEGRATOR_WORK.get(str(fidelity.integrator), 300.0)
     return work * (1 + 0.05 * fidelity.mode_count) / fidelity.step
 
 

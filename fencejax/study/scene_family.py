@@ -14,7 +14,16 @@ from jaxtyping import Array, ArrayLike
 
 from .. import _check, scenes
 from ..design import DesignVariable
-from ..parts import AbstractDrive, Belt, Border, Fence, Friction, HarmonicDrive, Parcel
+from ..parts import (
+    AbstractDrive,
+    AbstractFriction,
+    Belt,
+    Border,
+    Fence,
+    Friction,
+    HarmonicDrive,
+    Parcel,
+)
 from ..scenes import (
     NUMBERS,
     PATHS,
@@ -60,7 +69,7 @@ class _Setting(eqx.Module):
     belt: Belt | None
     fence: Fence
     drive: AbstractDrive
-    fence_friction: Friction | None
+    fence_friction: AbstractFriction | None
     border: Border | None
 
 
@@ -82,7 +91,7 @@ class SceneFamily:
         drive: AbstractDrive | None = None,
         parcel: Parcel | None = None,
         belt: Belt | None | Default = "default",
-        fence_friction: Friction | None | Default = "default",
+        fence_friction: AbstractFriction | None | Default = "default",
         border: Border | None | Default = "default",
         duration: float | None = None,
         options: Mapping[str, Any] | None = None,

@@ -14,11 +14,11 @@ from jaxtyping import Array
 
 from .. import _check
 from ..fidelity import Fidelity
-from ..results import MEASURES, Result
+from ..results import MEASURES, Measure, Result
 from ..simulate import simulate
 from .sampling import Samples
 from .scene_family import SceneFamily
-from .sweep_table import IMPOSSIBLE
+from .sweep_table import IMPOSSIBLE, derivative
 
 OUTPUTS: dict[str, str] = {
     **{name: measure.unit for name, measure in MEASURES.items()},
@@ -48,10 +48,11 @@ class Sweep:
 
     - `family`: whose names are the samples' variables, in order.
     - `samples`: the points.
-    - `outputs`: names of `OUTPUTS`; the status is always kept.
+    - `outputs`: names of `OUTPUTS` and of `measures`; the status is always kept.
     - `gradient_of`: one of the outputs, whose exact derivatives in all variables are kept too, or
       `None`. A sweep then takes two to four times as long.
     - `fidelity`: default `Fidelity.standard()`.
+    - `measures`: measures of one's own that the outputs name.
 
     Raises `ValueError` for names that are none of these and where a variable's bound gives no
     scene, whatever the others (see `SceneFamily.check`). Single lanes that give none are counted
@@ -63,11 +64,12 @@ class Sweep:
     outputs: Sequence[str] = ("peak_force", "tip_deflection")
     gradient_of: str | None = None
     fidelity: Fidelity = dataclasses.field(default_factory=Fidelity.standard)
+    measures: Sequence[Measure] = ()
 
     def __post_init__(self):
         object.__setattr__(self, "outputs", tuple(dict.fromkeys(self.outputs)))
         for name in self.outputs:
-            _check.choice("outputs", name, tuple(OUTPUTS))
+            _check.choice("outputs", name, tuple(self._known))
         if not self.outputs:
             raise ValueError("Argument `outputs` must name at least one output, but is empty.")
         if self.gradient_of is not None:
@@ -84,17 +86,35 @@ class Sweep:
         self.family.check(self.samples.variables)
 
     @property
+    def _known(self) -> dict[str, str]:
+        """Units of all that can be an output."""
+        return OUTPUTS | {measure.name: measure.unit for measure in self.measures}
+
+    @property
     def units(self) -> dict[str, str]:
         """Units of the variables and the outputs."""
         return {
             **{v.name: v.unit for v in self.samples.variables},
-            **{name: OUTPUTS[name] for name in self.outputs},
+            **{name: self._known[name] for name in self.outputs},
         }
+
+    @property
+    def columns(self) -> dict[str, str]:
+        """What is kept of each lane, with its unit: the outputs, and the derivatives of one of
+        them, named `d_OUTPUT_d_VARIABLE`. The status comes beside them."""
+        kept = {name: self._known[name] for name in self.outputs}
+        if self.gradient_of is not None:
+            unit = self._known[self.gradient_of]
+            for v in self.samples.variables:
+                kept[derivative(self.gradient_of, v.name)] = f"({unit}) / ({v.unit})"
+        return kept
 
     @property
     def lane(self) -> "Lane":
         """What is done at each point."""
-        return Lane(self.family, tuple(self.outputs), self.gradient_of, self.fidelity)
+        return Lane(
+            self.family, tuple(self.outputs), self.gradient_of, self.fidelity, tuple(self.measures)
+        )
 
     def describe(self) -> dict[str, Any]:
         """All that the results depend on, as plain numbers, names, lists and dictionaries."""
@@ -118,6 +138,7 @@ class Lane:
     outputs: tuple[str, ...]
     gradient_of: str | None
     fidelity: Fidelity
+    measures: tuple[Measure, ...] = ()
 
     def describe(self) -> dict[str, Any]:
         """All that the results of a point depend on, as plain numbers, names and so on."""
@@ -132,7 +153,12 @@ class Lane:
             "options": family.options,
             "outputs": list(self.outputs),
             "gradient_of": self.gradient_of,
-            "fidelity": dataclasses.asdict(self.fidelity),
+            "measures": [_named(measure) for measure in self.measures],
+            "fidelity": {
+                # A solver of diffrax is known by what it prints.
+                each.name: _named(getattr(self.fidelity, each.name))
+                for each in dataclasses.fields(self.fidelity)
+            },
             "parts": {
                 name: _plain(getattr(family, name))
                 for name in ("fence", "drive", "parcel", "belt", "friction", "border")
@@ -146,7 +172,11 @@ class Lane:
         def outcome(point: Array):
             scene = self.family.scene(point)
             result = simulate(
-                scene, fidelity=self.fidelity, history=False, only=tuple(sorted(fields))
+                scene,
+                fidelity=self.fidelity,
+                history=False,
+                only=tuple(sorted(fields)),
+                measures=self.measures,
             )
             found = {name: _read(result, name) for name in self.outputs}
             main = found[self.gradient_of or self.outputs[0]]
@@ -176,5 +206,12 @@ def _plain(part: Any) -> dict[str, Any] | None:
         return None
     leaves, structure = jax.tree_util.tree_flatten_with_path(part)
     numbers = {jax.tree_util.keystr(path): np.asarray(leaf).tolist() for path, leaf in leaves}
+    return {**numbers, "structure": _named(structure)}
+
+
+def _named(value: Any) -> Any:
+    """A plain value as it is, another one as text."""
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
     # A function's address differs from process to process.
-    return {**numbers, "structure": re.sub(r" at 0x[0-9a-f]+", "", str(structure))}
+    return re.sub(r" at 0x[0-9a-f]+", "", str(value))

@@ -1,39 +1,42 @@
-"""A folder that keeps the chunks of a long job: each whole or not there, none for another job."""
+"""A sweep's dataset on the disk: a Zarr store whose chunks are whole and of this job, or computed
+anew."""
 
+import contextlib
 import hashlib
+import importlib
 import json
 import os
-import zipfile
-from collections.abc import Callable, Mapping
+import shutil
+import uuid
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-_MANIFEST = "manifest.json"
-_CHUNKS = "chunks"
+if TYPE_CHECKING:
+    import xarray
+
+FILE = "sweep.zarr"
+"""Name of the Zarr store with the whole sweep, in its folder."""
+
+# A chunk's record: the digest of its job, its number, the digest of its numbers.
+_RECORD = "record"
+_BYTES = 32 + 8 + 32
 
 
-def write_whole(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
-    """Have `write` fill a file, such that `path` holds all of it or is as it was before.
+def sweep_library(name: str) -> Any:
+    """One of the libraries that sweeps in a folder need.
 
-    The file is written beside it, forced to the disk, and put in its place in one go.
+    Raises `ImportError` where it is not installed.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with part.open("wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write named arrays as a .npz file, whole or not at all."""
-    named: dict[str, Any] = dict(arrays)
-    write_whole(path, lambda file: np.savez(file, **named))
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise ImportError(
+            f"A sweep kept in a folder needs xarray, zarr and dask, but {error.name} is not "
+            "installed. Write pip install -e '.[sweep]'; a sweep by jax.vmap needs none of them."
+        ) from error
 
 
 def digest(configuration: Mapping[str, Any]) -> str:
@@ -43,112 +46,193 @@ def digest(configuration: Mapping[str, Any]) -> str:
 
 
 class Store:
-    """Chunks 0 ... K - 1 of one job in a folder, each a .npz file, and the job's configuration in
-    manifest.json. Several processes may share the folder."""
+    """The lanes of one sweep in a folder, in chunks 0 ... K - 1.
 
-    def __init__(self, folder: Path | str, configuration: Mapping[str, Any]):
+    Each chunk carries a record of 72 bytes: the digest of its job (32), its number (8, big-endian)
+    and the SHA-256 of its numbers (32). A chunk counts only if its record is there and fits: what a
+    kill, a full disk or another program has left half done, is computed anew. So no lock is needed:
+    whoever computes a chunk of the same job writes the same numbers.
+    """
+
+    def __init__(self, path: Path, empty: "xarray.Dataset", chunk: int):
         """**Arguments:**
 
-        - `folder`: made where it is missing.
-        - `configuration`: what the chunks depend on; plain numbers, names, lists, dictionaries.
+        - `path`: of the Zarr store; made with its folder where it is missing.
+        - `empty`: of `sweep_table.lanes`, its data lazy: their values are never asked for.
+        - `chunk`: lanes in a chunk.
 
-        Raises `ValueError` where the folder holds chunks of another configuration, naming what
-        differs, or a manifest that cannot be read.
+        Raises `ValueError` where the folder holds another sweep, naming what differs, or what is
+        none, and `OSError` where it cannot be read or written.
         """
-        self.folder = Path(folder)
-        # As JSON gives it back, so that the two can be compared.
-        self.configuration = json.loads(json.dumps(configuration))
-        self.digest = digest(self.configuration)
-        self._lock: IO[bytes] | None = None
-        (self.folder / _CHUNKS).mkdir(parents=True, exist_ok=True)
-        self._claim()
-
-    def _claim(self) -> None:
-        path = self.folder / _MANIFEST
-        if path.exists():
-            try:
-                found = json.loads(path.read_text())
-                there, configuration = found["hash"], found["configuration"]
-            except (ValueError, KeyError, TypeError) as error:
-                raise ValueError(
-                    f"Folder {self.folder} must hold a manifest of a sweep, but {path} cannot be "
-                    "read. Choose another folder."
-                ) from error
-            if there != self.digest:
-                raise ValueError(
-                    f"Folder {self.folder} must be empty or hold the same sweep, but it holds "
-                    f"another one: {_differences(configuration, self.configuration)}. Choose "
-                    "another folder, or delete this one."
-                )
-            return
-        content = {"hash": self.digest, "configuration": self.configuration}
-        text = json.dumps(content, indent=2).encode() + b"\n"
-        write_whole(path, lambda file: file.write(text))
-
-    def lock(self, share: int) -> None:
-        """Claim a share of the chunks for this process until it ends, however it ends.
-
-        Raises `RuntimeError` where another process holds it. Where the system knows no such locks,
-        nothing is claimed.
-        """
-        try:
-            import fcntl
-        except ImportError:
-            return
-        file = (self.folder / f".share_{share}.lock").open("wb")
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            file.close()
-            raise RuntimeError(
-                f"Folder {self.folder} is in use: another process computes share {share} of this "
-                "sweep. Wait for it, or choose another folder."
-            ) from error
-        except OSError:
-            # A file system without locks.
-            file.close()
-            return
-        self._lock = file
-
-    def release(self) -> None:
-        """Give the share back."""
-        if self._lock is not None:
-            self._lock.close()
-            self._lock = None
-
-    def path(self, chunk: int) -> Path:
-        """Where a chunk is kept."""
-        return self.folder / _CHUNKS / f"{chunk:08d}.npz"
-
-    def done(self) -> set[int]:
-        """Numbers of the chunks that are there."""
-        names = os.listdir(self.folder / _CHUNKS)
-        return {int(n[:-4]) for n in names if n.endswith(".npz") and not n.startswith(".")}
-
-    def write(self, chunk: int, arrays: Mapping[str, np.ndarray]) -> None:
-        """Keep a chunk, whole or not at all."""
-        write_arrays(self.path(chunk), arrays)
-
-    def tidy(self) -> None:
-        """Remove what kills have left half written, once no process writes chunks any more."""
-        for part in (self.folder / _CHUNKS).glob(".*.part"):
-            part.unlink(missing_ok=True)
-
-    def read(self, chunk: int) -> dict[str, np.ndarray]:
-        """A chunk's arrays.
-
-        Raises `ValueError` where the file is damaged.
-        """
-        path = self.path(chunk)
-        try:
-            # Opened here: NumPy leaves a file open that it cannot read.
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-                return {name: arrays[name] for name in arrays.files}
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        self.path, self.chunk = path, chunk
+        self.count = empty.sizes["lane"]
+        self.chunks = -(-self.count // chunk)
+        self.columns: dict[str, np.dtype] = {
+            name: empty[name].dtype for name in sorted(map(str, empty.data_vars))
+        }
+        self._job = bytes.fromhex(empty.attrs["job"])
+        with _said(f"Folder {path.parent} must take a sweep, but it cannot be written"):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if not self.path.exists():
+                self._claim(empty)
+        self._group = _opened(self.path)
+        # Read back, whoever has made it.
+        there = self._group.attrs
+        if there["job"] != empty.attrs["job"]:
+            old, new = (json.loads(str(a["configuration"])) for a in (there, empty.attrs))
             raise ValueError(
-                f"Chunk {chunk} must be a .npz file, but {path} cannot be read ({error}). Delete "
-                "it and run the same sweep again: it is then computed anew."
-            ) from error
+                f"Folder {path.parent} must be empty or hold the same sweep, but it holds another "
+                f"one: {_differences(old, new)}. Choose another folder, or delete this one."
+            )
+        try:
+            shapes = {self._group[name].shape for name in self.columns}
+        except Exception as error:
+            raise _unreadable(path, error) from error
+        if shapes != {(self.count,)}:
+            raise _unreadable(path, f"its columns have the shapes {shapes}")
+        self._records = _records(self._group, self.chunks)
+
+    def _claim(self, empty: "xarray.Dataset") -> None:
+        """Put the store in its place, without its chunks.
+
+        It is written beside it and renamed, which fails where there is one: of several processes
+        one wins, and no one ever sees half of it.
+        """
+        array = sweep_library("dask.array")
+        records = array.zeros((self.chunks, _BYTES), dtype=np.uint8, chunks=(1, _BYTES))
+        whole = empty.assign({_RECORD: (("chunk", "byte"), records)})
+        # Bits are kept as they are: no number stands for one that is missing.
+        encoding: dict[str, dict[str, Any]] = {str(n): {"_FillValue": None} for n in whole}
+        for name in empty.coords:
+            encoding[str(name)] = {"_FillValue": None, "chunks": (self.count,)}
+        part = self.path.with_name(f".{FILE}.{uuid.uuid4().hex}")
+        try:
+            whole.to_zarr(
+                part, mode="w", compute=False, consolidated=False, zarr_format=3, encoding=encoding
+            )
+            try:
+                part.rename(self.path)
+            except OSError:
+                if not self.path.exists():
+                    raise
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+
+    def _lanes(self, number: int) -> slice:
+        return slice(number * self.chunk, min(self.count, (number + 1) * self.chunk))
+
+    def write(self, number: int, arrays: Mapping[str, np.ndarray]) -> None:
+        """Keep a chunk: every column of it, of shape (lanes,).
+
+        Raises `OSError` where the disk does not take it.
+        """
+        xarray = sweep_library("xarray")
+        kept = {name: np.asarray(arrays[name], dtype) for name, dtype in self.columns.items()}
+        record = np.frombuffer(self._record(number, kept), np.uint8)
+        data = {name: ("lane", column) for name, column in kept.items()}
+        part = xarray.Dataset(data | {_RECORD: (("chunk", "byte"), record[None])})
+        region = {"lane": self._lanes(number), "chunk": slice(number, number + 1)}
+        with _said(f"Chunk {number} of the sweep cannot be written into {self.path}"):
+            part.to_zarr(self.path, region=region, consolidated=False, zarr_format=3)
+        self._records[number] = record
+
+    def _record(self, number: int, arrays: Mapping[str, np.ndarray]) -> bytes:
+        found = hashlib.sha256()
+        for name in self.columns:
+            column = np.ascontiguousarray(arrays[name])
+            found.update(f"{name} {column.dtype.str} {column.shape} ".encode() + column.tobytes())
+        return self._job + number.to_bytes(8, "big") + found.digest()
+
+    def read(self, number: int) -> dict[str, np.ndarray] | None:
+        """A chunk's columns; `None` where it is not there, or not whole, or not of this job."""
+        record = self._records[number].tobytes()
+        if not any(record):
+            return None
+        lanes = self._lanes(number)
+        try:
+            arrays = {name: np.asarray(self._group[name][lanes]) for name in self.columns}
+        except Exception:
+            # A decoder that is given a damaged file raises as it likes.
+            return None
+        return arrays if self._record(number, arrays) == record else None
+
+
+def load(folder: Path | str) -> "xarray.Dataset":
+    """The dataset of a sweep's folder, in memory, every chunk checked.
+
+    Raises `ValueError` where there is none, or where chunks are missing or damaged.
+    """
+    path = Path(folder) / FILE if (Path(folder) / FILE).exists() else Path(folder)
+    xarray = sweep_library("xarray")
+    _opened(path)
+    try:
+        there = xarray.open_zarr(path, chunks=None, consolidated=False, decode_cf=True)
+        configuration = json.loads(there.attrs["configuration"])
+        lanes = there.drop_vars(_RECORD)
+        names = lanes.attrs["variables"]
+        points = np.stack([lanes[name].to_numpy() for name in names], axis=1)
+        store = Store(path, lanes, int(configuration["chunk"]))
+        known = configuration["samples"]["values"]
+    except Exception as error:
+        raise _unreadable(path, error) from error
+    if hashlib.sha256(points.tobytes()).hexdigest() != known:
+        raise _unreadable(path, "its points are not those of its configuration")
+    found = [store.read(number) for number in range(store.chunks)]
+    parts = [part for part in found if part is not None]
+    if len(parts) < len(found):
+        raise ValueError(
+            f"Folder {folder} must hold a whole sweep, but {len(found) - len(parts)} of its "
+            f"{len(found)} chunks are missing or damaged. Run the same sweep again: what is "
+            "missing is then computed."
+        )
+    whole = {n: np.concatenate([part[n] for part in parts]) for n in store.columns}
+    return lanes.load().assign({n: lanes[n].copy(data=column) for n, column in whole.items()})
+
+
+def _opened(path: Path) -> Any:
+    """The Zarr group of a store that is a sweep's."""
+    zarr = sweep_library("zarr")
+    try:
+        group = zarr.open_group(path, mode="r")
+        missing = {"job", "configuration"} - set(group.attrs)
+        if missing or _RECORD not in group:
+            raise ValueError("it is no sweep's")
+        return group
+    except Exception as error:
+        raise _unreadable(path, error) from error
+
+
+def _unreadable(path: Path, reason: Any) -> ValueError:
+    told = " ".join(str(reason).split())
+    return ValueError(
+        f"Folder {path} must be the Zarr store of a sweep, but it cannot be read ({told}). Choose "
+        "another folder, or delete it."
+    )
+
+
+def _records(group: Any, chunks: int) -> np.ndarray:
+    """The records that can be read, zeros for the others, (K, 72)."""
+    try:
+        return np.array(group[_RECORD][:])
+    except Exception:
+        found = np.zeros((chunks, _BYTES), np.uint8)
+        for number in range(chunks):
+            with contextlib.suppress(Exception):
+                found[number] = group[_RECORD][number]
+        return found
+
+
+@contextlib.contextmanager
+def _said(what: str) -> Iterator[None]:
+    """What the system refuses, in one line with its remedy."""
+    try:
+        yield
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise OSError(
+            f"{what} ({reason}). What was computed is kept: make room or choose another folder, "
+            "and run the same sweep again."
+        ) from error
 
 
 def _differences(old: Any, new: Any, most: int = 4) -> str:

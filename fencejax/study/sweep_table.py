@@ -1,15 +1,19 @@
-"""What a sweep found: columns by name, one file of them, and a labelled dataset."""
+"""What a sweep found: a labelled dataset of lanes, and columns by name."""
 
 import dataclasses
-import importlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..results import Status
-from . import sweep_store as store
+from . import sweep_store
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 IMPOSSIBLE = -1
 """Status of a lane whose numbers give no scene (`SceneFamily.possible`); its outputs are NaN."""
@@ -22,32 +26,115 @@ def status_name(status: int) -> str:
     return _IMPOSSIBLE_TEXT if status == IMPOSSIBLE else Status(status).name
 
 
+def derivative(output: str, variable: str) -> str:
+    """Name of the column that holds an output's derivative in a variable."""
+    return f"d_{output}_d_{variable}"
+
+
+def lanes(
+    variables: Mapping[str, np.ndarray],
+    columns: Mapping[str, Any],
+    status: Any,
+    *,
+    units: Mapping[str, str],
+    scalings: Mapping[str, str],
+    outputs: tuple[str, ...],
+    gradient_of: str | None,
+    shape: tuple[int, ...],
+    configuration: Mapping[str, Any],
+) -> "xarray.Dataset":
+    """A dataset along the dimension `lane`: variables as coordinates; outputs, derivatives and the
+    status, arrays of NumPy or Dask of shape (N,), as data.
+
+    Attributes: `units` everywhere; a variable's `scaling`; the meanings of the status; of the
+    whole, the names of `variables` and `outputs` in order, `gradient_of`, the grid's `shape`, the
+    `configuration` as JSON, and `job`, its digest.
+    """
+    xarray = sweep_store.sweep_library("xarray")
+    codes = [IMPOSSIBLE, *(int(s) for s in Status)]
+    meanings = " ".join(status_name(code) for code in codes)
+    data: dict[str, Any] = {n: ("lane", c, {"units": units[n]}) for n, c in columns.items()}
+    data["status"] = ("lane", status, {"flag_values": codes, "flag_meanings": meanings})
+    coordinates = {
+        n: ("lane", c, {"units": units[n], "scaling": scalings[n]}) for n, c in variables.items()
+    }
+    return xarray.Dataset(data, coords=coordinates, attrs={
+        "variables": list(variables),
+        "outputs": list(outputs),
+        "gradient_of": gradient_of or "",
+        "shape": list(shape),
+        "configuration": json.dumps(configuration),
+        "job": sweep_store.digest(configuration),
+    })  # fmt: skip
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class SweepTable:
     """The points of a sweep and what came out, N lanes in the order of the samples.
 
     **Fields:**
 
-    - `variables`: values [SI] of shape (N,) by name; `outputs`: results of shape (N,) by name.
-    - `status`: shape (N,), a `Status` or `IMPOSSIBLE`. Up to `Status.LEFT_OVER_TIP` the numbers
-      are good; an output that a lane does not have (`leave_x` where nothing was touched) is NaN.
-    - `gradient`: derivatives of the output `gradient_of` by variable, each of shape (N,), in the
-      output's unit over the variable's; empty where none was asked for.
-    - `units`: of variables and outputs.
-    - `shape`: (N,), or the grid's.
-    - `scalings`: of the variables, "linear" or "logarithmic".
-    - `configuration`: of the sweep, as in its manifest.
+    - `dataset`: along the dimension `lane`, as it is in the store (see `lanes`).
     """
 
-    variables: dict[str, np.ndarray]
-    outputs: dict[str, np.ndarray]
-    status: np.ndarray
-    gradient_of: str | None
-    gradient: dict[str, np.ndarray]
-    units: dict[str, str]
-    shape: tuple[int, ...]
-    scalings: dict[str, str]
-    configuration: dict[str, Any]
+    dataset: "xarray.Dataset"
+
+    def _columns(self, names) -> dict[str, np.ndarray]:
+        return {name: self.dataset[name].to_numpy() for name in names}
+
+    @property
+    def variables(self) -> dict[str, np.ndarray]:
+        """Values [SI] of shape (N,) by name."""
+        return self._columns(self.dataset.attrs["variables"])
+
+    @property
+    def outputs(self) -> dict[str, np.ndarray]:
+        """Results of shape (N,) by name. One that a lane does not have (`leave_x` where nothing
+        was touched) is NaN."""
+        return self._columns(self.dataset.attrs["outputs"])
+
+    @property
+    def status(self) -> np.ndarray:
+        """Shape (N,), a `Status` or `IMPOSSIBLE`. Up to `Status.LEFT_OVER_TIP` the numbers are
+        good."""
+        return self.dataset["status"].to_numpy()
+
+    @property
+    def gradient_of(self) -> str | None:
+        """The output that was differentiated, if any."""
+        return self.dataset.attrs["gradient_of"] or None
+
+    @property
+    def gradient(self) -> dict[str, np.ndarray]:
+        """Derivatives of the output `gradient_of` by variable, each of shape (N,), in the output's
+        unit over the variable's; empty where none was asked for."""
+        main = self.gradient_of
+        if main is None:
+            return {}
+        names = self.dataset.attrs["variables"]
+        return {name: self.dataset[derivative(main, name)].to_numpy() for name in names}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of variables and outputs."""
+        names = [*self.dataset.attrs["variables"], *self.dataset.attrs["outputs"]]
+        return {name: self.dataset[name].attrs["units"] for name in names}
+
+    @property
+    def scalings(self) -> dict[str, str]:
+        """Of the variables, "linear" or "logarithmic"."""
+        names = self.dataset.attrs["variables"]
+        return {name: self.dataset[name].attrs["scaling"] for name in names}
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(N,), or the grid's."""
+        return tuple(int(length) for length in self.dataset.attrs["shape"])
+
+    @property
+    def configuration(self) -> dict[str, Any]:
+        """All that the numbers depend on."""
+        return json.loads(self.dataset.attrs["configuration"])
 
     @property
     def is_grid(self) -> bool:
@@ -74,8 +161,7 @@ class SweepTable:
 
     def grid(self, name: str) -> np.ndarray:
         """A column with the grid's shape: a variable, an output or `"status"`."""
-        column = {**self.variables, **self.outputs, "status": self.status}[name]
-        return column.reshape(self.shape)
+        return self.dataset[name].to_numpy().reshape(self.shape)
 
     @property
     def good(self) -> np.ndarray:
@@ -88,103 +174,35 @@ class SweepTable:
         return {status_name(int(s)): int(n) for s, n in zip(*found, strict=True)}
 
     def missing(self) -> dict[str, int]:
-        """Lanes with good numbers in which an output or a derivative is not finite, by name; those
-        without any are left out."""
-        columns = dict(self.outputs)
-        for name, column in self.gradient.items():
-            columns[f"d {self.gradient_of} / d {name}"] = column
-        found = {n: int(np.sum(~np.isfinite(c[self.good]))) for n, c in columns.items()}
+        """Lanes with good numbers in which an output or a derivative is not finite, by the name of
+        the column; those without any are left out."""
+        good = self.good
+        columns = {str(n): self.dataset[n].to_numpy() for n in self.dataset.data_vars}
+        found = {n: int(np.sum(~np.isfinite(c[good]))) for n, c in columns.items()}
         return {name: number for name, number in found.items() if number}
-
-    def save(self, path: Path | str) -> None:
-        """Write all of it into one .npz file, whole or not at all.
-
-        `numpy.load(path)` then gives the columns by their names; `status`; `gradient`, of shape
-        (N, variables), and `gradient_of`; `variables`, `outputs` and `units`, the names and the
-        unit of each, variables first; `shape`; `status_codes` and `status_names`; `scalings`; and
-        `configuration` as JSON.
-        """
-        names = [*self.variables, *self.outputs]
-        codes = [IMPOSSIBLE, *(int(s) for s in Status)]
-        store.write_arrays(Path(path), {
-            **self.variables,
-            **self.outputs,
-            "status": self.status,
-            "gradient": np.stack(list(self.gradient.values()), axis=1)
-            if self.gradient else np.zeros((len(self.status), 0)),
-            "gradient_of": np.array(self.gradient_of or ""),
-            "variables": np.array(list(self.variables)),
-            "outputs": np.array(list(self.outputs), dtype=str),
-            "units": np.array([self.units[name] for name in names]),
-            "scalings": np.array([self.scalings[name] for name in self.variables]),
-            "shape": np.array(self.shape),
-            "status_codes": np.array(codes),
-            "status_names": np.array([status_name(code) for code in codes]),
-            "configuration": np.array(json.dumps(self.configuration)),
-        })  # fmt: skip
 
     @classmethod
     def load(cls, path: Path | str) -> "SweepTable":
-        """What `save` has written.
+        """The table of a sweep's folder, every chunk checked against its record.
 
-        Raises `ValueError` where the file is none of these.
+        Raises `ImportError` without the extra `sweep` and `ValueError` where the folder holds no
+        sweep, or chunks of it are missing or damaged.
         """
-        try:
-            with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-                data = {name: arrays[name] for name in arrays.files}
-            variables = [str(name) for name in data["variables"]]
-            outputs = [str(name) for name in data["outputs"]]
-            units = dict(zip([*variables, *outputs], map(str, data["units"]), strict=True))
-            gradient = dict(zip(variables, data["gradient"].T, strict=False))
-            return cls(
-                {name: data[name] for name in variables},
-                {name: data[name] for name in outputs},
-                data["status"],
-                str(data["gradient_of"]) or None,
-                gradient,
-                units,
-                tuple(int(k) for k in data["shape"]),
-                dict(zip(variables, map(str, data["scalings"]), strict=True)),
-                json.loads(str(data["configuration"])),
-            )
-        except (KeyError, ValueError) as error:
-            raise ValueError(
-                f"Argument `path` must name a file written by SweepTable.save, but {path} lacks "
-                f"what it writes ({error})."
-            ) from error
+        return cls(sweep_store.load(path))
 
-    def to_xarray(self) -> Any:
-        """An `xarray.Dataset`: a grid has its variables as dimensions with coordinates, other
-        points one dimension `lane` with the variables as coordinates along it. Derivatives are
-        named `d_OUTPUT_d_VARIABLE`; units are attributes, and so are the meanings of `status`.
-
-        Raises `ImportError` where xarray is not installed.
-        """
-        try:
-            xarray = importlib.import_module("xarray")
-        except ImportError as error:
-            raise ImportError(
-                "A labelled dataset needs xarray. Write pip install 'fencejax[xarray]'."
-            ) from error
-        if self.is_grid:
-            dims = tuple(self.variables)
-            coords = {n: (n, a, {"units": self.units[n]}) for n, a in self.axes.items()}
-        else:
-            dims = ("lane",)
-            coords = {
-                n: ("lane", c, {"units": self.units[n]}) for n, c in self.variables.items()
-            }
-        fields = {
-            name: (dims, column.reshape(self.shape), {"units": self.units[name]})
-            for name, column in self.outputs.items()
+    def to_xarray(self) -> "xarray.Dataset":
+        """The dataset as it is best plotted: a grid with its variables as dimensions, other points
+        along the dimension `lane`. Units are attributes, and so are the meanings of `status`."""
+        if not self.is_grid:
+            return self.dataset
+        xarray = sweep_store.sweep_library("xarray")
+        data = {
+            name: (tuple(self.axes), self.grid(str(name)), column.attrs)
+            for name, column in self.dataset.data_vars.items()
         }
-        for name, column in self.gradient.items():
-            unit = f"({self.units[str(self.gradient_of)]}) / ({self.units[name]})"
-            key = f"d_{self.gradient_of}_d_{name}"
-            fields[key] = (dims, column.reshape(self.shape), {"units": unit})
-        codes = [IMPOSSIBLE, *(int(s) for s in Status)]
-        meanings = " ".join(status_name(code) for code in codes)
-        attributes = {"flag_values": codes, "flag_meanings": meanings}
-        fields["status"] = (dims, self.status.reshape(self.shape), attributes)
-        described = {"configuration": json.dumps(self.configuration)}
-        return xarray.Dataset(fields, coords=coords, attrs=described)
+        axes = {n: (n, axis, self.dataset[n].attrs) for n, axis in self.axes.items()}
+        return xarray.Dataset(data, coords=axes, attrs=self.dataset.attrs)
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """A row a lane: variables, outputs, derivatives and the status, a number of `Status`."""
+        return self.dataset.reset_coords().to_dataframe()

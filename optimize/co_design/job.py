@@ -67,8 +67,8 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
     config.out.mkdir(parents=True, exist_ok=True)
     joint = Joint(config)
     journal = Journal(config.out / "evaluations.jsonl", _key(config))
-    if len(journal):
-        say(f"{len(journal)} evaluations known from {journal.path}")
+    if len(journal) or journal.torn:
+        say(str(journal))
     say(
         f"{joint.encounters.lanes} sorts, {len(joint.space.names)} variables: "
         f"{', '.join(joint.space.names)}; compiling ..."
@@ -226,4 +226,4 @@ def _write(outcome: Outcome, journal: Journal) -> None:
 
 def run():
     """The job from the command line."""
-    command.run("co_design", configure, main)
+    command.run("co_design", configure, main, stopped=command.RESUMED)

@@ -44,6 +44,11 @@ def quantity(flag: str, text: str, known: Mapping[str, Quantity] = OBJECTIVES) -
     return _found(flag, text, known, Quantity)
 
 
+def measure(flag: str, text: str) -> fj.Measure:
+    """A measure of a user's own, `module:Name`; errors as of `drive`."""
+    return _found(flag, text, {}, fj.Measure)
+
+
 def limits(jobs: tuple[Limit, ...], texts: tuple[str, ...]) -> tuple[Limit, ...]:
     """A job's limits and those of `texts`, by name with their default bounds or `module:Name`; of
     the same quantity these take the place of the job's. Errors as of `drive`.

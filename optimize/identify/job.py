@@ -189,4 +189,4 @@ def _content(config: IdentifyConfig, outcome: Outcome) -> dict[str, Any]:
 
 def run():
     """The job from the command line."""
-    command.run("identify", configure, main, refused=(ValueError, TypeError, OSError))
+    command.run("identify", configure, main)

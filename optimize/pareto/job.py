@@ -128,8 +128,8 @@ def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
     config.out.mkdir(parents=True, exist_ok=True)
     tradeoff = Tradeoff(config)
     journal = Journal(config.out / "evaluations.jsonl", _key(config))
-    if len(journal):
-        say(f"{len(journal)} evaluations known from {journal.path}")
+    if len(journal) or journal.torn:
+        say(str(journal))
     say(
         f"peak force against {config.against.replace('_', ' ')}: {tradeoff.encounters.lanes} "
         f"{config.kind}, variables {', '.join(tradeoff.space.names)}"
@@ -207,4 +207,4 @@ def _verdict(front: Front, tracer: Tracer) -> str:
 
 def run():
     """The job from the command line."""
-    command.run("pareto", configure, main)
+    command.run("pareto", configure, main, stopped=command.RESUMED)

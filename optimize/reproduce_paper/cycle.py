@@ -103,7 +103,7 @@ def run(cases: Case, starts: Start, fidelity: fj.Fidelity) -> Cycle:
             deflection=history.tip_deflection,
             belt_force=jnp.sqrt(pull.x**2 + pull.y**2),
             load=jnp.sqrt(along**2 + across**2 + moment**2),
-            hold=belt.friction.static * parcel.mass * belt.gravity,
+            hold=belt.friction.scales(jnp.zeros(())).largest * parcel.mass * belt.gravity,
             peak_force=result.peak_force,
             tip_deflection=result.tip_deflection,
             status=result.status,

@@ -79,7 +79,7 @@ def _key(config: RobustConfig) -> str:
     """What decides the numbers of an evaluation, besides the design and the parcels."""
     names = (
         "scenes", "severity", "measure", "level", "fraction", "tip_limit", "stress_limit",
-        "crossing", "variables", "bounds", "seconds", "fidelity",
+        "crossing", "limit", "drive", "taper", "variables", "bounds", "seconds", "fidelity",
     )  # fmt: skip
     ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
     return repr([getattr(config, name) for name in names]) + repr(ladder)
@@ -116,8 +116,8 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
     config.out.mkdir(parents=True, exist_ok=True)
     population = Population(config)
     journal = Journal(config.out / "evaluations.jsonl", _key(config))
-    if len(journal):
-        say(f"{len(journal)} evaluations known from {journal.path}")
+    if len(journal) or journal.torn:
+        say(str(journal))
     count = config.sample if config.method == "sample" else config.batch
     say(
         f"{count} {config.scenes} a step, variables {', '.join(population.space.names)}; "
@@ -247,4 +247,4 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
 
 def run():
     """The job from the command line."""
-    command.run("robust_design", configure, main)
+    command.run("robust_design", configure, main, stopped=command.RESUMED)

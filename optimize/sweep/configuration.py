@@ -10,6 +10,8 @@ from fencejax.study import KINDS, OUTPUTS, VARIABLES, Samples, SceneFamily, Swee
 
 from ..common import assignments, flags, named
 
+# Cores that a machine may have.
+_MOST_ON_A_MACHINE = 1024
 _SAMPLINGS = ("grid", "latin_hypercube", "sobol")
 _FENCES = {"two_link": fj.Fence, "one_link": fj.Fence.one_link}
 
@@ -20,8 +22,8 @@ class SweepConfig:
 
     out: Path = flags.field(
         Path("out"),
-        "folder for the chunks, sweep.npz, result.json and the figures; the same command goes "
-        "on where it was stopped",
+        "folder for sweep.zarr, result.json and the figures; the same command goes on where it "
+        "was stopped",
     )
     scene: str = flags.field(
         "oblique_impact", f"kind of scene: {', '.join(KINDS)}", choices=tuple(KINDS)
@@ -53,7 +55,9 @@ class SweepConfig:
     drive: str = named.drive_field()
     taper: str = named.taper_field()
     outputs: tuple[str, ...] = flags.field(
-        ("peak_force", "tip_deflection"), f"what is kept, of {', '.join(OUTPUTS)}", metavar="OUTPUT"
+        ("peak_force", "tip_deflection"),
+        f"what is kept, of {', '.join(OUTPUTS)}, {named.OWN} of a Measure",
+        metavar="OUTPUT",
     )
     gradient: str = flags.field(
         "none", "output whose derivatives in all variables are kept too, or none"
@@ -61,14 +65,21 @@ class SweepConfig:
     duration: float = flags.field(0.0, "length of each scene [s]; 0: the scene's own")
     fidelity: str = flags.field("standard", "fast, standard or reference", choices=flags.FIDELITIES)
     chunk: int = flags.field(
-        0, "lanes that a device computes at a time, and that a file holds; 0: chosen", least=0
+        0, "lanes that a device or worker computes at a time, kept together; 0: chosen", least=0
     )
     group: int = flags.field(0, "lanes that go through their loops together; 0: chosen", least=0)
     devices: int = flags.field(0, "devices that JAX makes of this CPU; 0: one a core", least=0)
-    coordinator: str = flags.field("none", "HOST:PORT of process 0, for several processes")
-    processes: int = flags.field(1, "number of processes", least=1)
-    process: int = flags.field(0, "number of this process, from 0", least=0)
-    cluster: bool = flags.field(False, "ask Slurm, MPI or Kubernetes for the three above")
+    workers: int = flags.field(
+        0,
+        "processes of a Dask cluster on this machine that compute; 0: this process alone, with all "
+        "its devices, which is as fast",
+        least=0,
+    )
+    scheduler: str = flags.field(
+        "none",
+        "ADDRESS of a Dask scheduler whose workers compute, such as tcp://HOST:8786 (Slurm, "
+        "Kubernetes: Dask's own packages), or none",
+    )
     tolerated: float = flags.field(
         0.25, "share of lanes without good numbers that still counts as success [1]"
     )
@@ -76,15 +87,16 @@ class SweepConfig:
 
     def __post_init__(self):
         flags.check(self)
-        if self.process >= self.processes:
+        for name in ("devices", "workers"):
+            if getattr(self, name) > _MOST_ON_A_MACHINE:
+                raise ValueError(
+                    f"Argument `{name}` must be at most {_MOST_ON_A_MACHINE}, but is "
+                    f"{getattr(self, name)}: one a core serves best."
+                )
+        if self.workers and self.scheduler != "none":
             raise ValueError(
-                f"Argument `process` must be below `processes` = {self.processes}, but is "
-                f"{self.process}. They are numbered from 0."
-            )
-        if self.processes > 1 and self.coordinator == "none" and not self.cluster:
-            raise ValueError(
-                "Argument `coordinator` must be given for several processes, but is not. Write "
-                "--coordinator HOST:PORT of process 0, or --cluster where Slurm or MPI starts them."
+                "Argument `workers` starts a Dask cluster on this machine and must be 0 where "
+                f"`scheduler` names another one, but is {self.workers}. Leave one of them out."
             )
         if not 0 <= self.tolerated <= 1:
             raise ValueError(
@@ -124,15 +136,16 @@ class SweepConfig:
             drive=named.drive(self.drive),
             duration=self.duration or None,
         )
-        outputs = self.outputs
-        if self.gradient != "none" and self.gradient not in outputs:
-            outputs = (*outputs, self.gradient)
+        texts = (*self.outputs, *(() if self.gradient == "none" else (self.gradient,)))
+        own = {text: named.measure("outputs", text) for text in texts if ":" in text}
+        names = [own[text].name if text in own else text for text in texts]
         return Sweep(
             family,
             samples,
-            outputs,
-            None if self.gradient == "none" else self.gradient,
+            names,
+            None if self.gradient == "none" else names[-1],
             getattr(fj.Fidelity, self.fidelity)(),
+            tuple({measure.name: measure for measure in own.values()}.values()),
         )
 
     def quick(self) -> "SweepConfig":
@@ -171,6 +184,6 @@ configure = flags.reader(
     SweepConfig,
     "optimize.sweep",
     "Compute scenes over a grid, a Latin hypercube or a Sobol sequence, on every "
-    "device of one or several machines, resumably.",
+    "device of this machine or on a Dask cluster, resumably.",
     quick="at most 16 points an axis, or 256 in all, at the fast fidelity",
 )

@@ -4,48 +4,55 @@
 
 computes the points chunk by chunk on every core (or GPU) of the machine, says how far it is, and
 keeps every finished chunk: the same command goes on after a kill. It counts the statuses and
-writes sweep.npz (variables, outputs, units, statuses: `numpy.load`, or
-`fencejax.SweepTable.load(path).to_xarray()`), result.json and figures.
+writes sweep.zarr (an `xarray.Dataset` with variables, outputs, units, statuses:
+`fencejax.SweepTable.load(out)`, or `xarray.open_zarr(path, consolidated=False)`), result.json and
+figures. It needs `pip install -e '.[sweep]'`.
 
-Several processes do the same sweep together, in one folder that all of them see. On a cluster:
+Larger ones run on a Dask cluster, whose scheduler and workers have the same packages. By hand:
 
-    #!/bin/bash
-    #SBATCH --nodes=4 --ntasks-per-node=1 --cpus-per-task=64 --time=2:00:00 --requeue
-    #SBATCH --open-mode=append
-    cd $SLURM_SUBMIT_DIR
-    source .venv/bin/activate
-    export JAX_PLATFORMS=cpu        # leave it out where the nodes have GPUs
-    srun python -m optimize.sweep --cluster --out $SCRATCH/sweep \\
-        --scene whole_sort --sampling sobol --count 1048576 \\
-        --vary mass offset angle belt_speed thickness
-    # Killed or requeued, the job goes on where it was: submit it again.
+    dask scheduler                                              # on HOST
+    dask worker tcp://HOST:8786 --nworkers auto --nthreads 1    # on every machine; GPUs: dask-cuda
+    python -m optimize.sweep --scheduler tcp://HOST:8786 --out out --scene whole_sort \\
+        --sampling sobol --count 1048576 --vary mass offset angle belt_speed thickness
 
-Where a process dies, JAX ends the others within two minutes; what they had done is kept.
-Without Slurm or MPI, start on every machine k = 0 ... 3 (process 0 on HOST):
-`python -m optimize.sweep --coordinator HOST:1234 --processes 4 --process k --out /shared/sweep ...`
+On Slurm, `dask_jobqueue.SLURMCluster(cores=64, processes=64, memory="64GB").scale(jobs=4)`, on
+Kubernetes `dask_kubernetes.operator.KubeCluster`, give the scheduler's address, or the `Client` for
+`fencejax.run_sweep(..., client=client)`. Chunks go to whom is free. Where a worker dies another one
+does its chunk again; where the scheduler or this process dies, what was computed is kept, and the
+same command goes on. Only this process writes.
 """
 
+import contextlib
 import dataclasses
+import logging
+import multiprocessing.resource_tracker
+import os
+import signal
 import time
+from collections.abc import Iterator
+from typing import Any
 
 import jax
 import numpy as np
 
 import fencejax as fj
-from fencejax.study import Progress, SweepTable, run_sweep
+from fencejax.study import Progress, SweepTable, run_sweep, sweep_library
 
 from ..common import command
 from ..common.report import write_json
 from . import figures
 from .configuration import SweepConfig, configure
 
+# For an answer of the scheduler [s].
+_PATIENCE = 15
+
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found: the table, at process 0, whether few enough lanes are bad, and the time
-    it took [s]."""
+    """What the job found: the table, whether few enough lanes are bad, and the time it took
+    [s]."""
 
-    table: SweepTable | None
+    table: SweepTable
     succeeded: bool
     elapsed: float
 
@@ -57,9 +64,6 @@ class _Reporter:
         self._say, self._every, self._last = say, every, -np.inf
 
     def __call__(self, now: Progress) -> None:
-        if now.awaited:
-            self._say(f"  share done, {now.awaited} chunks of other processes to come")
-            return
         if now.elapsed - self._last < self._every and now.done < now.total:
             return
         self._last = now.elapsed
@@ -82,22 +86,22 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
     config = SweepConfig() if config is None else config
     say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     sweep = config.sweep()
-    devices, processes = jax.local_devices(), jax.process_count()
-    place = f", process {jax.process_index()} of {processes}" if processes > 1 else ""
-    say(
-        f"{sweep.samples.count} lanes of {config.scene} over {', '.join(sweep.samples.names)}, "
-        f"{len(devices)} {devices[0].platform} device{'s' if len(devices) > 1 else ''}{place}; "
-        "compiling ..."
-    )
-    table = run_sweep(
-        sweep,
-        config.out,
-        chunk=config.chunk or None,
-        group=config.group or None,
-        progress=_Reporter(say),
-    )
-    if table is None:
-        return Outcome(None, True, time.perf_counter() - begin)
+    lanes = f"{sweep.samples.count} lanes of {config.scene} over {', '.join(sweep.samples.names)}"
+    with _client(config) as client:
+        if client is None:
+            devices = jax.local_devices()
+            place = f"{len(devices)} {devices[0].platform} device{'s' if len(devices) > 1 else ''}"
+            say(f"{lanes}, {place}; compiling ...")
+        else:
+            say(f"{lanes}, on the workers of {client.scheduler.address}; waiting for the first ...")
+        table = run_sweep(
+            sweep,
+            config.out,
+            chunk=config.chunk or None,
+            group=config.group or None,
+            client=client,
+            progress=_Reporter(say),
+        )
     counts, missing = table.counts(), table.missing()
     say("statuses: " + ", ".join(f"{name} {number}" for name, number in counts.items()))
     for name, number in missing.items():
@@ -137,19 +141,55 @@ def _quantiles(table: SweepTable) -> dict[str, dict[str, float]]:
     return found
 
 
-def _joined(config: SweepConfig) -> Outcome:
-    join(config)
-    return main(config)
+@contextlib.contextmanager
+def _client(config: SweepConfig) -> Iterator[Any]:
+    """A client of the Dask cluster that is asked for, `None` where it is none."""
+    if not config.workers and config.scheduler == "none":
+        yield None
+        return
+    distributed = sweep_library("distributed")
+    # What it logs of its own is said in one line here.
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    with contextlib.ExitStack() as stack:
+        place: Any = config.scheduler
+        if config.workers:
+            place = stack.enter_context(_local_cluster(distributed, config.workers))
+        try:
+            client = distributed.Client(place, timeout=_PATIENCE)
+        except (OSError, ValueError) as error:
+            raise RuntimeError(
+                f"Argument `scheduler` must be the address of a Dask scheduler, but {place} does "
+                "not answer. Start it by `dask scheduler`, and write the address that it says."
+            ) from error
+        yield stack.enter_context(client)
 
 
-def join(config: SweepConfig) -> None:
-    """Set the compiler for this machine and, for several processes, meet the others."""
-    devices = config.local_devices
+def _local_cluster(distributed: Any, workers: int) -> Any:
+    """Workers on this machine, which leave an interrupt to this process and end with it."""
+    # Python's own helper of such processes: an interrupt ends this one before it has been told, and
+    # it would say so. It lifts the signal mask of the thread that starts it.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore::UserWarning:multiprocessing.resource_tracker")
+    blocks = hasattr(signal, "pthread_sigmask")
+    if blocks:
+        multiprocessing.resource_tracker.ensure_running()
+        # Inherited by the cluster's thread and processes.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        # Nothing here spills: the memory's limit is the machine's.
+        return distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=1, memory_limit=0, dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )  # fmt: skip
+    finally:
+        if blocks:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+def _tuned(config: SweepConfig) -> Outcome:
+    """The job, with the compiler set for this machine."""
+    devices = 1 if config.workers or config.scheduler != "none" else config.local_devices
     fj.tune_compiler(devices=devices if devices > 1 else None)
-    if config.cluster:
-        jax.distributed.initialize()
-    elif config.processes > 1:
-        jax.distributed.initialize(config.coordinator, config.processes, config.process)
+    return main(config)
 
 
 def run():
@@ -157,8 +197,8 @@ def run():
     command.run(
         "sweep",
         configure,
-        _joined,
-        refused=(ValueError, TypeError, RuntimeError),
-        stopped="stopped; the same command goes on from here",
+        _tuned,
+        refused=(ValueError, TypeError, RuntimeError, ImportError),
+        stopped=command.RESUMED,
         tune=False,
     )

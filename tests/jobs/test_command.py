@@ -1,8 +1,14 @@
 """Scripts as programs: exit statuses, and names with numbers in the texts of flags."""
 
 import dataclasses
+import errno
 import importlib
+import os
 import re
+import signal
+import subprocess
+import sys
+import time
 import types
 
 import pytest
@@ -37,19 +43,108 @@ def test_status_says_whether_it_succeeded(good, status):
     assert left(lambda config: good, succeeded=bool) == status
 
 
+def failing(error):
+    def main(config):
+        raise error
+
+    return main
+
+
 def test_what_is_refused_is_said_and_the_rest_raised():
-    def failing(error):
-        def main(config):
-            raise error
-
-        return main
-
     assert left(failing(ValueError("no"))) == "job: no"
-    assert left(failing(OSError("none")), refused=(OSError,)) == "job: none"
-    assert left(failing(KeyboardInterrupt()), stopped="stopped") == "job: stopped"
-    for error in (OSError, KeyboardInterrupt):
-        with pytest.raises(error):
-            command.run("job", Config, failing(error()), tune=False)
+    assert left(failing(KeyError("none")), refused=(KeyError,)) == "job: 'none'"
+    with pytest.raises(KeyError):
+        command.run("job", Config, failing(KeyError("none")), tune=False)
+
+
+def test_what_the_system_refuses_is_said_with_its_remedy(tmp_path):
+    def write(place):
+        return lambda config: place.mkdir(parents=True)
+
+    (tmp_path / "file").write_text("")
+    said = left(write(tmp_path / "file"))
+    assert said == f"job: {tmp_path}/file: File exists. Name another folder: this is a file."
+    said = left(write(tmp_path / "file" / "out"))
+    assert said.endswith("Not a directory. Name another folder: there is a file in the way.")
+    full = OSError(errno.ENOSPC, "No space left on device", tmp_path / "history.json")
+    assert left(failing(full)).endswith(
+        "history.json: No space left on device. Make room, and run the same command again."
+    )
+    assert left(failing(OSError("Make room."))) == "job: Make room."
+    said = left(failing(MemoryError("8 PiB")))
+    assert said == "job: there is not enough memory (8 PiB). Ask for less."
+
+
+# ---- interrupts
+
+RUNNING = """
+import sys
+from optimize.common import interrupts
+interrupts.watch()
+import jax
+from optimize.common import command
+
+def main(config):
+    print("running", flush=True)
+    try:
+        {work}
+    except KeyboardInterrupt:
+        pass
+    return True
+
+command.run("job", lambda: None, main, succeeded=bool, stopped=command.RESUMED)
+"""
+# Within XLA, where Python's own interrupt does not get to, and where it is swallowed.
+ENDLESS = "jax.jit(lambda x: jax.lax.while_loop(lambda y: y < 2, jax.numpy.sin, x))(1.0).item()"
+SWALLOWED = """
+        while True:
+            try:
+                import time; time.sleep(0.01)
+            except BaseException:
+                pass
+"""
+STAGES = {
+    "importing": (
+        ["-X", "importtime", "-m", "optimize.sweep"], "optimize.common.interrupts", "sweep: stopped"
+    ),
+    "compiling": (
+        ["-m", "optimize.sweep", "--points", "2", "--no-plots"], "compiling",
+        f"sweep: {command.RESUMED}",
+    ),
+    "computing": (["-c", RUNNING.format(work=ENDLESS)], "running", f"job: {command.RESUMED}"),
+    "swallowing": (["-c", RUNNING.format(work=SWALLOWED)], "running", f"job: {command.RESUMED}"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_an_interrupt_ends_a_job_with_one_line(stage, tmp_path):
+    arguments, awaited, line = STAGES[stage]
+    process = subprocess.Popen(
+        [sys.executable, *arguments], cwd=tmp_path, text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    assert process.stdout is not None
+    said = []
+    for said_now in process.stdout:
+        said.append(said_now.rstrip())
+        if awaited in said_now:
+            break
+    # Into what comes behind that line.
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    rest, _ = process.communicate(timeout=60)
+    assert process.returncode == 130, "\n".join(said) + rest
+    after = [row for row in rest.splitlines() if not row.startswith("import time:")]
+    assert after == [line]
+
+
+def test_an_interrupt_in_this_process_ends_it_too(capsys):
+    assert left(failing(KeyboardInterrupt()), stopped="stopped here") == 130
+    assert capsys.readouterr().err == "job: stopped here\n"
+
+
+def test_importing_the_jobs_changes_no_signals():
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_a_switch_changes_what_no_flag_says():

@@ -2,6 +2,7 @@
 
 import importlib
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -61,6 +62,11 @@ class Swing(fj.AbstractDrive):
 KICK = fj.Quantity(
     "kick", "m/s", "impulse over the parcel's mass",
     lambda result, scene: result.impulse / scene.parcel.mass, fields=("impulse",),
+)
+FLING = fj.Measure(
+    "fling", "rad/s", "largest spin of the parcel", "at least 0",
+    fj.results.accumulators.peak_of("spin", lambda sample: jnp.abs(sample.body.spin)),
+    lambda state: state.value,
 )
 SOFT = fj.Limit(fj.OBJECTIVES["impulse"], 300.0)
 LOW = fj.Limit(fj.OBJECTIVES["peak_stress"], 30e6)
@@ -127,6 +133,26 @@ def test_design_jobs_take_them(machine, job):
     assert fence.taper.share == 0.3
     assert type(drive).__name__ == ("SplineDrive" if job == "co_design" else "Swing")
     assert config.limits[-1].name == "impulse"
+    if job != "peak_force":
+        # Evaluations on file are another machine's.
+        key = importlib.import_module(f"optimize.{job}.job")._key
+        keys = {key(configured(job, machine, text)) for text in ([], own[-2:], LIMITS)}
+        assert len(keys) == 3
+
+
+def test_a_sweep_keeps_a_measure_of_a_users_own(machine):
+    text = ["--vary", "mass=5:15", "--outputs", "peak_force", "{m}:FLING", "--duration", "0.05"]
+    sweep = configured("sweep", machine, [*text, "--gradient", "{m}:FLING"]).sweep()
+    assert sweep.outputs == ("peak_force", "fling")
+    assert sweep.columns["d_fling_d_mass"] == "(rad/s) / (kg)"
+    found = sweep.lane(jnp.array([10.0]))
+    scene = sweep.family.scene(jnp.array([10.0]))
+    spin = fj.simulate(scene, fidelity=sweep.fidelity).history.body.spin
+    # The vertex of a parabola through three samples of a smooth curve.
+    assert float(found["fling"]) == pytest.approx(float(jnp.abs(spin).max()), rel=1e-3)
+    assert sweep.lane.describe() != configured("sweep", machine, text).sweep().lane.describe()
+    with pytest.raises(ValueError, match="Argument `outputs` must name an instance of Measure"):
+        configured("sweep", machine, ["--vary", "mass=5:15", "--outputs", "{m}:NUMBER"]).sweep()
 
 
 def test_other_jobs_take_them(machine):

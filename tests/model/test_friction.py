@@ -7,7 +7,7 @@ import pytest
 
 from fencejax import Friction
 from fencejax.fidelity import Smoothing
-from fencejax.model import BeltContact, belt_grip, coefficient, corner_share
+from fencejax.model import BeltContact, belt_grip, corner_share
 from fencejax.scenes import Body
 
 FRICTION = Friction(kinetic=0.35, static=0.5)
@@ -17,16 +17,20 @@ WEIGHT = 15 * 9.81
 ARM = 0.13  # c, the mean distance
 
 
+def mu_at(square):
+    return FRICTION.coefficient(square, SMOOTHING.static_speed)
+
+
 def test_coefficient_goes_from_static_to_kinetic():
     # mu = mu_k + (mu_s - mu_k) exp(-(w / w_s)^2): mu_s at rest, the e-th part of the excess at w_s,
     # and less than e^-36 of it at 6 w_s.
-    mu = [float(coefficient(FRICTION, jnp.asarray(w**2), SMOOTHING)[0]) for w in (0, 0.05, 0.3)]
+    mu = [float(mu_at(jnp.asarray(w**2))[0]) for w in (0, 0.05, 0.3)]
     np.testing.assert_allclose(mu, [0.5, 0.35 + 0.15 / np.e, 0.35], rtol=0, atol=1e-15)
 
 
 def test_derivative_of_the_coefficient():
-    value = jax.vmap(jax.grad(lambda s: coefficient(FRICTION, s, SMOOTHING)[0]))(SPEEDS**2)
-    ours = coefficient(FRICTION, SPEEDS**2, SMOOTHING)[1]
+    value = jax.vmap(jax.grad(lambda s: mu_at(s)[0]))(SPEEDS**2)
+    ours = mu_at(SPEEDS**2)[1]
     np.testing.assert_allclose(ours, value, rtol=1e-13)
 
 
@@ -65,7 +69,7 @@ def belt_load(slip_x, slip_y, spin, friction, smoothing):
     """F_1 = grip u, T = -grip c^2 phidot, the dissipation, and F_max."""
     square = slip_x**2 + slip_y**2 + (ARM * spin) ** 2
     grip = np.array(belt_grip(friction, WEIGHT, square, smoothing)[0])
-    largest = WEIGHT * np.array(coefficient(friction, square, smoothing)[0])
+    largest = WEIGHT * np.array(friction.coefficient(square, smoothing.static_speed)[0])
     force = (grip * slip_x, grip * slip_y)
     moment = -grip * ARM**2 * spin
     return force, moment, force[0] * slip_x + force[1] * slip_y - moment * spin, largest, square
@@ -119,7 +123,7 @@ def test_belt_force_dissipates(motions):
     # The slip is a difference of speeds of some m/s: round-off on them.
     np.testing.assert_allclose(load.dissipated, power, rtol=1e-9)
     size = np.sqrt(x**2 + y**2 + (ARM * spin) ** 2)
-    most = WEIGHT * np.array(coefficient(FRICTION, size**2, SMOOTHING)[0]) * size
+    most = WEIGHT * np.array(mu_at(size**2)[0]) * size
     assert np.all(power > 0)
     ratio = size / np.sqrt(size**2 + SMOOTHING.slip_speed**2)
     np.testing.assert_allclose(power, most * ratio, rtol=1e-9)

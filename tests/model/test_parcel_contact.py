@@ -7,7 +7,8 @@ import pytest
 from scipy.integrate import dblquad
 
 from fencejax import Parcel
-from fencejax.model import fade, kelvin, stored_energy, viscosity
+from fencejax.model import fade
+from fencejax.parts import AbstractContactLaw, Kelvin
 
 EPS = np.finfo(float).eps
 
@@ -109,12 +110,14 @@ def test_inertia_follows_the_mass_unless_given():
 # --- Contact law --------------------------------------------------------------------------------
 
 STIFFNESS, VISCOSITY = 1.72e9, 3.3e5 * 15**0.4
+LAW = Kelvin()
+kelvin = jax.jit(lambda d, v, c: LAW.force(d, v, c))
 GAPS = np.array([-0.01, -1e-12, 0.0, 1e-9, 1e-4, 2e-3, 0.01, 0.03])
 RATES = np.array([-30.0, -2.0, -1e-3, 0.0, 0.5, 2.4])
 
 force_slopes = jax.jit(
     jax.vmap(
-        jax.value_and_grad(lambda d, v: kelvin(STIFFNESS, VISCOSITY, d, v).force, (0, 1)),
+        jax.value_and_grad(lambda d, v: kelvin(d, v, VISCOSITY).force, (0, 1)),
     )
 )
 
@@ -125,13 +128,37 @@ def grid():
 
 
 def test_viscosity_grows_with_the_mass():
-    np.testing.assert_allclose(viscosity(Parcel()), VISCOSITY, rtol=10 * EPS)
+    parcel = Parcel()
+    np.testing.assert_allclose(
+        parcel.contact_law.viscosity(parcel.mass), VISCOSITY, rtol=10 * EPS
+    )
 
+
+def test_a_parcel_has_one_contact_law():
+    # The paper's numbers are the parcel's own; with another law they are not there at all.
+    law = Parcel(stiffness=2e9, damping=1e5).contact_law
+    assert (float(law.stiffness), float(law.damping)) == (2e9, 1e5)
+    other = Parcel(contact=Kelvin(1e9, 0.0))
+    assert (other.stiffness, other.damping) == (None, None)
+    assert float(other.contact_law.stiffness) == 1e9
+    with pytest.raises(ValueError, match=r"`damping` must be None where `contact` is given, but"):
+        Parcel(damping=1e5, contact=Kelvin())
+    with pytest.raises(ValueError, match=r"`stiffness` must be at least 0 \[N/m\^4\], but is -1"):
+        Kelvin(stiffness=-1.0)
+
+
+@pytest.mark.parametrize(("speed", "damping"), [(2.426, 3.3e5), (0.5, 3.3e5), (3.0, 0.0)])
+def test_peak_at_a_wall_by_integration_is_that_of_the_table(speed, damping):
+    # Two ways to the same number: the table interpolates f to 1e-6 (600 nodes over 4.8), the
+    # integration has 200 steps of a fourth-order rule over the time of penetration.
+    law = Kelvin(damping=damping)
+    integrated = AbstractContactLaw.wall_force(law, speed, 15.0)
+    np.testing.assert_allclose(law.wall_force(speed, 15.0), integrated, rtol=1e-5)
 
 def test_force_is_the_modified_kelvin_law():
     # N = max(0, b m^0.4 Ddot D^2 + k D^4) for D > 0, else 0.
     gap, rate = grid()
-    law = jax.jit(kelvin)(STIFFNESS, VISCOSITY, gap, rate)
+    law = kelvin(gap, rate, VISCOSITY)
     exact = np.where(gap > 0, VISCOSITY * rate * gap**2 + STIFFNESS * gap**4, 0.0)
     exact = np.maximum(exact, 0.0)
     np.testing.assert_allclose(law.force, exact, rtol=1e-12)
@@ -142,7 +169,7 @@ def test_force_is_the_modified_kelvin_law():
 
 def test_force_derivatives_by_hand_are_those_of_the_force():
     gap, rate = grid()
-    law = jax.jit(kelvin)(STIFFNESS, VISCOSITY, gap, rate)
+    law = kelvin(gap, rate, VISCOSITY)
     value, (by_gap, by_rate) = force_slopes(gap, rate)
     np.testing.assert_allclose(value, law.force, rtol=1e-14)
     np.testing.assert_allclose(law.by_gap, by_gap, rtol=1e-12)
@@ -154,21 +181,21 @@ def test_onset_is_continuously_differentiable(rate):
     # At D = d: N <= (b |v| + k d^2) d^2 and dN/dD <= (2 b |v| + 4 k d^2) d: both go to 0 with d,
     # where a linear spring's derivative would jump.
     for d in (1e-4, 1e-6, 1e-8):
-        law = kelvin(STIFFNESS, VISCOSITY, jnp.asarray(d), jnp.asarray(rate))
+        law = kelvin(jnp.asarray(d), jnp.asarray(rate), VISCOSITY)
         assert float(law.force) <= (VISCOSITY * abs(rate) + STIFFNESS * d**2) * d**2 * 1.001
         assert abs(float(law.by_gap)) <= (2 * VISCOSITY * abs(rate) + 4 * STIFFNESS * d**2) * d
         assert float(law.by_rate) <= VISCOSITY * d**2
-    at_zero = kelvin(STIFFNESS, VISCOSITY, jnp.asarray(0.0), jnp.asarray(rate))
+    at_zero = kelvin(jnp.asarray(0.0), jnp.asarray(rate), VISCOSITY)
     assert [float(x) for x in at_zero] == [0.0, 0.0, 0.0]
 
 
 def test_stored_energy_is_the_work_of_the_elastic_part():
     # d/dD (k D^5 / 5) = k D^4, the force at rest.
     gaps = jnp.array([-0.01, 0.0, 1e-3, 0.02])
-    slope = jax.vmap(jax.grad(lambda d: stored_energy(STIFFNESS, d)))(gaps)
-    at_rest = kelvin(STIFFNESS, VISCOSITY, gaps, jnp.zeros(4)).force
+    slope = jax.vmap(jax.grad(lambda d: LAW.stored_energy(d)))(gaps)
+    at_rest = kelvin(gaps, jnp.zeros(4), VISCOSITY).force
     np.testing.assert_allclose(slope, at_rest, rtol=1e-12)
-    assert float(stored_energy(STIFFNESS, jnp.asarray(-0.1))) == 0.0
+    assert float(LAW.stored_energy(jnp.asarray(-0.1))) == 0.0
 
 
 def test_fade_ends_the_force_smoothly():

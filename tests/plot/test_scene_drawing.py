@@ -231,3 +231,20 @@ def test_refusals(impact):
         fj.plot.draw_scene(IMPACT, with_history(impact, batch))
     with pytest.raises(TypeError, match="NormalScene"):
         fj.plot.draw_scene(runs.SCENES["normal_impact"](), impact)
+
+
+def test_the_force_of_a_deflector_stands_on_it():
+    wall = fj.surfaces.Deflector(0.5, friction=None)
+    scene = fj.scenes.passive_sort((wall,), border=None, duration=0.25)
+    result = fj.simulate(scene, fidelity=fj.Fidelity.coarse())
+    time = float(result.history.time[np.argmax(result.history.surfaces[0][0].normal)])
+    shape = outline(scene, result, time)
+    x, y, force_x, force_y = (part[0] for part in shape.forces["surfaces"])
+    pressed = np.hypot(force_x, force_y) > 0
+    assert pressed.any()
+    # Along n = (-sin a, cos a), at corners that have gone in by millimetres.
+    np.testing.assert_allclose(force_y[pressed] * np.tan(0.5), -force_x[pressed], rtol=1e-9)
+    depth = np.sin(0.5) * x[pressed] - np.cos(0.5) * y[pressed]
+    assert np.all((depth > 0) & (depth < 0.05))
+    axes = fj.plot.draw_scene(scene, result, time)
+    assert any(line.get_linewidth() == 2.0 and len(line.get_xdata()) == 2 for line in axes.lines)

@@ -123,7 +123,9 @@ def main(arguments):
     for name in names:
         for key in sorted(found[name].keys() | known[name].keys()):
             a, b = found[name].get(key), known[name].get(key)
-            if a is None or b is None or not np.array_equal(a, b, equal_nan=True):
+            if b is None:
+                print(f"{name}: {key} is new: {a}")
+            elif a is None or not np.array_equal(a, b, equal_nan=True):
                 bad += 1
                 print(f"{name}: {key}: {a} is not {b}")
     print(f"{len(found)} cases, {bad} numbers differ")

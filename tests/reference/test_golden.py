@@ -40,7 +40,8 @@ def bounds(key):
 @pytest.mark.parametrize("name", CHEAP)
 def test_golden_numbers(name):
     known, found = golden.recorded()[name], golden.compute(name)
-    assert found.keys() == known.keys()
+    # A new measure or part adds numbers and moves none.
+    assert found.keys() >= known.keys()
     for key, values in known.items():
         relative, absolute = bounds(key)
         np.testing.assert_allclose(found[key], values, relative, absolute, err_msg=key)

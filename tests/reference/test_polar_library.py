@@ -130,7 +130,7 @@ def test_oblique_impact(corner):
     theirs = polar.oblique_impact(
         state, fence_point, polar_parcel(), polar.FenceForces(normal, friction, *belt), corner
     )
-    (contact,) = forces.fence
+    ((contact, *_),) = forces.fence
     assert_close(contact.gap, gap)
     assert_close(contact.gap_rate, gap_rate)
     assert_close(contact.sliding, sliding)
@@ -180,7 +180,7 @@ def test_border_and_fence(corner, border_corner):
         blank._replace(border_normal=border_normal, border_friction=border_friction),
         corner, border_corner,
     )
-    (border,) = forces.border
+    ((border, *_),) = forces.border
     assert_close(border.gap, stage.border_gap)
     assert_close(border.gap_rate, stage.border_gap_rate)
     assert_close(border.sliding, stage.border_sliding_speed)

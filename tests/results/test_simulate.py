@@ -172,27 +172,14 @@ def statuses():
         return fj.simulate(scene, fidelity=FAST, history=False)
 
     rows = [ORDINARY | changes for changes, _ in LANES.values()]
-    sound = [row if np.isfinite(row["thickness"]) else ORDINARY for row in rows]
-    stack = lambda rows: {k: jnp.array([row[k] for row in rows]) for k in ORDINARY}  # noqa: E731
-    return run(stack(rows)), run(stack(sound))
+    return run({k: jnp.array([row[k] for row in rows]) for k in ORDINARY})
 
 
 @pytest.mark.parametrize("name", LANES)
 def test_statuses(name):
-    result, _ = statuses()
-    assert fj.Status(int(result.status[list(LANES).index(name)])) == LANES[name][1]
-
-
-def test_a_bad_lane_leaves_its_neighbours_alone():
-    result, sound = statuses()
-    bad = list(LANES).index("not a number")
-    assert np.isnan(result.tip_deflection[bad])
-    others = np.arange(len(LANES)) != bad
-    # Newton's method goes on until the last lane is done: 5e-7 of the forces at most.
-    for field in ("peak_force", "impulse", "tip_deflection", "leave_y"):
-        np.testing.assert_allclose(
-            getattr(result, field)[others], getattr(sound, field)[others], rtol=1e-6
-        )
+    status = int(statuses().status[list(LANES).index(name)])
+    assert fj.Status(status) == LANES[name][1]
+    assert np.isnan(statuses().tip_deflection[list(LANES).index("not a number")])
 
 
 def test_too_coarse_a_step_is_said():

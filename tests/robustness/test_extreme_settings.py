@@ -30,7 +30,7 @@ def all_modes():
 
 @pytest.mark.parametrize(
     ("elements", "modes"),
-    [(1, 1), (1, None), (2, 4), (20, 12), (100, None), (500, 4)],
+    [(1, 1), (1, None), (2, 4), (20, 12), (500, 4), (500, None)],
 )
 def test_elements_and_modes(elements, modes):
     # A single mode, and one element, with the static correction: within 10 % of all 40.
@@ -128,7 +128,7 @@ def smoothed(slip_speed):
     return jax.device_get(run({k: np.array([float(row[k]) for row in rows]) for k in ORDINARY}))
 
 
-@pytest.mark.parametrize("slip_speed", [1e-6, 1e-4, 1e-3, 1e-2, 1.0])
+@pytest.mark.parametrize("slip_speed", [1e-6, 1e-4, 1e-3, 1e-2, 0.1, 1.0])
 def test_smoothing(slip_speed):
     """Within 0.6 %, half as much again as what `FRICTION_SMOOTHED` lets pass at the peak, or said.
     Friction so sharp that Newton's method does not settle at this step is said as well."""
@@ -181,12 +181,12 @@ def test_gradient_in_single_precision():
     def slope(**settings):
         def peak(thickness):
             scene = fj.scenes.oblique_impact(fence=fj.Fence(thickness=thickness), duration=0.08)
-            fidelity = fj.Fidelity.coarse(**settings)
+            fidelity = fj.Fidelity.standard(**settings)
             return fj.simulate(scene, fidelity=fidelity, only=("peak_force",)).peak_force
 
         return float(jax.grad(peak)(0.05))
 
-    # Forces balanced to 2e-3 at each step, not all of them to the same side.
+    # Forces balanced to 2e-3, over the some ten steps to the peak.
     assert slope(precision="float32") == pytest.approx(slope(), rel=2e-2)
 
 

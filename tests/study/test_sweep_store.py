@@ -1,113 +1,271 @@
-"""Sweeps on the disk: chunks that survive kills, folders, several processes."""
+"""Sweeps on the disk: chunks that survive kills and full disks, folders that are not ours."""
 
 import dataclasses
+import errno
 import json
 import os
+import shutil
 import signal
-import socket
 import subprocess
 import sys
+import threading
 
+import diffrax
 import numpy as np
 import pytest
-from study.small_sweep import CHUNKS, SMALL, assert_same, small
+from study.small_sweep import CHUNKS, PLAIN, SMALL, assert_same, plain
 
 import fencejax as fj
-from fencejax.study import FILE, SceneFamily, Store, Sweep, SweepTable, run_sweep, sampling
-from optimize.sweep import main
-from optimize.sweep.configuration import SweepConfig
+from fencejax.study import FILE, SceneFamily, Store, Sweep, SweepTable, lanes, run_sweep, sampling
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """The small sweep, computed at one go by this process."""
-    return main(small(tmp_path_factory.mktemp("whole")), quiet=True).table
+def kept(tmp_path_factory):
+    """The folder of a finished sweep, and its table."""
+    folder = tmp_path_factory.mktemp("kept")
+    return folder, run_sweep(plain(), folder, **PLAIN)
 
 
-# ---- chunks on the disk
+@pytest.fixture
+def copied(kept, tmp_path):
+    """A copy of that folder."""
+    return shutil.copytree(kept[0], tmp_path / "copied")
+
+
+def again(folder, sweep=None):
+    """The sweep run again, and how many lanes it has computed."""
+    reports = []
+    table = run_sweep(sweep or plain(), folder, **PLAIN, progress=reports.append)
+    return table, sum(1 for _ in reports)
+
+
+# ---- kills and full disks
 
 KILLED = """
 import os, signal, sys
-from pathlib import Path
-import fencejax.study
-from optimize.sweep import main
-from optimize.sweep.configuration import SweepConfig
+import jax
+from zarr.storage import LocalStore
+from study.small_sweep import PLAIN, plain
+from fencejax.study import run_sweep
 
-plain = os.fsync
+jax.config.update("jax_enable_x64", True)
+put = LocalStore.set
 
-def fsync(file):
-    # In the middle of writing the third chunk, the manifest having been the first file.
-    fsync.count += 1
-    if fsync.count == 4:
-        os.kill(os.getpid(), {signal})
-    plain(file)
+async def interrupted(self, key, value, *rest):
+    await put(self, key, value, *rest)
+    # In the middle of the third chunk: its other columns, or its record, are not there.
+    if key.endswith("c/2"):
+        os.kill(os.getpid(), signal.SIGKILL)
 
-fsync.count = 0
-os.fsync = fsync
-main(SweepConfig(**eval(sys.argv[1])))
+LocalStore.set = interrupted
+run_sweep(plain(), sys.argv[1], **PLAIN)
 """
 
 
-def child(code, *arguments, **extra):
-    environment = dict(os.environ, JAX_COMPILATION_CACHE_DIR=os.environ["FENCEJAX_TEST_CACHE"])
-    return subprocess.Popen(
-        [sys.executable, *code, *arguments], env=environment | extra,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+def test_kill_loses_nothing_and_repeats_nothing(kept, tmp_path):
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED, str(tmp_path)], timeout=300, capture_output=True, text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
     )  # fmt: skip
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
+    with pytest.raises(ValueError, match=r"1[1-3] of its 13 chunks are missing or damaged"):
+        SweepTable.load(tmp_path)
+    table, computed = again(tmp_path)
+    assert_same(table, kept[1])
+    # Several devices compute at a time: the two before it, or one of them, are kept.
+    assert CHUNKS - 2 <= computed < CHUNKS
+    assert again(tmp_path)[1] == 0
+    assert_same(SweepTable.load(tmp_path), kept[1])
 
 
-def plain_settings(config):
-    changes = {k: v for k, v in vars(config).items() if v != getattr(SweepConfig(), k)}
-    return repr({k: str(v) if k == "out" else v for k, v in changes.items()}).replace(
-        repr(str(config.out)), f"Path({str(config.out)!r})"
-    )
+@pytest.mark.parametrize("writes", [0, 3, 12, 20, 31])
+def test_full_disk_loses_nothing(kept, tmp_path, monkeypatch, writes):
+    """The disk takes so many files: none, some of the metadata, one chunk and a half, more."""
+    from zarr.storage import LocalStore
+
+    put, taken = LocalStore.set, []
+
+    async def full(self, key, value, *rest):
+        taken.append(key)
+        if len(taken) > writes:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        await put(self, key, value, *rest)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(LocalStore, "set", full)
+        with pytest.raises(OSError, match="No space left on device.*make room") as raised:
+            run_sweep(plain(), tmp_path, **PLAIN)
+    assert "\n" not in str(raised.value)
+    assert not [name for name in os.listdir(tmp_path) if name != FILE]
+    table, computed = again(tmp_path)
+    assert_same(table, kept[1])
+    assert_same(SweepTable.load(tmp_path), kept[1])
+    assert (computed < CHUNKS) == (writes >= 20)
 
 
-def test_kill_loses_nothing_and_repeats_nothing(whole, tmp_path):
-    config = small(tmp_path)
-    killed = child(["-c", KILLED.replace("{signal}", str(int(signal.SIGKILL)))],
-                   plain_settings(config))  # fmt: skip
-    said, _ = killed.communicate(timeout=300)
-    assert killed.returncode == -signal.SIGKILL, said
-    chunks = tmp_path / "chunks"
-    kept = {file.name: file.stat().st_mtime_ns for file in chunks.glob("[0-9]*.npz")}
-    assert len(kept) == 2
-    assert len(list(chunks.glob(".*.part"))) == 1
-    assert not (tmp_path / FILE).exists()
-    reports = []
-    table = run_sweep(config.sweep(), tmp_path, chunk=16, group=8, progress=reports.append)
-    assert_same(table, whole)
-    # Only the two missing chunks were computed, and the two there were left alone.
-    assert len(reports) == CHUNKS - 2
-    assert all(report.before == 32 for report in reports)
-    assert reports[-1].done == reports[-1].total == 60
-    for name, time in kept.items():
-        assert (chunks / name).stat().st_mtime_ns == time
-    assert not list(chunks.glob(".*.part"))
+# ---- two at once
 
 
-def test_finished_sweep_is_read_and_not_computed(whole, tmp_path):
-    whole_again = run_sweep(SMALL.sweep(), tmp_path, chunk=16, group=8)
-    for file in (tmp_path / "chunks").iterdir():
-        file.unlink()
-    reports = []
-    table = run_sweep(SMALL.sweep(), tmp_path, chunk=16, group=8, progress=reports.append)
-    assert not reports
-    assert_same(table, whole_again)
-    assert_same(table, whole)
+def test_two_different_sweeps_never_share_a_fresh_folder(tmp_path):
+    """Eight claims by two threads at a time: one has the folder, the other is refused."""
+
+    def claim(sweep, folder, start, outcome):
+        samples = sweep.samples
+        status = np.zeros(samples.count, np.int32)
+        empty = lanes(
+            dict(zip(samples.names, samples.values.T, strict=True)), {}, status, units=sweep.units,
+            scalings={name: "linear" for name in samples.names}, outputs=(), gradient_of=None,
+            shape=samples.shape, configuration=sweep.describe(),
+        )  # fmt: skip
+        start.wait()
+        try:
+            outcome.append(Store(folder / FILE, empty, 8))
+        except ValueError as error:
+            outcome.append(error)
+
+    for trial in range(8):
+        outcome, start, folder = [], threading.Barrier(2), tmp_path / str(trial)
+        threads = [
+            threading.Thread(target=claim, args=(sweep, folder, start, outcome))
+            for sweep in (plain(), plain(11.0))
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        refused = [found for found in outcome if isinstance(found, ValueError)]
+        assert len(outcome) == 2
+        assert len(refused) == 1
+        assert "holds another one: samples.variables[0].upper is" in str(refused[0])
 
 
-def test_other_configuration_in_the_folder_is_refused(tmp_path):
-    Store(tmp_path, SMALL.sweep().describe() | {"chunk": 16, "group": 8})
-    other = dataclasses.replace(SMALL, duration=0.06).sweep()
-    text = "holds another one: duration is 0.05 there and 0.06 here. Choose another folder"
+def test_the_same_sweep_twice_at_once_does_no_harm(kept, tmp_path):
+    found = []
+    threads = [
+        threading.Thread(target=lambda: found.append(run_sweep(plain(), tmp_path, **PLAIN)))
+        for _ in range(2)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for table in (*found, SweepTable.load(tmp_path)):
+        assert_same(table, kept[1])
+    assert len(found) == 2
+
+
+# ---- damaged and foreign
+
+
+def chunk_of(folder, name, number):
+    """The file of a column's chunk."""
+    (file,) = (folder / FILE / name / "c").glob(f"{number}*")
+    return next(file.rglob("*")) if file.is_dir() else file
+
+
+def truncate(folder):
+    file = chunk_of(folder, "tip_deflection", 4)
+    file.write_bytes(file.read_bytes()[:-9])
+
+
+def empty(folder):
+    chunk_of(folder, "record", 4).write_bytes(b"")
+
+
+def lose(folder):
+    chunk_of(folder, "peak_force", 4).unlink()
+
+
+def foreign(folder):
+    chunk_of(folder, "peak_force", 4).write_text("notes of mine")
+
+
+def another_number(folder):
+    """Chunk 5 in the place of chunk 4, record and all."""
+    for name in ("peak_force", "tip_deflection", "record"):
+        shutil.copy(chunk_of(folder, name, 5), chunk_of(folder, name, 4))
+
+
+def another_job(folder):
+    """Chunk 4 of another sweep, record and all."""
+    other = folder.parent / "other"
+    run_sweep(plain(11.0), other, **PLAIN)
+    for name in ("peak_force", "tip_deflection", "record"):
+        shutil.copy(chunk_of(other, name, 4), chunk_of(folder, name, 4))
+
+
+@pytest.mark.parametrize(
+    "damage", [truncate, empty, lose, foreign, another_number, another_job],
+    ids=lambda damage: damage.__name__,
+)  # fmt: skip
+def test_a_damaged_chunk_alone_is_computed_anew(kept, copied, damage):
+    damage(copied)
+    with pytest.raises(ValueError, match="1 of its 13 chunks are missing or damaged. Run the same"):
+        SweepTable.load(copied)
+    table, computed = again(copied)
+    assert computed == 1
+    assert_same(table, kept[1])
+    assert_same(SweepTable.load(copied), kept[1])
+
+
+def other_points(folder):
+    (folder / FILE / "mass" / "c" / "0").unlink()
+
+
+def no_metadata(folder):
+    (folder / FILE / "zarr.json").unlink()
+
+
+def half_the_metadata(folder):
+    file = folder / FILE / "zarr.json"
+    file.write_bytes(file.read_bytes()[:200])
+
+
+def half_of_a_column(folder):
+    file = folder / FILE / "status" / "zarr.json"
+    file.write_bytes(file.read_bytes()[:99])
+
+
+def other_attributes(folder):
+    file = folder / FILE / "zarr.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"attributes": {}}))
+
+
+def a_file(folder):
+    shutil.rmtree(folder / FILE)
+    (folder / FILE).write_text("")
+
+
+def folder_a_file(folder):
+    shutil.rmtree(folder)
+    folder.write_text("")
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [no_metadata, half_the_metadata, half_of_a_column, other_attributes, a_file, folder_a_file],
+    ids=lambda damage: damage.__name__,
+)
+def test_what_is_no_sweep_is_refused_in_one_line(copied, damage):
+    damage(copied)
+    for read in (lambda: again(copied), lambda: SweepTable.load(copied)):
+        with pytest.raises((ValueError, OSError), match="[Cc]hoose another folder") as raised:
+            read()
+        assert "\n" not in str(raised.value)
+
+
+def test_points_that_are_not_those_of_the_configuration_are_refused(copied):
+    other_points(copied)
+    with pytest.raises(ValueError, match="its points are not those of its configuration"):
+        SweepTable.load(copied)
+
+
+def test_other_configuration_in_the_folder_is_refused(copied):
+    text = "holds another one: samples.variables.0..upper is 10.0 there and 11.0 here.*Choose anoth"
     with pytest.raises(ValueError, match=text):
-        run_sweep(other, tmp_path, chunk=16, group=8)
-    with pytest.raises(ValueError, match="chunk is 16 there and 8 here"):
-        run_sweep(SMALL.sweep(), tmp_path, chunk=8, group=8)
-    moved = dataclasses.replace(SMALL, vary=("mass=1:21:5", *SMALL.vary[1:])).sweep()
-    with pytest.raises(ValueError, match=r"variables\[0\].upper is 20.0 there and 21.0 here"):
-        run_sweep(moved, tmp_path, chunk=16, group=8)
+        run_sweep(plain(11.0), copied, **PLAIN)
+    with pytest.raises(ValueError, match="chunk is 8 there and 4 here"):
+        run_sweep(plain(), copied, chunk=4, group=4)
 
 
 def test_every_part_counts_in_the_configuration():
@@ -117,85 +275,49 @@ def test_every_part_counts_in_the_configuration():
         family = SceneFamily("oblique_impact", names, **settings)
         return json.dumps(Sweep(family, samples).describe(), sort_keys=True)
 
-    plain = hashed()
-    assert plain == hashed()
+    same = hashed()
+    assert same == hashed()
     variants = [
         {"fence": fj.Fence(thickness=0.05)}, {"fence": fj.Fence(taper=fj.Uniform())},
         {"drive": fj.HarmonicDrive(top_speed=1.6)}, {"parcel": fj.Parcel(damping=1e5)},
         {"belt": fj.Belt(speed=1.0)}, {"belt": None}, {"fence_friction": None},
         {"duration": 0.2}, {"fixed": {"distance": 0.9}}, {"options": {"corner": 4}},
     ]  # fmt: skip
-    assert len({plain, *(hashed(**variant) for variant in variants)}) == 1 + len(variants)
-
-
-def test_damaged_files_are_named(tmp_path):
-    store = Store(tmp_path, {"a": 1})
-    store.write(0, {"x": np.arange(3)})
-    np.testing.assert_array_equal(store.read(0)["x"], [0, 1, 2])
-    whole_file = store.path(0).read_bytes()
-    store.path(0).write_bytes(whole_file[:-30])
-    with pytest.raises(ValueError, match="cannot be read .*Delete it and run"):
-        store.read(0)
-    (tmp_path / "manifest.json").write_text("{")
-    with pytest.raises(ValueError, match="manifest of a sweep.*Choose another folder"):
-        Store(tmp_path, {"a": 1})
-    (tmp_path / FILE).write_bytes(b"none")
-    with pytest.raises(ValueError, match="written by SweepTable.save"):
-        SweepTable.load(tmp_path / FILE)
-
-
-def test_two_processes_do_not_share_a_share(tmp_path):
-    first, second = Store(tmp_path, {"a": 1}), Store(tmp_path, {"a": 1})
-    first.lock(0)
-    with pytest.raises(RuntimeError, match="another process computes share 0"):
-        second.lock(0)
-    second.lock(1)
-    first.release()
-    third = Store(tmp_path, {"a": 1})
-    third.lock(0)
-    third.release()
-    second.release()
-
-
-# ---- several processes
-
-
-def test_shares_meet_in_one_folder(whole, tmp_path):
-    def share(index):
-        reports = []
-        table = run_sweep(
-            SMALL.sweep(), tmp_path, chunk=16, group=8, share=(index, 3), wait=False,
-            progress=reports.append,
-        )  # fmt: skip
-        return table, reports[-1].total
-
-    found = [share(index) for index in (1, 2, 0)]
-    assert [table for table, _ in found[:2]] == [None, None]
-    assert [lanes for _, lanes in found] == [16, 16, 16 + 12]
-    assert_same(found[-1][0], whole)
-
-
-def test_two_processes_equal_one(whole, tmp_path):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    flags = [
-        "--out", str(tmp_path), "--vary", *SMALL.vary, "--duration", "0.05", "--fidelity", "fast",
-        "--chunk", "16", "--group", "8", "--no-plots", "--tolerated", "0.3",
-        "--coordinator", f"127.0.0.1:{port}", "--processes", "2",
+    assert len({same, *(hashed(**variant) for variant in variants)}) == 1 + len(variants)
+    small = SMALL.sweep()
+    fidelities = [
+        small.fidelity, fj.Fidelity.standard(), fj.Fidelity.fast(integrator=diffrax.Kvaerno3()),
+        fj.Fidelity.fast(integrator=diffrax.Kvaerno5()),
     ]  # fmt: skip
-    # The second has two devices: how many there are changes nothing either.
-    both = [
-        child(["-m", "optimize.sweep"], *flags, "--process", str(index),
-              "--devices", str(1 + index), JAX_PLATFORMS="cpu")
-        for index in (0, 1)
-    ]  # fmt: skip
-    said = [process.communicate(timeout=300)[0] for process in both]
-    assert [process.returncode for process in both] == [0, 0], "\n".join(said)
-    assert "1 cpu device, process 0 of 2" in said[0]
-    assert "2 cpu devices, process 1 of 2" in said[1]
-    # Each had its share: lanes 0-15 and 32-47, 16-31 and 48-59.
-    assert "32 of 32 lanes" in said[0]
-    assert "28 of 28 lanes" in said[1]
-    assert "IMPOSSIBLE 10" in said[0]
-    assert_same(SweepTable.load(tmp_path / FILE), whole)
+    described = [dataclasses.replace(small, fidelity=f).describe() for f in fidelities]
+    assert len({json.dumps(one, sort_keys=True) for one in described}) == len(fidelities)
+
+
+# ---- what the store is to others
+
+
+def test_store_opens_with_xarray(kept):
+    import xarray
+
+    folder, table = kept
+    data = xarray.open_zarr(folder / FILE, consolidated=False)
+    assert data.peak_force.attrs["units"] == "N"
+    assert data.mass.attrs["units"] == "kg"
+    assert data.status.dtype == np.int32
+    np.testing.assert_array_equal(data.status, table.status)
+    np.testing.assert_array_equal(data.peak_force, table.outputs["peak_force"])
+    meanings = dict(zip(data.status.flag_values, data.status.flag_meanings.split(), strict=True))
+    assert meanings[-1] == "IMPOSSIBLE"
+    assert meanings[0] == "SUCCESSFUL"
+    assert json.loads(data.attrs["configuration"])["scene"] == "oblique_impact"
+    # Job and number of each chunk.
+    record = data.record.to_numpy()
+    assert {bytes(row[:32]).hex() for row in record} == {data.attrs["job"]}
+    assert [int.from_bytes(bytes(row[32:40])) for row in record] == list(range(CHUNKS))
+
+
+@pytest.mark.parametrize("name", ["xarray", "zarr", "dask.array"])
+def test_without_the_extra_the_remedy_is_named(tmp_path, monkeypatch, name):
+    monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(ImportError, match=r"pip install -e '.\[sweep\]'; a sweep by jax.vmap"):
+        run_sweep(plain(), tmp_path, **PLAIN)

@@ -1,0 +1,46 @@
+"""What a friction law is."""
+
+import abc
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+from jaxtyping import Array
+
+from ..._check import Bounds
+
+
+class FrictionScales(NamedTuple):
+    """What tells how far the smoothing of a friction law may be felt [1].
+
+    `sliding` is the coefficient at the speed asked for, `largest` the largest one near rest, and
+    `jump` by how much the coefficient changes over `Fidelity.static_speed` for no other reason than
+    smoothing; 0 for a law that is continuous in the speed.
+    """
+
+    sliding: Array
+    jump: Array
+    largest: Array
+
+
+class AbstractFriction(eqx.Module):
+    """The coefficient of friction mu(w) [1] between two surfaces that slide at the speed w [m/s].
+
+    A law is a property of a pair of surfaces. The force that follows from it, its direction and
+    what is smoothed at rest over `Fidelity.slip_speed`, are the model's (`fencejax.model`). All its
+    numbers are array fields, checked against the `bounds` of the class by `fencejax._check.field`.
+    """
+
+    bounds: ClassVar[dict[str, Bounds]] = {}
+
+    @abc.abstractmethod
+    def coefficient(self, speed_squared: Array, static_speed: float) -> tuple[Array, Array]:
+        """mu [1] at w^2 = `speed_squared` [m^2/s^2], and its derivative in w^2 [s^2/m^2].
+
+        `static_speed` [m/s] is what a coefficient that jumps from static to kinetic friction is
+        smoothed over. Both numbers and their derivatives are finite at w = 0, where the belt holds
+        a parcel exactly.
+        """
+
+    @abc.abstractmethod
+    def scales(self, speed: Array) -> FrictionScales:
+        """What the diagnostics have to know of the law, for sliding at `speed` [m/s]."""

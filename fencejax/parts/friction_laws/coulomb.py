@@ -1,0 +1,42 @@
+"""Static and kinetic friction after Coulomb."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike
+
+from ... import _check
+from ..._check import Bounds
+from .abstract import AbstractFriction, FrictionScales
+
+
+class Friction(AbstractFriction):
+    """Coulomb friction with a static and a kinetic coefficient, smoothed where it jumps at rest:
+    mu(w) = mu_k + (mu_s - mu_k) exp(-(w / w_s)^2), w_s the `static_speed` of the fidelity.
+
+    Paper: (2.21)-(2.24). There what is at rest is a case of its own, held by the other forces; this
+    law tends to it as w_s and eps fall.
+    """
+
+    kinetic: Array
+    static: Array
+
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "kinetic": Bounds(least=0, size=1.0),
+        "static": Bounds(least=0, size=1.0),
+    }
+
+    def __init__(self, kinetic: ArrayLike, static: ArrayLike):
+        """**Arguments:** `kinetic`: mu_k [1], at least 0. `static`: mu_s [1], at least 0."""
+        self.kinetic = _check.field(self, "kinetic", kinetic)
+        self.static = _check.field(self, "static", static)
+
+    def coefficient(self, speed_squared, static_speed):
+        scale = 1 / static_speed**2
+        excess = (self.static - self.kinetic) * jnp.exp(-scale * speed_squared)
+        return self.kinetic + excess, -scale * excess
+
+    def scales(self, speed):
+        del speed
+        jump = jnp.abs(self.static - self.kinetic)
+        return FrictionScales(self.kinetic, jump, jnp.maximum(self.static, self.kinetic))

@@ -1,0 +1,77 @@
+"""Many scenes at once, those in doubt computed again."""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+
+from ..design import refined
+from ..fidelity import Fidelity
+from ..results import Measure, Result
+from ..scenes import NormalScene, Scene
+from ..simulate import simulate
+
+
+@functools.lru_cache(maxsize=32)
+def _program(structure, fidelity: Fidelity, only: tuple[str, ...] | None, measures):
+    """The vectorised map from scenes of one structure to their results, compiled."""
+    del structure
+
+    def one(scene):
+        return simulate(scene, fidelity=fidelity, history=False, only=only, measures=measures)
+
+    return jax.jit(jax.vmap(one))
+
+
+def simulate_many(
+    scenes: NormalScene | Scene,
+    *,
+    fidelity: Fidelity | None = None,
+    only: Sequence[str] | None = None,
+    measures: Sequence[Measure] = (),
+    refine: bool = True,
+) -> Result:
+    """Simulate a batch of scenes of one structure, each at the first fidelity that is fine enough.
+
+        scenes = jax.vmap(lambda m: fj.scenes.oblique_impact(parcel=fj.Parcel(mass=m)))(masses)
+        result = fj.simulate_many(scenes, only=("peak_force",))
+
+    All lanes run at `fidelity`. Those whose status doubts the numbers (`Status.numerical`) are
+    gathered and run again at the next rung of `Fidelity.ladder`, up to the last one, whose numbers
+    stand in any case. The result is on the host and has no derivative: in a gradient take
+    `jax.vmap` over `simulate`, or `fencejax.minimize`, which refines by itself.
+
+    **Arguments:**
+
+    - `scenes`: a scene whose leaves have the lanes first, all of them.
+    - `fidelity`: default `Fidelity.standard()`.
+    - `only`, `measures`: as in `simulate`; there is no history.
+    - `refine`: with `False` every lane stays as it is.
+
+    Returns a `Result` of NumPy arrays with the lanes first; `Result.rung` is the rung of each.
+
+    Raises `ValueError` where the leaves do not have one first axis of one length.
+    """
+    fidelity = Fidelity.standard() if fidelity is None else fidelity
+    sizes = {np.shape(leaf)[:1] for leaf in jax.tree.leaves(scenes)}
+    if len(sizes) != 1 or () in sizes:
+        raise ValueError(
+            "Argument `scenes` must have the lanes as the first axis of every leaf, but has the "
+            f"first axes {sorted(sizes)}. Write jax.vmap(make_scene)(numbers)."
+        )
+    names = None if only is None else tuple(only)
+    if names is not None and "history" in names:
+        raise ValueError(
+            "Argument `only` must not hold 'history': lanes of different fidelities have different "
+            "samples. Write fj.simulate(scene, refine=True) for one."
+        )
+    ladder = fidelity.ladder() if refine else (fidelity,)
+
+    def compute(rung: int, lanes):
+        result = _program(jax.tree.structure(lanes), ladder[rung], names, tuple(measures))(lanes)
+        return result, result.status
+
+    found = refined(compute, scenes, len(ladder))
+    return dataclasses.replace(found.numbers, status=found.statuses, rung=found.rungs)
