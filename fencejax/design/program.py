@@ -14,6 +14,7 @@ from .lagrangian import Vector
 Problem = Callable[..., tuple[Array, Array, Array]]
 """z (n,), and data where there are any -> objectives (k,), margins (m,), statuses of any shape."""
 
+_Five = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 _DOUBTS = np.array(sorted(NUMERICAL))
 _FEWEST = 8
 
@@ -148,17 +149,17 @@ class Program:
         """The numbers at several points (w, n), in one vectorised call; every leaf of the data has
         a first axis of that length. Another w compiles anew. `least`: that of each point."""
         together = _hosted(self._many(jnp.asarray(points), *data))
-        return [
-            self._settled(
-                tuple(part[i] for part in together), points[i],
-                jax.tree.map(lambda leaf, i=i: leaf[i], data), 0,
-                0 if one is None else int(one[0]),
-            )
-            for i, one in enumerate(least or [None] * len(points))
-        ]  # fmt: skip
+        settled = []
+        for i, one in enumerate(least or [None] * len(points)):
+            first = 0 if one is None else int(one[0])
+            own = jax.tree.map(lambda leaf, i=i: leaf[i], data)
+            objectives, margins, by_objective, by_margin, counts = (part[i] for part in together)
+            found = (objectives, margins, by_objective, by_margin, counts)
+            settled.append(self._settled(found, points[i], own, 0, first))
+        return settled
 
     def _settled(
-        self, found, point: Vector, data: tuple[Any, ...], rung: int, least: int
+        self, found: _Five, point: Vector, data: tuple[Any, ...], rung: int, least: int
     ) -> Numbers:
         """The numbers of the first rung, from `least` on, that is not in doubt, given those of a
         rung."""
@@ -230,14 +231,11 @@ class LaneProgram:
     ) -> list[Numbers]:
         """As `Program.many`."""
         together = jax.device_get(self._many(jnp.asarray(points), data[0]))
-        return [
-            self._settled(
-                jnp.asarray(points[i]),
-                *jax.tree.map(lambda leaf, i=i: leaf[i], (data, together)),
-                one,
-            )
-            for i, one in enumerate(least or [None] * len(points))
-        ]
+        settled = []
+        for i, one in enumerate(least or [None] * len(points)):
+            own, known = jax.tree.map(lambda leaf, i=i: leaf[i], (data, together))
+            settled.append(self._settled(jnp.asarray(points[i]), own, known, one))
+        return settled
 
     def _settled(
         self, point: Array, data: tuple[Any, ...], known: Any, least: np.ndarray | None
@@ -260,7 +258,7 @@ def _counted(status) -> Array:
     return jnp.sum(codes[:, None] == jnp.arange(len(Status))[None], axis=0)
 
 
-def _hosted(found) -> tuple[np.ndarray, ...]:
+def _hosted(found) -> _Five:
     rows, (numbers, counts) = jax.device_get(found)
     objectives, margins, by_objective, by_margin = (
         np.asarray(part, dtype=float) for part in (*numbers, *rows)

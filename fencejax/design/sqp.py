@@ -77,7 +77,7 @@ class _Trail:
             return False
         worst, violation = self._steps[-_PATIENCE - 1]
         gain = worst - at.worst + penalty * (violation - at.violation)
-        return gain < self._tolerance * max(1.0, abs(at.worst))
+        return gain < self._tolerance * min(1.0, abs(at.worst))
 
 
 @dataclasses.dataclass
@@ -169,7 +169,8 @@ class Sequence:
                 if balanced is not None:
                     return at, balanced, "optimal"
             merit = self._merit(at)
-            if end != "stalled" or merit > best - self.tolerance * max(1.0, abs(best)):
+            # Of the worst case as it is, which may be a small part of the one at the start.
+            if end != "stalled" or merit > best - self.tolerance * min(1.0, abs(best)):
                 return at, held, end
             best, first = merit, again
 

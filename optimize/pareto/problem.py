@@ -54,7 +54,7 @@ class Tradeoff:
         self.program = LaneProgram(
             lambda z, encounters, fidelity: self._read(z, encounters, fidelity, self._needed),
             lambda z, read, statuses, encounters, *data: self._combined(
-                read, *data, config.reserve
+                read, *data, reserve=config.reserve
             ),
             getattr(fj.Fidelity, config.fidelity)().ladder(),
         )

@@ -1,9 +1,11 @@
 """What parcels as they come make of a design, as numbers of the whole sample."""
 
+from collections.abc import Mapping
+
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike
 
 import fencejax as fj
 from fencejax.design import LaneProgram, objectives, refined, risk, shock
@@ -38,9 +40,9 @@ class Population:
         return read, read.pop("status")
 
     @staticmethod
-    def valid(read: dict[str, Array], statuses: Array) -> Array:
+    def valid(read: Mapping[str, ArrayLike], statuses: ArrayLike) -> Array:
         """Which parcels have numbers: finite ones, of a scene that is consistent."""
-        valid = statuses < fj.Status.INCONSISTENT
+        valid = jnp.asarray(statuses) < fj.Status.INCONSISTENT
         for values in read.values():
             valid = valid & jnp.isfinite(values)
         return valid
