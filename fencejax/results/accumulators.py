@@ -225,11 +225,11 @@ def _last_change(step: Step, force_before: Array) -> _Fall:
 
 
 def _release(step: Step, state: ContactTimes, change: _Fall) -> Array:
-    """Share of the step [1] after which the force has ended: where the parabola through the last
-    three samples under load falls to zero.
+    """Share of the step [1] after which the last of the corners that pressed has let go.
 
-    At the end of a contact the force goes to zero at a finite rate, while the corner is still
-    pressed in: it recovers its shape more slowly than the two part. With N(s) = N_0 - b s + c s^2,
+    A corner whose gap has passed zero lets go there. One that is still pressed in recovers its
+    shape more slowly than the two part; its force goes to zero at a finite rate, and so where the
+    parabola through the last three samples under load does: with N(s) = N_0 - b s + c s^2,
     s = 2 N_0 / (b + sqrt(b^2 - 4 c N_0)).
     """
     force, length = step.before.fence_force, step.span.length
@@ -241,7 +241,14 @@ def _release(step: Step, state: ContactTimes, change: _Fall) -> Array:
     ends = (fall > 0) & (square > 0) & (length > 0)
     slope = jnp.where(ends, fall + jnp.sqrt(jnp.where(ends, square, 1.0)), 1.0)
     share = 2 * force / (slope * jnp.where(length > 0, length, 1.0))
-    return jnp.where(ends, jnp.minimum(share, 1.0), 1.0)
+    share = jnp.where(ends, jnp.minimum(share, 1.0), 1.0)
+    last = jnp.zeros_like(share)
+    for was, now in zip(step.before.fence, step.now.fence, strict=True):
+        crossed = (was.gap > 0) & (now.gap < 0)
+        gone = was.gap / jnp.where(crossed, was.gap - now.gap, 1.0)
+        released = jnp.where(crossed, gone, share)
+        last = jnp.maximum(last, jnp.where(was.normal > 0, released, 0.0))
+    return last
 
 
 def _update_contact(state: ContactTimes, step: Step) -> ContactTimes:

@@ -64,7 +64,7 @@ class Result(eqx.Module):
         if any(isinstance(leaf, Tracer) for leaf in named.values()):
             return "Result(traced)"
         if self.energy is None or self.final is None:
-            return "\n".join(f"{name} {leaf}" for name, leaf in named.items())
+            return self._with_errors("\n".join(f"{name} {leaf}" for name, leaf in named.items()))
         if self.status.ndim:
             return self._summary()
         rows = [("status", Status(int(self.status)).text)]
@@ -72,7 +72,9 @@ class Result(eqx.Module):
             rows.append(("computed", f"{self.rung} rungs finer than asked for, as it was in doubt"))
         rows += [row for name in self._names if (row := self._row(name))]
         rows.append(("energy residual", f"{self.energy.residual:.2e} J"))
-        text = "\n".join(f"{name:>16}  {value}".rstrip() for name, value in rows)
+        return self._with_errors("\n".join(f"{n:>16}  {value}".rstrip() for n, value in rows))
+
+    def _with_errors(self, text: str) -> str:
         return text if self.error is None else f"{text}\n{'errors':>16}  estimated:\n{self.error}"
 
     @property

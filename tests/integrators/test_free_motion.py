@@ -336,7 +336,7 @@ def test_fence_rings_as_its_modes(lane):
         np.testing.assert_allclose(sign * ours, rate, atol=2e-6 * np.max(np.abs(rate)))
         deflection = deflection + modes.displacement[-1, k] * exact
     np.testing.assert_allclose(
-        history.tip_deflection[swinging], deflection, atol=2e-6 * np.max(np.abs(deflection))
+        -history.tip_deflection[swinging], deflection, atol=2e-6 * np.max(np.abs(deflection))
     )
 
 

@@ -77,7 +77,8 @@ def at_gap(gap, gap_rate, normal, place=0.5, sliding=0.0):
     zero = jnp.zeros(())
     contact = Contact(jnp.asarray(normal), zero, jnp.asarray(gap), jnp.asarray(gap_rate),
                       jnp.asarray(place), jnp.asarray(sliding))
-    return SimpleNamespace(fence=(contact,), border=())
+    meeting = SimpleNamespace(contact=contact)
+    return SimpleNamespace(fence=(meeting,), still=(), meetings=(meeting,))
 
 
 def chosen(what, *, last=8.0, jump=0.0, before=0.0):

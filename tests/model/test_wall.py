@@ -114,8 +114,10 @@ def test_elastic_in_closed_form():
     # The deepest gap is that of a sample: below the crest by at most N / m (h / 2)^2 / 2.
     below = peak / mass * (FINE.step / 2) ** 2 / 2
     assert np.all(np.abs(depth - result.deepest) < below + 1e-6 * depth)
-    # The end of the contact is found where the gap, straight over the step, is zero.
-    np.testing.assert_allclose(result.contact_time, 2 * crest, rtol=5e-6)
+    # The end of the contact is found where the gap, straight over the step, is zero, or earlier
+    # where the force k D^4 is below the 1e-9 N that Newton's method leaves.
+    unseen = (1e-9 / STIFFNESS) ** 0.25 / speed
+    assert np.all(np.abs(result.contact_time - 2 * crest) < 5e-6 * crest + unseen)
     # The scheme's own energy is the parcel's, k D^5 / 5 by its trapezoid: round-off and Newton.
     np.testing.assert_allclose(restitution(result, speed), 1.0, rtol=1e-8)
     np.testing.assert_allclose(result.impulse, 2 * mass * speed, rtol=1e-8)

@@ -125,7 +125,7 @@ def seen(history, time):
         time, *(ours(values) for values in history.body),
         normal=ours(history.fence_force), friction=nan, gap=nan,
         arc=0.5 * ours(first.place + second.place), border_normal=ours(history.border[1].normal),
-        tip=ours(history.tip_deflection), wall_moment=nan,
+        tip=ours(-history.tip_deflection), wall_moment=nan,
         corner_normals=np.stack([ours(first.normal), ours(second.normal)], -1),
     )
 
@@ -568,7 +568,7 @@ def test_landing_on_the_fence_free_wall_is_the_library():
     time = wall.time[on]
     ours = lambda values: np.interp(time, history.time, values)  # noqa: E731
     np.testing.assert_allclose(ours(history.fence_force), wall.normal[on], atol=0.05)
-    np.testing.assert_allclose(ours(history.tip_deflection), wall.tip[on], atol=2e-5)
+    np.testing.assert_allclose(ours(-history.tip_deflection), wall.tip[on], atol=2e-5)
     np.testing.assert_allclose(ours(history.body.x), wall.x[on], atol=2e-6)
     np.testing.assert_allclose(ours(history.body.y), wall.y[on], atol=2e-6)
     np.testing.assert_allclose(ours(history.body.angle), wall.phi[on], atol=1e-5)

@@ -109,7 +109,7 @@ def test_histories():
     (contact,) = history.fence
     body = np.stack([ours(values) for values in history.body[:3]], -1)
     np.testing.assert_allclose(ours(contact.normal), truth.force, atol=1e-3 * truth.peak_force)
-    np.testing.assert_allclose(ours(history.tip_deflection), truth.tip, atol=1e-3 * 0.0653)
+    np.testing.assert_allclose(ours(-history.tip_deflection), truth.tip, atol=1e-3 * 0.0653)
     np.testing.assert_allclose(body, truth.parcel[:, :3], atol=1e-4)
     loaded = truth.force > 0
     np.testing.assert_allclose(ours(contact.place)[loaded], truth.arc[loaded], atol=1e-4)
