@@ -161,9 +161,12 @@ class Fidelity:
         same model: the paper's chords are within 5e-4 of the arc, and their derivatives cost ten
         times as much. They keep its longest stride, too, over which nothing touches or parts:
         the 60,000 steps of a whole sort would else cost as much as all others together. For
-        double precision, which the third one asks for.
+        double precision, which the third one asks for. What has the step of `reference` or a
+        shorter one is its own last rung.
         """
         last = Fidelity.reference()
+        if self.step <= last.step:
+            return (self,)
         finer = self.replace(
             modes=None if self.modes is None else max(8, self.modes),
             step=min(self.step / 2, 1.25e-4),

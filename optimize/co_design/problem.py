@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array
 
 import fencejax as fj
-from fencejax.design import LaneProgram, extremes, objectives
+from fencejax.design import LaneProgram, extremes, objectives, refined
 from fencejax.model import FlexibleLink
 
 from ..common.encounters import Course, Encounter
@@ -43,8 +43,10 @@ class Joint:
             ),
             getattr(fj.Fidelity, config.fidelity)().ladder(),
         )
-        verify = getattr(fj.Fidelity, config.verify)()
-        self._measure = jax.jit(lambda z: self.read(z, verify))
+        self._measure = [
+            jax.jit(lambda z, encounters, rung=rung: self.sorts(z, encounters, rung))
+            for rung in getattr(fj.Fidelity, config.verify)().ladder()
+        ]
 
     def sorts(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity):
         """Every quantity by name and the statuses, one number a sort."""
@@ -85,6 +87,11 @@ class Joint:
         return read["peak_force"], jnp.concatenate(rows)
 
     def measure(self, z) -> dict[str, np.ndarray]:
-        """The quantities at the fidelity of the verification, on the host."""
-        read = jax.device_get(self._measure(jnp.asarray(z)))
-        return {name: np.asarray(values) for name, values in read.items()}
+        """The quantities at the fidelity of the verification, or at a finer one where they are in
+        doubt there, on the host."""
+        found = refined(
+            lambda rung, lanes: self._measure[rung](jnp.asarray(z), lanes), self.encounters,
+            len(self._measure),
+        )  # fmt: skip
+        read = {**self.completed(jnp.asarray(z), found.numbers), "status": found.statuses}
+        return {name: np.asarray(values) for name, values in jax.device_get(read).items()}

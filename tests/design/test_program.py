@@ -112,6 +112,7 @@ def test_ladder_settles_a_doubtful_sort():
     assert ladder[0] == coarse
     assert [rung.step for rung in ladder[1:]] == [1.25e-4, 2.5e-5]
     assert all(rung.geometry == coarse.geometry for rung in ladder)
+    assert fj.Fidelity.reference().ladder() == (fj.Fidelity.reference(),)
 
     def problem(z, fidelity):
         scene = fj.scenes.oblique_impact(parcel=fj.Parcel(mass=10 * z[0]), duration=0.05)

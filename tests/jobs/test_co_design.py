@@ -14,7 +14,7 @@ from optimize.co_design.configuration import CoDesignConfig, configure
 from optimize.co_design.problem import ring_amplitude
 
 _SMALL = CoDesignConfig(
-    masses=(15.0,), offsets=(0.05,), controls=4, budget=10, fidelity="coarse", verify="coarse",
+    masses=(15.0,), offsets=(0.05,), controls=4, budget=25, fidelity="coarse", verify="coarse",
 )  # fmt: skip
 
 
