@@ -18,7 +18,10 @@ where the model does not hold (`Evaluation.doubtful`); but there slopes are told
 the branches of kinks learn.
 
 Where no step is lower, the run starts again from there, with all it knew forgotten, as long as that
-lowers the worst case; only where a kink is judged do all its points count.
+lowers the worst case; only where a kink is judged do all its points count. Where that does not help
+either, points all around are evaluated once, and the run starts again with the slopes that they
+tell: gradient sampling (Burke, Lewis and Overton 2005), which finds the branches of a kink that
+steps along one of them never meet.
 """
 
 import dataclasses
@@ -38,9 +41,10 @@ _MANY = 60
 # first is in lengths of the point.
 _FIRST, _AGAIN, _LARGEST = 0.35, 0.1, 0.5
 _BROAD = 0.3
-# Points that tell the slopes of a kink's sides are this near; branches from farther away than so
-# many steps are left out.
+# Points that tell the slopes of a kink's sides are this near, and so many are sampled; branches
+# from farther away than so many steps are left out.
 _BESIDE = 1e-2
+_SAMPLES = 8
 _STALE = 30.0
 # Of the length of a step to a point that could not be evaluated, the next radius: the plane before
 # such points already bounds the next step, and points at one distance tell a wall's direction best.
@@ -161,26 +165,41 @@ class Sequence:
         self.nu = self.penalty
         size = 1.0 if self.bounded else max(1.0, float(np.linalg.norm(at.point)))
         first, again = (_FIRST, _AGAIN) if self.bounded else (_BROAD * size, 0.25 * _BROAD * size)
-        best = np.inf
+        best, near, sampled = np.inf, [], False
         while True:
-            at, held, end = self._descend(evaluate, at, held, latest, first)
+            at, held, end = self._descend(evaluate, at, held, latest, first, near)
             if self.judged is not at:
                 balanced = self._optimal(at, held, LocalModel.of(at))
                 if balanced is not None:
                     return at, balanced, "optimal"
             merit = self._merit(at)
             # Of the worst case as it is, which may be a small part of the one at the start.
-            if end != "stalled" or merit > best - self.tolerance * min(1.0, abs(best)):
+            lower = merit <= best - self.tolerance * min(1.0, abs(best))
+            if end != "stalled" or (sampled and not lower):
                 return at, held, end
-            best, first = merit, again
+            near, sampled = ([], False) if lower else (self._around(evaluate, at), True)
+            best, first = min(best, merit), again
+
+    def _around(self, evaluate: Evaluate, at: Evaluation) -> list[LocalModel]:
+        """What points all around tell, half as far away as those that count for a kink's sides."""
+        found = []
+        for side in np.random.default_rng(0).uniform(-1, 1, (_SAMPLES, at.point.size)):
+            trial = evaluate(self._moved(at.point, 0.5 * _BESIDE * side))
+            if trial is None:
+                break
+            if not trial.failed:
+                found.append(LocalModel.of(trial))
+        self.told = [*self.told, *found][-_MANY:]
+        return found
 
     def _descend(
-        self, evaluate: Evaluate, at: Evaluation, held: Multipliers, latest, radius: float
+        self, evaluate: Evaluate, at: Evaluation, held: Multipliers, latest, radius: float,
+        near: list[LocalModel],
     ) -> tuple[Evaluation, Multipliers, str]:
         """Step until there is a reason to stop."""
         largest = _LARGEST if self.bounded else 1e3
         model = LocalModel.of(at)
-        region = _Region(np.eye(at.point.size), radius, _Trail(self.tolerance), [model])
+        region = _Region(np.eye(at.point.size), radius, _Trail(self.tolerance), [*near, model])
         while not region.exhausted:
             whole = model.with_branches(region.seen, min(region.reach, 2 * region.radius))
             within = span(model.at, region.radius, self.bounded)

@@ -66,7 +66,7 @@ class CoDesignConfig:
     )
     tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]")
     feasibility: float = flags.field(1e-4, "violation of a margin that counts as none [1]")
-    budget: int = flags.field(100, "evaluations at most", least=1)
+    budget: int = flags.field(200, "evaluations at most", least=1)
     fidelity: str = flags.field(
         "standard", "fidelity of the optimisation", choices=flags.FIDELITIES
     )
