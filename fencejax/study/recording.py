@@ -18,7 +18,8 @@ SIGNALS: Mapping[str, str] = {
     "angle": "rad",
 }
 """What can be recorded, with its unit: the normal force of the fence on the parcel, the deflection
-of the tip from the rigid link's line, and C_s and the angle of the parcel."""
+of the tip from the rigid link's line, positive where the parcel bends it, and C_s and the angle of
+the parcel."""
 
 # Units that a header may name, with their factor to the SI.
 _FACTORS = {

@@ -97,8 +97,8 @@ def cycle_figure(
     panel(a, "x along the belt [m]", "y across the belt [m]", "(a)")
     _path(a, cycle, parcel)
     panel(b, "time t [s]", "tip deflection, pushed back [mm]", "(b)")
-    _lines(b, cycle.time, cycle.deflection, -1e3)
-    _points(b, cycle, -1e3 * np.asarray(cycle.deflection), None, ((-11, 6), (9, -13)))
+    _lines(b, cycle.time, cycle.deflection, 1e3)
+    _points(b, cycle, 1e3 * np.asarray(cycle.deflection), None, ((-11, 6), (9, -13)))
     largest = np.asarray(cycle.peak_force)[:, None]
     panel(c, "time t [s]", r"$N / N_{max}$,  $N_{stiff} / N_{max}$ [1]", "(c)")
     _lines(c, cycle.time, np.asarray(cycle.force) / largest)
