@@ -20,10 +20,9 @@ def test_every_measure_is_in_results_sweeps_and_objectives():
     named = {field for quantity in fj.OBJECTIVES.values() for field in quantity.fields}
     assert set(MEASURES) <= named
     assert set(ESTIMATED) == {n for n, m in MEASURES.items() if m.error_factor}
+    printed = str(result)
     for measure in MEASURES.values():
-        assert not measure.label or measure.label in str(
-            fj.simulate(fj.scenes.rigid_wall(), history=False)
-        )
+        assert measure.label in printed
 
 
 # The largest acceleration of the parcel [m/s^2]: a row as a user writes it.
