@@ -1,9 +1,9 @@
 """Sequential quadratic programming for a worst case under limits, in a trust region.
 
 At a point, the worst case and the limits are replaced by their linear parts
-(`fencejax.local_model`) and the curvature of the Lagrangian by a BFGS matrix B. The step is judged
-by the worst case and nu times the largest violation, nu twice the multipliers' sum. One evaluation
-is one step.
+(`fencejax.design.sqp_model`) and the curvature of the Lagrangian by a BFGS matrix B. The step is
+judged by the worst case and nu times the largest violation, nu twice the multipliers' sum. One
+evaluation is one step.
 
 Peak forces have kinks, where another blow becomes the largest. There the linear part holds on one
 side alone, and steps would shorten to nothing at what is no optimum. As bundle methods do (Kiwiel

@@ -90,7 +90,7 @@ def variable(
     scaling: str | None = None,
 ) -> DesignVariable:
     """A variable by its name or path; what is not given comes from the table of
-    `fencejax.scene_names`. Of what has no default bounds the scaling is linear.
+    `fencejax.scenes.names`. Of what has no default bounds the scaling is linear.
 
     Raises `ValueError` where the table has no bounds for the name and one is missing.
     """

@@ -2,7 +2,7 @@
 
 Every numeric leaf of a scene is a number, with its path: `"fence.material.youngs_modulus"`,
 `"fence.taper.exponent"`, `"drive.control_angles[3]"`. Most have a name beside it
-(`fencejax.scene_names`): `"youngs_modulus"`, `"mass"`, `"belt_speed"`, `"fence_kinetic_friction"`,
+(`fencejax.scenes.names`): `"youngs_modulus"`, `"mass"`, `"belt_speed"`, `"fence_kinetic_friction"`,
 `"distance"` (where the parcel touches). Any end of a path does where it is clear. Two names stand
 for what a designer thinks in: `"reach"` is l_s + l_p at a constant l_s / l_p, `"length_ratio"` is
 l_s / l_p at a constant reach.

@@ -79,7 +79,7 @@ def grid(
 
     **Arguments:**
 
-    - `variables`: names with the default bounds of `fencejax.scene_names`, or
+    - `variables`: names with the default bounds of `fencejax.scenes.names`, or
       `DesignVariable`s (see `variable`).
     - `counts`: at least 2 each; one number serves for all.
 

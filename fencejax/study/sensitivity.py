@@ -81,7 +81,7 @@ def unit_rules(
     `static_speed` (length and time) and `tip_fade` (length): it shows how much of Q hangs on them.
 
     **Arguments:** `elasticity` of shape (..., m, n) with n units of inputs and m of outputs, such
-    as `"kg/m^3"` (see `fencejax.units.dimension`).
+    as `"kg/m^3"` (see `fencejax.parts.dimension`).
 
     Raises `ValueError` for an unknown unit and where the counts differ.
     """
