@@ -76,6 +76,8 @@ class Fidelity:
     geometry: str = "arc"
     load: str = "consistent"
     step: float = 2.5e-4
+    step_tolerance: float | None = None
+    halvings: int = 6
     longest_stride: int | None = None
     stride_tolerance: float = 5e-3
     iterations: int = 20
@@ -136,6 +138,8 @@ class Fidelity:
 
     def settled(self, duration: float) -> "Fidelity":
         """The same with a longest stride for contacts of a duration [s]."""
+        if self.integrator != "modal":
+            return self.replace(longest_stride=1, step_tolerance=None)
         if self.longest_stride is not None:
             return self
         longest = 1

@@ -256,6 +256,8 @@ def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory
     good = sound(scene)
     steps = time_loop.count_steps(scene.duration, fidelity.step)
     step = scene.duration / steps
+    if fidelity.step_tolerance is not None:
+        step = step / 2**fidelity.halvings
     mechanics = fusion_barrier(good, lambda s: Mechanics(s, fidelity), scene)
     begin = scene.start.time(scene.drive)
     zero = jnp.zeros_like(scene.parcel.mass)

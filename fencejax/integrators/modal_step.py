@@ -32,8 +32,9 @@ from ..model import (
 )
 from ..parts import DriveMotion
 from ..scenes import Body
-from . import friction_tangent, newton, newton_matrix
+from . import friction_tangent, newton, newton_matrix, step_defect
 from .fence_response import FenceEnd
+from .step_defect import Ends
 from .step_size import Clock, StepSize, Stride, next_step_size, stride_counts
 
 
@@ -62,6 +63,7 @@ class Memory(NamedTuple):
     fence: FenceState | None
     places: tuple[Array, ...]
     sliding: tuple[Array, ...]
+    drifts: tuple[Array, ...]
     normals: tuple[Array, ...]
     normals_before: tuple[Array, ...]
     held: Acceleration | None
@@ -229,8 +231,12 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     h = stride.length
     body, now = memory.body, memory.acceleration
     time = clock.time(end)
+    controlled = mechanics.fidelity.step_tolerance is not None
     drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
-    places = tuple(p + h * w for p, w in zip(memory.places, memory.sliding, strict=True))
+    places = tuple(
+        p + h * (w + drift)
+        for p, w, drift in zip(memory.places, memory.sliding, memory.drifts, strict=True)
+    )
     ratio = 1.0
     if memory.step_size is not None:
         ratio = (end - begin) / jnp.maximum(memory.step_size.last, 1.0)
@@ -274,15 +280,24 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     )
     after = equations.body_at(root[:3])
     normals = tuple(meeting.contact.normal for meeting in forces.fence)
+    state = None if fence is None else fence.state(normals)
     size = None
     if memory.step_size is not None:
         jump = equations.force_jump(guess, root, forces)
         size = next_step_size(mechanics, clock, end - begin, jump, forces, memory.normals)
-
-    state = None if fence is None else fence.state(normals)
+        if controlled:
+            size = jax.lax.stop_gradient(
+                controlled_step_size(
+                    mechanics, clock, memory, size, begin, end, stride, equations, forces, state
+                )
+            )
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)
     feet = tuple(p + t.foot_offset for p, t in zip(loaded, touches, strict=True))
+    drifts = tuple(
+        jnp.where(stride.begins, 0.0, stride.rate * (new - old) - 0.5 * (was + now))
+        for new, old, was, now in zip(feet, memory.places, memory.sliding, sliding, strict=True)
+    )
     memory = Memory(
         body=after,
         acceleration=forces.acceleration,
@@ -290,6 +305,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         fence=None if state is None else state.kept(),
         places=feet,
         sliding=sliding,
+        drifts=drifts,
         normals=normals,
         normals_before=memory.normals,
         held=held,
@@ -304,6 +320,60 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         step_size=size,
     )
     return memory, SceneState(time, after, forces, state), h, unbalance
+
+
+def controlled_step_size(
+    mechanics, clock, memory, size, begin, end, stride, equations, forces, state
+):
+    """The step size by the defect of the step just taken."""
+    tolerance = mechanics.fidelity.step_tolerance
+    count, before = end - begin, memory.step_size
+    frame, fence = equations.frame, equations.fence
+    shares = ()
+    if frame is not None:
+        shares = tuple(
+            m.touch.remaining(s) for m, s in zip(forces.fence, frame.shares, strict=True)
+        )
+    now = step_defect.ends(mechanics, forces, shares)
+    strides = tuple(clock.stride(theta * count) for theta in step_defect.INNER)
+    found = step_defect.defects(
+        mechanics, strides, stride.length, before.ends, now, fence,
+        memory.fence, state,
+    )
+    largest = before.largest
+    for each in now:
+        largest = jnp.maximum(largest, each.normal)
+    worst = jnp.zeros_like(largest)
+    lowest = 1e-9 * (mechanics.force_scale(forces))
+    for k, (force, a, b) in enumerate(zip(found, before.ends, now, strict=True)):
+        closing = jnp.maximum(jnp.abs(a.gap_rate), jnp.abs(b.gap_rate))
+        give_rate = 0.5 * stride.length / mechanics.mass
+        if fence is not None and fence.flexible and k < len(fence.shapes):
+            give_rate = give_rate + fence.compliance(k, k)[1]
+        slow = _SLOW * tolerance * closing / jnp.maximum(give_rate, 1e-30)
+        allowed = jnp.maximum(tolerance * largest, slow) + lowest
+        worst = jnp.maximum(worst, force / allowed)
+    first = count == 0
+    accepted = (worst <= 1) | (count <= 1) | first
+    down = jnp.where(worst > 256, 0.125, jnp.where(worst > 16, 0.25, 0.5))
+    grown = 2 * count
+    grows = (worst < 1 / 6) & (jnp.mod(end, grown) == 0)
+    step = jnp.where(grows, grown, count)
+    # Beyond the unit as next_step_size allows.
+    step = jnp.minimum(step, jnp.maximum(size.next, clock.unit))
+    aligned = [c for c in clock.counts if c > clock.unit]
+    for c in reversed(aligned):
+        step = jnp.where((step >= c) & (jnp.mod(end, c) != 0), c / 2, step)
+    step = jnp.where(first, float(clock.unit), step)
+    step = jnp.where(accepted, step, jnp.maximum(down * count, 1.0))
+    unmet = jnp.maximum(before.unmet, jnp.where(accepted & ~first, worst * tolerance * largest, 0.0))
+    return StepSize(
+        last=count, next=step, accepted=accepted.astype(step.dtype), largest=largest,
+        unmet=unmet, ends=now,
+    )
+
+
+_SLOW = 0.1
 
 
 def at_rest(
@@ -331,8 +401,12 @@ def at_rest(
     upright = Lean(zero + 1, zero)
     leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
     size = StepSize(zero, zero + 1) if stride_counts(mechanics.fidelity)[-1] > 1 else None
+    if mechanics.fidelity.step_tolerance is not None:
+        size = StepSize(zero, zero + 1, zero + 1, zero, zero, tuple(
+            Ends(zero, zero, zero, zero) for _ in mechanics.frictions
+        ))
     sticking = tuple(zero for _ in range(friction_tangent.count(mechanics)))
     held = still if sticking else None
     return Memory(
-        body, still, still, fence, places, none, none, none, held, sticking, none, leans, size
+        body, still, still, fence, places, none, none, none, none, held, sticking, none, leans, size
     )

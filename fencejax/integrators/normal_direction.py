@@ -80,7 +80,7 @@ def run(
     """
     steps = time_loop.count_steps(scene.duration, fidelity.step)
     step = scene.duration / steps
-    fidelity = fidelity.replace(longest_stride=1)
+    fidelity = fidelity.replace(longest_stride=1, step_tolerance=None)
     zero = jnp.zeros_like(scene.parcel.mass + scene.speed)
     shape = maps = fence = None
     if link is not None:

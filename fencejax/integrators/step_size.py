@@ -45,7 +45,8 @@ class Clock(eqx.Module):
     strides: Stride
     iterations: Array
     step: float = eqx.field(static=True)
-    counts: tuple[int, ...] = eqx.field(static=True)
+    counts: tuple[float, ...] = eqx.field(static=True)
+    unit: int = eqx.field(static=True)
 
     def __init__(
         self,
@@ -59,6 +60,7 @@ class Clock(eqx.Module):
         self.start, self.step = start, step
         self.counts = stride_counts(fidelity)
         self.iterations = jnp.full_like(start, fidelity.iterations)
+        self.unit = 1 if fidelity.step_tolerance is None else 2**fidelity.halvings
         zero = jnp.zeros_like(start)
         moving = [zero + step * count for count in self.counts[1:]]
         decay, by_mode = [jnp.ones_like(start)] * len(self.counts), ()
@@ -94,10 +96,13 @@ class Clock(eqx.Module):
         return self.step * index
 
 
-def stride_counts(fidelity: Fidelity) -> tuple[int, ...]:
+def stride_counts(fidelity: Fidelity) -> tuple[float, ...]:
     """How many steps [1] each of a clock's strides stands for, of a settled fidelity."""
     assert fidelity.longest_stride is not None
-    return (0, *(2**k for k in range(fidelity.longest_stride.bit_length())))
+    longest = fidelity.longest_stride.bit_length()
+    if fidelity.step_tolerance is None:
+        return (0, *(2**k for k in range(longest)))
+    return (0, 0.25, 0.5, *(2**k for k in range(fidelity.halvings + longest)))
 
 # What the rate of a gap may change by in free flight [m/s^2]: the drive's swing, friction and the
 # ringing of the fence, with room to spare.
@@ -109,6 +114,10 @@ class StepSize(NamedTuple):
 
     last: Array
     next: Array
+    accepted: Array | None = None
+    largest: Array | None = None
+    unmet: Array | None = None
+    ends: tuple = ()
 
 
 def next_step_size(
@@ -129,14 +138,16 @@ def next_step_size(
       `normals_before` are the forces of the fence [N] one step back.
     """
     tolerance, longest = mechanics.fidelity.stride_tolerance, jnp.maximum(last, 1.0)
-    best = jnp.ones_like(last)
+    best = jnp.full_like(last, clock.unit)
     corners = tuple(meeting.contact for meeting in forces.meetings)
     changes = [
         (now.contact.normal - before) / longest
         for now, before in zip(forces.fence, normals_before, strict=True)
     ]
     changes += [0.0 * meeting.contact.normal for meeting in forces.still]
-    for count in clock.counts[2:]:
+    for count in clock.counts:
+        if count <= clock.unit:
+            continue
         length, ratio = count * clock.step, count / longest
         fine = (jump * ratio**2 <= tolerance) & (ratio <= 2)
         for k, change in enumerate(changes):

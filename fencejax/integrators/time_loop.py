@@ -73,7 +73,10 @@ def count_steps(duration: float, step: float) -> int:
     return max(1, round(duration / step + 0.5 - 1e-9))
 
 
-def run_steps(solver: Stepper, begin, args, sample, steps: int, fidelity: Fidelity, ahead=None):
+def run_steps(
+    solver: Stepper, begin, args, sample, steps: int, fidelity: Fidelity, ahead=None, unit=1,
+    settle=None,
+):
     """Run a solver over `steps` steps, from a first one of no length.
 
     **Arguments:**
@@ -111,7 +114,9 @@ def run_steps(solver: Stepper, begin, args, sample, steps: int, fidelity: Fideli
         scan = partial(eqxi.scan, kind="checkpointed") if reverse else jax.lax.scan
         y, rows = scan(advance, strict(begin), ends)
     else:
-        y, rows = _run_adaptively(step, strict(begin), ahead, row, steps, reverse)
+        y, rows = _run_adaptively(
+            step, strict(begin), ahead, row, steps, reverse, unit, settle
+        )
     if sample is None or rows is None:
         return y, None
     return y, _unpacked(rows, sample(strict(begin)))
@@ -128,19 +133,25 @@ def _unpacked(rows: Array, like):
     return jax.tree.unflatten(structure, parts)
 
 
-def _run_adaptively(step, begin, ahead, row, steps: int, reverse: bool):
+def _run_adaptively(step, begin, ahead, row, steps: int, reverse: bool, unit, settle):
     zero = jnp.zeros_like(jax.tree.leaves(begin)[0])
+    total = steps * unit
 
     def go_on(carry):
-        return carry[1] < steps
+        return carry[1] < total
 
     def trip(carry):
         y, now, taken, saved = carry
-        end = jnp.minimum(now + ahead(y, now), steps)
-        y = step(y, jnp.maximum(now, 0.0), end)
+        end = jnp.minimum(now + ahead(y, now), total)
+        new = step(y, jnp.maximum(now, 0.0), end)
+        went = 1.0
+        if settle is not None:
+            new, accepted = settle(y, new)
+            end = jnp.where(accepted, end, now)
+            went = jnp.where(accepted & (jnp.mod(end, unit) == 0), 1.0, 0.0)
         if saved is not None:
-            saved = saved.at[taken.astype(jnp.int32)].set(row(y))
-        return y, end, taken + 1, saved
+            saved = saved.at[taken.astype(jnp.int32)].set(row(new))
+        return new, end, taken + went, saved
 
     like = row(begin)
     saved = None if like is None else jnp.zeros((steps + 1, like.size), like.dtype)
@@ -151,7 +162,7 @@ def _run_adaptively(step, begin, ahead, row, steps: int, reverse: bool):
         go_on,
         trip,
         carry,
-        max_steps=steps + 1,
+        max_steps=(steps + 1) * (1 if settle is None else 8),
         buffers=lambda carry: carry[3],
         kind="checkpointed" if reverse else "lax",
     )
@@ -182,7 +193,14 @@ def modal(
 
     def ahead(y, now):
         count = y[0].step_size.next
-        return jnp.where((now >= 0) & (now + count <= steps), count, 1.0)
+        least = jnp.minimum(count, float(clock.unit))
+        return jnp.where(now < 0, 1.0, jnp.where(now + count <= steps * clock.unit, count, least))
+
+    def settle(old, new):
+        accepted = new[0].step_size.accepted > 0
+        kept = jax.tree.map(lambda a, b: jnp.where(accepted, b, a), old, new)
+        size = kept[0].step_size._replace(next=new[0].step_size.next)
+        return (kept[0]._replace(step_size=size), kept[1]), accepted
 
     zero = jnp.zeros_like(clock.start)
     _, like, _, _ = jax.eval_shape(step, mechanics, clock, begin, zero, zero)
@@ -194,5 +212,7 @@ def modal(
         steps,
         mechanics.fidelity,
         ahead if clock.counts[-1] > 1 else None,
+        clock.unit,
+        settle if mechanics.fidelity.step_tolerance is not None else None,
     )
     return record, samples
