@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
-import equinox as eqx
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array
 
 from ..scenes import Body
+from .by_name import AbstractByName
 from .error_estimate import ErrorEstimate
 from .ledger import Ledger, ledger
 from .measures import MEASURES, Measure
@@ -17,7 +17,7 @@ from .sample import Sample
 from .status import Status
 
 
-class Result(eqx.Module):
+class Result(AbstractByName):
     """The outcome of a scene. Times are since its start [s]; the drive's clock then read
     `start_time`. What the scene has no part for is 0, or `None` in the history; what was not asked
     for (`simulate(only=...)`) is `None`.
@@ -43,19 +43,8 @@ class Result(eqx.Module):
     """At which rung of `Fidelity.ladder` the numbers are (one a lane; 0: as asked for), where they
     were to be refined."""
 
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name == "measures":
-            raise AttributeError(name)
-        if name in self.measures:
-            return self.measures[name]
-        if name in MEASURES:
-            return None
-        raise AttributeError(
-            f"A result has no field `{name}`. Its measures are {', '.join(self.measures)}."
-        )
-
-    def __dir__(self):
-        return [*super().__dir__(), *self.measures]
+    _table = "measures"
+    _known = MEASURES
 
     def __str__(self) -> str:
         named = {name: self.measures[name] for name in self._names}

@@ -22,7 +22,7 @@ import numpy as np
 import fencejax as fj
 from fencejax.design import Journal, Optimum, Verification, minimize, verify
 
-from ..common import command, designs
+from ..common import command, designs, evaluations
 from ..common.report import progress_line, write_json
 from .configuration import CoDesignConfig, configure
 from .problem import Joint
@@ -48,16 +48,6 @@ class Outcome:
         return self.optimum.feasible and ended and self.verified.confirmed
 
 
-def _key(config: CoDesignConfig) -> str:
-    """What decides the numbers of an evaluation."""
-    free = dict(
-        out=None, tolerance=1.0, feasibility=1.0, budget=1, verify="fast", agreement=1.0,
-        plots=False,
-    )  # fmt: skip
-    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
-    return repr(dataclasses.replace(config, **free)) + repr(ladder)
-
-
 def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     """Run the job, print what it does, and write its files into `config.out`."""
     begin = time.perf_counter()
@@ -66,9 +56,7 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
     say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     config.out.mkdir(parents=True, exist_ok=True)
     joint = Joint(config)
-    journal = Journal(config.out / "evaluations.jsonl", _key(config))
-    if len(journal) or journal.torn:
-        say(str(journal))
+    journal = evaluations.journal(config, say)
     say(
         f"{joint.encounters.lanes} sorts, {len(joint.space.names)} variables: "
         f"{', '.join(joint.space.names)}; compiling ..."

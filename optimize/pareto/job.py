@@ -22,10 +22,9 @@ import jax
 import numpy as np
 
 import fencejax as fj
-from fencejax.design import Journal
 from fencejax.plot import non_dominated
 
-from ..common import command, designs
+from ..common import command, designs, evaluations
 from ..common.report import write_json
 from . import figures
 from .configuration import ParetoConfig, configure
@@ -53,16 +52,6 @@ class Front:
         confirmed."""
         kept = [p for p, good in zip(self.points, self.on_front, strict=True) if good]
         return len(kept) >= 2 and all(p.sound for p in kept)
-
-
-def _key(config: ParetoConfig) -> str:
-    """What decides the numbers of an evaluation."""
-    free = dict(
-        out=None, points=3, starts=1, together=False, width=1, tolerance=1.0, budget=1,
-        feasibility=1.0, verify="none", agreement=1.0, plots=False,
-    )  # fmt: skip
-    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
-    return repr(dataclasses.replace(config, **free)) + repr(ladder)
 
 
 def _good(points: list[Point]) -> np.ndarray:
@@ -127,9 +116,7 @@ def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
     say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     config.out.mkdir(parents=True, exist_ok=True)
     tradeoff = Tradeoff(config)
-    journal = Journal(config.out / "evaluations.jsonl", _key(config))
-    if len(journal) or journal.torn:
-        say(str(journal))
+    journal = evaluations.journal(config, say)
     say(
         f"peak force against {config.against.replace('_', ' ')}: {tradeoff.encounters.lanes} "
         f"{config.kind}, variables {', '.join(tradeoff.space.names)}"

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Array
 
 import fencejax as fj
-from fencejax.design import LaneProgram, objectives, refined
+from fencejax.design import LaneProgram, objectives
+from fencejax.results import refined
 
 from ..common.encounters import Course, Encounter
 from .configuration import ParetoConfig

@@ -28,7 +28,7 @@ import numpy as np
 import fencejax as fj
 from fencejax.design import Journal
 
-from ..common import command, designs
+from ..common import command, designs, evaluations
 from ..common.report import write_json
 from . import confidence
 from .configuration import RobustConfig, configure
@@ -75,16 +75,6 @@ class Outcome:
         return self.found.ended and self.held and few
 
 
-def _key(config: RobustConfig) -> str:
-    """What decides the numbers of an evaluation, besides the design and the parcels."""
-    names = (
-        "scenes", "severity", "measure", "level", "fraction", "tip_limit", "stress_limit",
-        "crossing", "limit", "drive", "taper", "variables", "bounds", "seconds", "fidelity",
-    )  # fmt: skip
-    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
-    return repr([getattr(config, name) for name in names]) + repr(ladder)
-
-
 def _judgement(population: Population, read: dict[str, np.ndarray]) -> Judgement:
     config, good = population.config, read["valid"]
     if not np.any(good):
@@ -115,9 +105,7 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
     say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     config.out.mkdir(parents=True, exist_ok=True)
     population = Population(config)
-    journal = Journal(config.out / "evaluations.jsonl", _key(config))
-    if len(journal) or journal.torn:
-        say(str(journal))
+    journal = evaluations.journal(config, say)
     count = config.sample if config.method == "sample" else config.batch
     say(
         f"{count} {config.scenes} a step, variables {', '.join(population.space.names)}; "
