@@ -42,6 +42,7 @@ from .sample import (
 from .status import (
     NUMERICAL as NUMERICAL,
     Status as Status,
+    counted as counted,
     worst as worst,
 )
 from .validity import (

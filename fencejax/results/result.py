@@ -14,7 +14,7 @@ from .ledger import Ledger, ledger
 from .measures import MEASURES, Measure
 from .recorder import Record
 from .sample import Sample
-from .status import Status
+from .status import Status, counted
 
 
 class Result(AbstractByName):
@@ -74,8 +74,7 @@ class Result(AbstractByName):
 
     def _summary(self) -> str:
         """A line on a batch."""
-        counts = np.unique(np.asarray(self.status), return_counts=True)
-        names = ", ".join(f"{Status(int(s)).name} {n}" for s, n in zip(*counts, strict=True))
+        names = ", ".join(f"{name} {number}" for name, number in counted(self.status).items())
         force = np.asarray(self.measures["peak_force"])
         return (
             f"Result of {force.shape} lanes: {names}; peak force "

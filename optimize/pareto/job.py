@@ -18,14 +18,13 @@ goes on where it was interrupted.
 import dataclasses
 import time
 
-import jax
 import numpy as np
 
 import fencejax as fj
 from fencejax.plot import non_dominated
 
 from ..common import command, designs, evaluations
-from ..common.report import write_json
+from ..common.report import ended, write_json
 from . import figures
 from .configuration import ParetoConfig, configure
 from .constant_force import blows
@@ -81,13 +80,9 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
         "bound": point.bound,
         "on_front": good,
         "constant_force_bound": least,
-        "feasible": optimum.feasible,
-        "converged": optimum.converged,
+        **ended(optimum),
         "sound": point.sound,
-        "stop": optimum.stop.value,
-        "residual": optimum.residual._asdict(),
         "smallest_margin": float(np.min(optimum.margins)),
-        "evaluations": len(optimum.history),
         "statuses": point.found.statuses,
         "measured": point.found.lanes,
     }
@@ -110,10 +105,9 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
 
 def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
     """Run the job, print what it does, and write its files into `config.out`."""
+    say = command.begin(quiet)
     begin = time.perf_counter()
-    jax.config.update("jax_enable_x64", True)
     config = ParetoConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     config.out.mkdir(parents=True, exist_ok=True)
     tradeoff = Tradeoff(config)
     journal = evaluations.journal(config, say)

@@ -138,10 +138,9 @@ class _Checks:
 
 def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outcome:
     """Run the job, print what it does, and write its files into `config.out`."""
+    say = command.begin(quiet)
     begin = time.perf_counter()
-    jax.config.update("jax_enable_x64", True)
     config = PeakForceConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     space, limits = config.space, config.limits
     impacts = batch.Impacts(
         config.distances, config.masses, config.drive_angle, config.duration
@@ -248,17 +247,9 @@ def _drop(outcome: Outcome, paper: str) -> str:
 
 def _verdict(outcome: Outcome) -> str:
     optimum = outcome.optimum
-    left = optimum.residual
-    text = (
-        f"KKT: stationarity {left.stationarity:.1e}, complementarity {left.complementarity:.1e}, "
-        f"violation {left.violation:.1e}\n"
-    )
+    text = report.conditions(optimum)
     if not optimum.feasible:
-        return text + (
-            "no feasible design found. The design above is the least-violating one of all that "
-            f"were tried: it breaks a limit by {100 * left.violation:.3g} % (reserve included). "
-            "Relax that limit, widen the bounds, or add variables."
-        )
+        return text + report.infeasible(optimum)
     title = outcome.objective.name.replace("_", " ")
     text += (
         f"the worst {title} is {_drop(outcome, 'before')} the two-link fence's and "
@@ -322,14 +313,10 @@ def _write(config, outcome, impacts, signals) -> None:
     report.write_json(config.out / "history.json", rows)
     content = {
         "config": dataclasses.asdict(config),
-        "stop": optimum.stop.value,
-        "converged": optimum.converged,
-        "feasible": optimum.feasible,
+        **report.ended(optimum),
         "confirmed_by_reference": outcome.confirmed,
         "whole_sorts_diverted": outcome.sorted_out,
-        "evaluations": len(optimum.history),
         "elapsed": outcome.elapsed,
-        "residual": optimum.residual._asdict(),
         "design": {
             "before": space.named(outcome.before),
             "after": space.named(outcome.after),

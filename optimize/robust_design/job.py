@@ -22,14 +22,12 @@ import dataclasses
 import time
 from typing import Any
 
-import jax
 import numpy as np
 
-import fencejax as fj
 from fencejax.design import Journal
+from fencejax.results import counted
 
-from ..common import command, designs, evaluations
-from ..common.report import write_json
+from ..common import command, designs, evaluations, report
 from . import confidence
 from .configuration import RobustConfig, configure
 from .descent import Found, by_batches, by_sample
@@ -92,17 +90,15 @@ def _judgement(population: Population, read: dict[str, np.ndarray]) -> Judgement
         )
         for limit in population.limits
     }
-    kinds, counts = np.unique(read["status"], return_counts=True)
-    statuses = {fj.Status(int(k)).name: int(n) for k, n in zip(kinds, counts, strict=True)}
-    return Judgement(measures, shares, statuses, float(1 - np.mean(good)), read)
+    excluded = float(1 - np.mean(good))
+    return Judgement(measures, shares, counted(read["status"]), excluded, read)
 
 
 def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
     """Run the job, print what it does, and write its files into `config.out`."""
+    say = command.begin(quiet)
     begin = time.perf_counter()
-    jax.config.update("jax_enable_x64", True)
     config = RobustConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     config.out.mkdir(parents=True, exist_ok=True)
     population = Population(config)
     journal = evaluations.journal(config, say)
@@ -219,7 +215,7 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
         "recalled": journal.recalled,
         "elapsed": outcome.elapsed,
     }
-    write_json(config.out / "robust.json", content)
+    report.write_json(config.out / "robust.json", content)
     columns = {f"parcel_{name}": np.asarray(part) for name, part in fresh._asdict().items()}
     for when, judgement in outcome.judged.items():
         columns |= {f"{when}_{name}": part for name, part in judgement.lanes.items()}
