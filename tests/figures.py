@@ -30,6 +30,8 @@ def _shown(value: Any, form: str = "") -> str:
         return value or ""
     if isinstance(value, list):
         return " / ".join(_shown(each, form) for each in value)
+    if form.endswith("%"):
+        return f"{100 * value:{form[:-1]}f} %"
     return format(value, form or ",g")
 
 

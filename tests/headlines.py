@@ -44,6 +44,11 @@ def _force(*keys: str | int, tolerance: float = 0.01) -> Figure:
     return Figure(keys, "N", tolerance)
 
 
+def _paper(statement: str, number: str, unit: str = "1", tolerance: float = 0.01) -> Figure:
+    """A number that a statement of the paper is judged by."""
+    return Figure(("by_statement", statement, "numbers", number), unit, tolerance)
+
+
 _SIDE = ("side_by_side",)
 RUNS = {
     "peak_force": Run("peak_force", (), "result.json", {
@@ -66,8 +71,36 @@ RUNS = {
     "pareto": Run("pareto", (), "front.json", {
         "least force on the front": _force("least_force", tolerance=0.02),
     }),
-    "reproduce_paper": Run("reproduce_paper", (), "result.json", {}),
-    "identify": Run("identify", ("--demo",), "result.json", {}),
+    "reproduce_paper": Run("reproduce_paper", (), "result.json", {
+        "drop, two-link": _paper("drop", "N_stiff / N_max, two-link"),
+        "drop, one-link": _paper("drop", "N_stiff / N_max, one-link"),
+        "tip deflection, two-link": _paper("tip", "tip deflection, two-link", "m"),
+        "tip deflection, one-link": _paper("tip", "tip deflection, one-link", "m"),
+        "static friction, two-link": _paper("static", "static friction, two-link", "s", 0.05),
+        "static friction, one-link": _paper("static", "static friction, one-link", "s", 0.05),
+        "steps at which the force rises with the mass": _paper("mass", "rising steps, force"),
+        "steps at which it rises with the place": _paper("R", "rising steps, force"),
+        "largest loss": _paper("joint", "largest loss against the one-link fence"),
+        "its place": _paper("joint", "largest loss at R", "m"),
+        "loss at the outermost place": _paper("joint", "loss at the outermost R", "1", 0.05),
+        "difference of the forces, impact":
+            _paper("alike, impact", "difference of N_max", "1", 0.05),
+        "difference of the forces, slide":
+            _paper("alike, slide", "difference of N_max", "1", 0.05),
+        "last contact of the impact":
+            _paper("ends, impact", "y of C_s at the last contact, two-link", "m"),
+        "last contact of the slide":
+            _paper("ends, slide", "y of C_s at the last contact, two-link", "m"),
+        "ringing left, two-link":
+            _paper("ringing", "share of the deflection, two-link", "1", 0.1),
+        "ringing left, one-link":
+            _paper("ringing", "share of the deflection, one-link", "1", 0.1),
+    }),
+    "identify": Run("identify", ("--demo",), "result.json", {
+        "modulus": Figure(("parameters", "youngs_modulus", "value"), "Pa", 5e-3),
+        "its standard error":
+            Figure(("parameters", "youngs_modulus", "standard_error"), "1", 0.05),
+    }),
     "sensitivity": Run("sensitivity", (), "result.json", {}),
     "sweep": Run("sweep", (), "result.json", {}),
     "stability_map": Run("stability_map", ("--quick",), "", {}),
@@ -81,7 +114,9 @@ def _with_summaries(content: dict[str, Any]) -> dict[str, Any]:
         lanes = (content.get("measured") or {}).get(when, {})
         if "peak_force" in lanes:
             content[f"worst_force_{when}"] = max(lanes["peak_force"])
-    if "points" in content:
+    if "statements" in content:
+        content["by_statement"] = {each["key"]: each for each in content["statements"]}
+    if isinstance(content.get("points"), list):
         good = [p["peak_force"] for p in content["points"] if p["on_front"]]
         content["least_force"] = min(good)
     return content

@@ -18,7 +18,7 @@ import time
 
 import numpy as np
 
-from fencejax.design import Journal, Optimum, Verification, minimize, verify
+from fencejax.design import Journal, Optimum, Verification, minimize, objectives, verify
 from fencejax.results import counted
 
 from ..common import command, designs, evaluations, report
@@ -126,11 +126,8 @@ def _table(outcome: Outcome) -> str:
 
 def _verdict(outcome: Outcome) -> str:
     optimum, verified, config = outcome.optimum, outcome.verified, outcome.config
-    text = report.conditions(optimum) + (
-        f"{config.verify}: the optimiser's peak force is off by {100 * verified.error:+.2f} %, "
-        f"margins by up to {verified.margin_error:.3f}: "
-        f"{verified.text}\n"
-    )
+    text = report.conditions(optimum)
+    text += report.verdict(config.verify, objectives.PEAK_FORCE, verified) + "\n"
     if not optimum.feasible:
         return text + report.infeasible(optimum)
     old, new = (float(np.max(outcome.measured[w]["peak_force"])) for w in ("before", "after"))
@@ -156,14 +153,7 @@ def _write(outcome: Outcome, journal: Journal) -> None:
         "design": {"before": space.named(outcome.before), "after": space.named(outcome.after)},
         "on_bounds": designs.on_bounds(space, outcome.after),
         "encounters": [joint.encounters.named(i) for i in range(joint.encounters.lanes)],
-        "verified": {
-            "fidelity": config.verify,
-            "confirmed": outcome.verified.confirmed,
-            "doubts": outcome.verified.doubts,
-            "error": outcome.verified.error,
-            "margin_error": outcome.verified.margin_error,
-            "violation": outcome.verified.violation,
-        },
+        "verified": report.verified(config.verify, outcome.verified),
         "statuses": counted(outcome.measured["after"]["status"]),
         "measured": outcome.measured,
         "smallest_margins": {when: _worst(outcome, when) for when in ("before", "after")},

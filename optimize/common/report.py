@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 
 from fencejax import plot
-from fencejax.design import DesignSpace, Evaluation, Limit, Optimum, Quantity, Record, objectives
+from fencejax.design import (
+    DesignSpace,
+    Evaluation,
+    Limit,
+    Optimum,
+    Quantity,
+    Record,
+    Verification,
+    objectives,
+)
 from fencejax.results import Status
 
 _FORCE = objectives.PEAK_FORCE
@@ -127,6 +136,26 @@ def conditions(optimum: Optimum) -> str:
         f"KKT: stationarity {left.stationarity:.1e}, complementarity {left.complementarity:.1e}, "
         f"violation {left.violation:.1e}\n"
     )
+
+
+def verdict(fidelity: str, objective: Quantity, found: Verification) -> str:
+    """What a finer fidelity says of an optimum, a line."""
+    return (
+        f"{fidelity}: the optimiser's {objective.name.replace('_', ' ')} is off by "
+        f"{100 * found.error:+.2f} %, margins by up to {found.margin_error:.3f}: {found.text}"
+    )
+
+
+def verified(fidelity: str, found: Verification) -> dict[str, Any]:
+    """The same for a JSON file."""
+    return {
+        "fidelity": fidelity,
+        "confirmed": found.confirmed,
+        "doubts": found.doubts,
+        "error": found.error,
+        "margin_error": found.margin_error,
+        "violation": found.violation,
+    }
 
 
 def infeasible(optimum: Optimum) -> str:

@@ -24,7 +24,7 @@ import fencejax as fj
 from fencejax.plot import non_dominated
 
 from ..common import command, designs, evaluations
-from ..common.report import ended, write_json
+from ..common.report import ended, verified, write_json
 from . import figures
 from .configuration import ParetoConfig, configure
 from .constant_force import blows
@@ -90,14 +90,9 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
         row["spacing"] = float(fj.Belt().speed) * point.other
         row["parcels_an_hour"] = 3600 / point.other
     if point.verified is not None and point.finer is not None:
-        row["verified"] = {
-            "fidelity": tradeoff.config.verify,
-            "confirmed": point.verified.confirmed,
-            "doubts": point.verified.doubts,
+        row["verified"] = verified(tradeoff.config.verify, point.verified) | {
             "peak_force": point.finer.force,
             tradeoff.quantity.name: point.finer.other,
-            "error": point.verified.error,
-            "violation": point.verified.violation,
             "statuses": point.finer.statuses,
         }
     return row

@@ -36,6 +36,7 @@ from fencejax.design import (
     Program,
     Quantity,
     minimize,
+    verify,
 )
 from fencejax.plot import Trace
 
@@ -186,24 +187,16 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
     say("\n" + report.table(rows, limits, impacts.lanes, stiff, config.quantity))
     confirmed = None
     if config.reference:
-        name = config.quantity.name
-        difference = float(np.max(new[name]) / np.max(found[name]) - 1)
-        least = min(float(np.min(v)) for v in batch.margins(limits, new).values())
-        # The reference must find the same force, and no limit broken.
-        status = fj.Status(int(np.max(new["status"])))
-        doubts = {
-            f"the force differs by more than {100 * config.agreement:g} %":
-                not abs(difference) <= config.agreement,
-            "a limit is broken": not least >= -config.feasibility,
-            f"{status.name}: {status.text}": status > fj.Status.LEFT_OVER_TIP,
-        }  # fmt: skip
-        why = [text for text, holds in doubts.items() if holds]
-        confirmed = not why
-        say(
-            f"reference: {name.replace('_', ' ')} {100 * difference:+.3f} % of the optimiser's, "
-            f"smallest margin {least:+.4f}, status {status.name}: "
-            f"{'confirmed' if confirmed else 'NOT confirmed, as ' + '; '.join(why)}"
+        rows = [np.zeros(0), *map(np.asarray, batch.margins(limits, new).values())]
+        at_reference = new[config.quantity.name], np.concatenate(rows), new["status"]
+        verified = verify(
+            lambda z: at_reference,
+            optimum,
+            agreement=config.agreement,
+            feasibility=config.feasibility,
         )
+        confirmed = verified.confirmed
+        say(report.verdict("reference", config.quantity, verified))
     stacked = checks.sorts(after)
     sorts = {} if stacked is None else {
         name: {k: v[i] for k, v in stacked.items()} for i, name in enumerate(_THREE)
