@@ -45,8 +45,6 @@ from .program import (
     LaneProgram as LaneProgram,
     Numbers as Numbers,
     Program as Program,
-    Refined as Refined,
-    refined as refined,
 )
 from .risk import quantile as quantile
 from .spline_motion import (

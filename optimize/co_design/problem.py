@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Array
 
 import fencejax as fj
-from fencejax.design import LaneProgram, extremes, objectives, refined
+from fencejax.design import LaneProgram, extremes, objectives
 from fencejax.model import FlexibleLink
+from fencejax.results import refined
 
 from ..common.encounters import Course, Encounter
 from .configuration import CoDesignConfig
