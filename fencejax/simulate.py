@@ -23,6 +23,7 @@ from .integrators import (
     normal_direction,
     stride_counts,
     time_loop,
+    units,
 )
 from .model import (
     SWING_STEPS,
@@ -267,9 +268,7 @@ def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory
     fidelity = fidelity.settled(scene.duration if touching else 0.0)
     good = sound(scene)
     steps = time_loop.count_steps(scene.duration, fidelity.step)
-    step = scene.duration / steps
-    if fidelity.step_tolerance is not None:
-        step = step / 2**fidelity.halvings
+    step = scene.duration / (steps * units(fidelity))
     mechanics = fusion_barrier(good, lambda s: Mechanics(s, fidelity), scene)
     begin = scene.start.time(scene.drive)
     zero = jnp.zeros_like(scene.parcel.mass)
@@ -321,12 +320,16 @@ def _run(
     measures = {name: m for name, m in known.items() if only is None or name in only}
     wanted = {part: only is None or part in only for part in _PARTS}
     running_sums = running(tuple(measures.values()), wanted["energy"])
-    done: Array | float = 1.0
+    done, unmet = 1.0, None
     if isinstance(scene, NormalScene):
         link = normal_direction.prepared(scene, fidelity)
-        recorder = NormalRecorder(scene.parcel, link, running_sums)
-        record, samples, start = normal_direction.run(scene, link, fidelity, recorder, history)
-        status = diagnostics.of_normal_record(scene, link, record)
+        recorder = NormalRecorder(
+            scene.parcel, link, running_sums, fidelity.step_tolerance is None
+        )
+        record, samples, start, unmet = normal_direction.run(
+            scene, link, fidelity, recorder, history
+        )
+        status = diagnostics.of_normal_record(scene, link, record, unmet)
     else:
         steps = time_loop.count_steps(scene.duration, fidelity.step)
         mechanics, clock, memory = prepared(scene, fidelity)
@@ -334,11 +337,13 @@ def _run(
         alike = not modal or clock.counts[-1] == 1
         recorder = SceneRecorder(mechanics, running_sums, alike)
         if modal:
-            record, samples = time_loop.modal(mechanics, clock, memory, steps, recorder, history)
+            record, samples, unmet = time_loop.modal(
+                mechanics, clock, memory, steps, recorder, history
+            )
         else:
             vibration = None if memory.fence is None else memory.fence.vibration
             record, samples, done = diffrax_reference.run(
                 mechanics, clock, memory.body, vibration, steps, recorder
             )
-        status = diagnostics.of_record(scene, mechanics, record, done, start)
+        status = diagnostics.of_record(scene, mechanics, record, done, start, unmet)
     return gather(record, measures, wanted, samples if history else None, start, status)

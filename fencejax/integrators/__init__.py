@@ -22,4 +22,5 @@ from .step_size import (
     StepSize as StepSize,
     next_step_size as next_step_size,
     stride_counts as stride_counts,
+    units as units,
 )

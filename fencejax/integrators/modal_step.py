@@ -32,9 +32,10 @@ from ..model import (
 )
 from ..parts import DriveMotion
 from ..scenes import Body
-from . import friction_tangent, newton, newton_matrix, step_defect
+from . import friction_tangent, newton, newton_matrix
 from .fence_response import FenceEnd
-from .step_defect import Ends
+from .step_control import Control, controlled
+from .step_defect import Ends, Pair
 from .step_size import Clock, StepSize, Stride, next_step_size, stride_counts
 
 
@@ -52,6 +53,7 @@ class Memory(NamedTuple):
     `fence` holds the vibration, its modal forces, the rates of the loads that the modes left out
     carry and their residual mode, and nothing else; `before` is the acceleration and
     `normals_before` the forces one step back, for the first guess alone;
+    `drifts` is how much faster [m/s] each corner's foot moves along the fence than the corner slides;
     `held` is the acceleration by the frictions that hold a corner, by the weights `sticking`, both
     absent without friction; `gone` is 1 for a corner that has left over the tip. Where the tip may
     carry a contact, `leans` say how each corner loads the fence.
@@ -229,9 +231,8 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     """
     stride = clock.stride(end - begin)
     h = stride.length
-    body, now = memory.body, memory.acceleration
+    body, start = memory.body, memory.acceleration
     time = clock.time(end)
-    controlled = mechanics.fidelity.step_tolerance is not None
     drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
     places = tuple(
         p + h * (w + drift)
@@ -259,15 +260,15 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         )
     guess = tuple(
         rate + h * (a + 0.5 * ratio * (a - before))
-        for rate, a, before in zip(body[3:], now, memory.before, strict=True)
+        for rate, a, before in zip(body[3:], start, memory.before, strict=True)
     )
     if fence is not None and fence.flexible:
         guess = guess + expected
     frame = mechanics.frame(drive, places, loaded, memory.gone)
-    predicted = body.angle + h * (body.spin + 0.5 * h * now.angle)
+    predicted = body.angle + h * (body.spin + 0.5 * h * start.angle)
     arms = mechanics.arms(predicted)
     equations = _End(
-        mechanics, body, now, memory.held, memory.sticking, predicted, arms, frame, fence, stride
+        mechanics, body, start, memory.held, memory.sticking, predicted, arms, frame, fence, stride
     )
     guess = equations.at_rest(jax.lax.stop_gradient(guess))
     root, (forces, unbalance, sticking, held) = newton.solve(
@@ -285,11 +286,14 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     if memory.step_size is not None:
         jump = equations.force_jump(guess, root, forces)
         size = next_step_size(mechanics, clock, end - begin, jump, forces, memory.normals)
-        if controlled:
-            size = jax.lax.stop_gradient(
-                controlled_step_size(
-                    mechanics, clock, memory, size, begin, end, stride, equations, forces, state
-                )
+        control = memory.step_size.control
+        if control is not None:
+            tolerance = mechanics.fidelity.step_tolerance
+            assert tolerance is not None
+            pair = Pair(mechanics.law, mechanics.viscosity, mechanics.mass)
+            now = _contacts(forces, () if frame is None else frame.shares)
+            size = controlled(
+                pair, tolerance, clock, control, size, end, stride, now, fence, memory.fence, state
             )
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)
@@ -322,58 +326,14 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     return memory, SceneState(time, after, forces, state), h, unbalance
 
 
-def controlled_step_size(
-    mechanics, clock, memory, size, begin, end, stride, equations, forces, state
-):
-    """The step size by the defect of the step just taken."""
-    tolerance = mechanics.fidelity.step_tolerance
-    count, before = end - begin, memory.step_size
-    frame, fence = equations.frame, equations.fence
-    shares = ()
-    if frame is not None:
-        shares = tuple(
-            m.touch.remaining(s) for m, s in zip(forces.fence, frame.shares, strict=True)
-        )
-    now = step_defect.ends(mechanics, forces, shares)
-    strides = tuple(clock.stride(theta * count) for theta in step_defect.INNER)
-    found = step_defect.defects(
-        mechanics, strides, stride.length, before.ends, now, fence,
-        memory.fence, state,
-    )
-    largest = before.largest
-    for each in now:
-        largest = jnp.maximum(largest, each.normal)
-    worst = jnp.zeros_like(largest)
-    lowest = 1e-9 * (mechanics.force_scale(forces))
-    for k, (force, a, b) in enumerate(zip(found, before.ends, now, strict=True)):
-        closing = jnp.maximum(jnp.abs(a.gap_rate), jnp.abs(b.gap_rate))
-        give_rate = 0.5 * stride.length / mechanics.mass
-        if fence is not None and fence.flexible and k < len(fence.shapes):
-            give_rate = give_rate + fence.compliance(k, k)[1]
-        slow = _SLOW * tolerance * closing / jnp.maximum(give_rate, 1e-30)
-        allowed = jnp.maximum(tolerance * largest, slow) + lowest
-        worst = jnp.maximum(worst, force / allowed)
-    first = count == 0
-    accepted = (worst <= 1) | (count <= 1) | first
-    down = jnp.where(worst > 256, 0.125, jnp.where(worst > 16, 0.25, 0.5))
-    grown = 2 * count
-    grows = (worst < 1 / 6) & (jnp.mod(end, grown) == 0)
-    step = jnp.where(grows, grown, count)
-    # Beyond the unit as next_step_size allows.
-    step = jnp.minimum(step, jnp.maximum(size.next, clock.unit))
-    aligned = [c for c in clock.counts if c > clock.unit]
-    for c in reversed(aligned):
-        step = jnp.where((step >= c) & (jnp.mod(end, c) != 0), c / 2, step)
-    step = jnp.where(first, float(clock.unit), step)
-    step = jnp.where(accepted, step, jnp.maximum(down * count, 1.0))
-    unmet = jnp.maximum(before.unmet, jnp.where(accepted & ~first, worst * tolerance * largest, 0.0))
-    return StepSize(
-        last=count, next=step, accepted=accepted.astype(step.dtype), largest=largest,
-        unmet=unmet, ends=now,
-    )
-
-
-_SLOW = 0.1
+def _contacts(forces: Forces, shares: tuple[Array, ...]) -> tuple[Ends, ...]:
+    """What the control of the next step has to know of each contact; `shares` [1] of the contact
+    law act at the fence's corners."""
+    found = []
+    for k, (what, touch, _, _) in enumerate(forces.meetings):
+        share = touch.remaining(shares[k]) if k < len(shares) else jnp.ones_like(what.gap)
+        found.append(Ends(what.normal, what.gap, what.gap_rate, share))
+    return tuple(found)
 
 
 def at_rest(
@@ -402,9 +362,7 @@ def at_rest(
     leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
     size = StepSize(zero, zero + 1) if stride_counts(mechanics.fidelity)[-1] > 1 else None
     if mechanics.fidelity.step_tolerance is not None:
-        size = StepSize(zero, zero + 1, zero + 1, zero, zero, tuple(
-            Ends(zero, zero, zero, zero) for _ in mechanics.frictions
-        ))
+        size = StepSize(zero, zero + 1, Control.start(len(mechanics.frictions), zero))
     sticking = tuple(zero for _ in range(friction_tangent.count(mechanics)))
     held = still if sticking else None
     return Memory(

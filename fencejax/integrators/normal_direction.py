@@ -5,6 +5,7 @@ Everything but the contact law is linear, so that the gap and its rate at the en
 affine in the force there: one scalar equation a step, whatever the number of modes.
 """
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -18,18 +19,21 @@ from ..scenes import Body, NormalScene
 from . import newton, time_loop
 from .fence_response import FenceEnd
 from .observer import Observer
-from .step_size import Clock
+from .step_control import Control, controlled
+from .step_defect import Ends, Pair
+from .step_size import Clock, StepSize, stride_counts, units
 
 
 class _Memory(NamedTuple):
     """Advance of the parcel [m] beyond the fence at rest and its rate [m/s], the contact force [N]
-    and that of one step back, and the fence."""
+    and that of one step back, the fence, and under error control the length of steps."""
 
     advance: Array
     rate: Array
     force: Array
     force_before: Array
     fence: FenceState | None
+    step_size: StepSize | None
 
 
 class _Blow(NamedTuple):
@@ -71,48 +75,53 @@ def run(
     fidelity: Fidelity,
     observer: Observer,
     history: bool,
-) -> tuple[Any, Any, Array]:
+) -> tuple[Any, Any, Array, Array | None]:
     """Integrate m_p pddot = -N(D, Ddot), D = p - w(sigma), from p = 0, pdot = v_n, with the fence's
     deflection w along the blow; without a `link` w = 0.
 
-    Returns the observer's record, what it saved at every sample if asked for, and the start time
-    0 [s].
+    Returns the observer's record, what it saved at every sample if asked for, the start time 0 [s],
+    and whether the steps missed more than is tolerated (`None` without error control).
     """
     steps = time_loop.count_steps(scene.duration, fidelity.step)
-    step = scene.duration / steps
-    fidelity = fidelity.replace(longest_stride=1, step_tolerance=None)
+    fidelity = fidelity.replace(longest_stride=1)
+    step = scene.duration / (steps * units(fidelity))
     zero = jnp.zeros_like(scene.parcel.mass + scene.speed)
     shape = maps = fence = None
     if link is not None:
         assert scene.distance is not None
         shape = link.shape(scene.distance)
         zero = zero + 0.0 * (link.mass_scale + link.reach + shape.place)
-        maps = link.propagators([zero + step])
+        maps = link.propagators([zero + step * count for count in stride_counts(fidelity)[1:]])
         fence = FenceState.unloaded(link, link.rest(), 1)
     clock = Clock(link, fidelity, zero, step, maps)
-    begin = _Memory(zero, scene.speed + zero, zero, zero, fence)
+    size = None
+    if fidelity.step_tolerance is not None:
+        size = StepSize(zero, zero + 1, Control.start(1, zero))
+    begin = _Memory(zero, scene.speed + zero, zero, zero, fence, size)
     reach = zero if link is None else link.reach
     given = (scene.parcel, link, shape, clock)
+    advance_one = functools.partial(_step, fidelity.step_tolerance)
 
     def advance(args, y, begins, ends):
         memory, record = y
-        memory, state, length, unbalance = _step(args, memory, begins, ends)
+        memory, state, length, unbalance = advance_one(args, memory, begins, ends)
         return memory, observer.update(record, state, length, unbalance)
 
-    _, like, _, _ = jax.eval_shape(_step, given, begin, zero, zero)
+    _, like, _, _ = jax.eval_shape(advance_one, given, begin, zero, zero)
     body = Body(reach, *(zero,) * 5)
-    (_, record), samples = time_loop.run_steps(
+    (memory, record), samples = time_loop.run_steps(
         time_loop.Stepper(advance),
         (begin, observer.begin(like, body)),
         given,
         (lambda y: observer.saved(y[1])) if history else None,
         steps,
         fidelity,
+        clock,
     )
-    return record, samples, zero
+    return record, samples, zero, time_loop.unmet(memory)
 
 
-def _step(given, memory: _Memory, begins: Array, ends: Array):
+def _step(tolerance: float | None, given, memory: _Memory, begins: Array, ends: Array):
     """The memory one step on, the scene's state there, the step's length [s] and the force that its
     equation leaves unbalanced [N]."""
     parcel, link, shape, clock = given
@@ -132,17 +141,30 @@ def _step(given, memory: _Memory, begins: Array, ends: Array):
         give, give_rate = give + yields, give_rate + yields_rate
     law = parcel.contact_law
     blow = _Blow(law, law.viscosity(parcel.mass), gap, rate, give, give_rate)
-    guess = (jnp.maximum(2 * memory.force - memory.force_before, 0.0),)
+    ratio = 1.0
+    if memory.step_size is not None:
+        ratio = (ends - begins) / jnp.maximum(memory.step_size.last, 1.0)
+    guess = (jnp.maximum(memory.force + ratio * (memory.force - memory.force_before), 0.0),)
     (force,), (gap, rate, unbalance) = newton.solve(
         _Blow.evaluate, _Blow.shorten, blow, guess, clock.iterations
     )
     held = None if fence is None else fence.state((force,))
+    size = None
+    if memory.step_size is not None:
+        assert tolerance is not None
+        foreseen = StepSize(ends - begins, jnp.full_like(ends, clock.unit))
+        now = (Ends(force, gap, rate, jnp.ones_like(gap)),)
+        size = controlled(
+            Pair(law, blow.viscosity, parcel.mass), tolerance, clock, memory.step_size.control,
+            foreseen, ends, stride, now, fence, memory.fence, held,
+        )
     after = _Memory(
         advance=memory.advance + h * memory.rate - h * share * (memory.force / 3 + force / 6),
         rate=memory.rate - 0.5 * share * (memory.force + force),
         force=force,
         force_before=memory.force,
         fence=None if held is None else held.kept(),
+        step_size=size,
     )
     state = NormalState(clock.time(ends), after.advance, after.rate, force, gap, rate, held)
     return after, state, h, unbalance

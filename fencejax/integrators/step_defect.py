@@ -6,24 +6,32 @@ order. So the error that a step adds is made by what the contact law says inside
 
     d = max over theta of |law(D(theta), Ddot(theta)) - (N_0 + theta (N_1 - N_0))|.
 
-D(theta) is the step's own dense output: the modes and the residual mode advance exactly to theta h,
-under the linear force, and the rest of the gap, which no mode rings in, is the cubic through its
-values and rates at both ends. Two inner points, a quarter and a half of the step, see deviations of
+D(theta) is the step's own dense output: the modes and the residual mode advance exactly to theta h
+under the linear force, and the rest of the gap is smooth. Two inner points, a quarter and a half of the step, see deviations of
 even and of odd shape; their maps are those of shorter steps.
 """
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..model import FenceState, Forces, Mechanics, dot, propagate
+from ..model import FenceState, ResidualMode, Vibration, dot, propagate
+from ..parts import AbstractContactLaw
 from .fence_response import FenceEnd
 from .step_size import Stride
 
 INNER = (0.25, 0.5)
 """The points of a step [1] at which the contact law is asked."""
+
+
+class Pair(NamedTuple):
+    """What makes a contact force: the contact law, its `viscosity` for the parcel, and the parcel's
+    `mass` [kg]."""
+
+    law: AbstractContactLaw
+    viscosity: Array
+    mass: Array
 
 
 class Ends(NamedTuple):
@@ -36,26 +44,13 @@ class Ends(NamedTuple):
     share: Array
 
 
-class Defect(NamedTuple):
-    """Of a contact: the `force` d [N], and how fast [m/s] it would make the gap change over the
-    step beside how fast the gap does."""
-
-    force: Array
-    speed: Array
-    closing: Array
-
-
-def ends(mechanics: Mechanics, forces: Forces, shares: tuple[Array, ...]) -> tuple[Ends, ...]:
-    """What the next step has to know of each contact."""
-    found = []
-    for k, meeting in enumerate(forces.meetings):
-        what = meeting.contact
-        share = shares[k] if k < len(shares) else jnp.ones_like(what.gap)
-        found.append(Ends(what.normal, what.gap, what.gap_rate, share))
-    return tuple(found)
-
-
-def _smooth(theta: float, length: Array, low, high, bend: Array):
+def _smooth(
+    theta: float,
+    length: Array,
+    low: tuple[Array, Array],
+    high: tuple[Array, Array],
+    bend: Array,
+) -> tuple[Array, Array]:
     """The rest of a gap and its rate inside a step, from both at its ends: the rate goes straight
     but for `bend` [m/s], what a linear force makes of the parcel's. The gap follows the rates'
     difference and not the rates: where the geometry is at its limits they are not quite the
@@ -69,52 +64,49 @@ def _smooth(theta: float, length: Array, low, high, bend: Array):
 
 
 class _Ringing(NamedTuple):
-    """What the modes and the residual mode give to the gap at a corner: deflection [m], its rate
-    [m/s]."""
+    """What the modes and the residual mode give to the gap at a corner: their deflection [m], and
+    its rate [m/s]."""
 
     deflection: Array
     rate: Array
 
 
-def _residual(fence: FenceEnd, k: int, force, rate) -> _Ringing | None:
-    shape = fence.shapes[k].residual_mode
-    if shape is None:
-        return None
-    return _Ringing(-shape[0] * (force - fence.link.lag * rate), -shape[0] * rate)
-
-
-def _rings(fence: FenceEnd, k: int, vibration, residual) -> _Ringing:
-    shape = fence.shapes[k].deflection
-    deflection, rate = dot(shape, vibration.amplitude), dot(shape, vibration.rate)
-    if residual is not None:
-        deflection, rate = deflection + residual.deflection, rate + residual.rate
-    return _Ringing(deflection, rate)
-
-
-def _inside(
-    fence: FenceEnd,
-    before: FenceState,
-    after: FenceState,
-    inner: Stride,
-    theta: float,
+def _ringing(
+    fence: FenceEnd, vibration: Vibration, residual: tuple[ResidualMode, ...]
 ) -> list[_Ringing]:
-    """The ringing at each corner at theta."""
-    load = tuple(a + theta * (b - a) for a, b in zip(before.modal_force, after.modal_force, strict=True))
-    free = propagate(inner.maps, before.vibration, before.modal_force, load)
+    """At each corner, in the shapes of the step's end."""
     found = []
-    for k in range(len(fence.shapes)):
-        residual = None
-        if fence.shapes[k].residual_mode is not None:
-            force, rate = before.residual[k]
-            force_here = force + theta * (after.residual[k].force - force)
-            rate_here = inner.lag_decay * rate + inner.lag_gain * (force_here - force)
-            residual = _residual(fence, k, force_here, rate_here)
-        found.append(_rings(fence, k, free, residual))
+    for k, shape in enumerate(fence.shapes):
+        deflection = dot(shape.deflection, vibration.amplitude)
+        rate = dot(shape.deflection, vibration.rate)
+        if shape.residual_mode is not None:
+            force, amplitude_rate = residual[k]
+            amplitude = force - fence.link.lag * amplitude_rate
+            deflection = deflection - shape.residual_mode[0] * amplitude
+            rate = rate - shape.residual_mode[0] * amplitude_rate
+        found.append(_Ringing(deflection, rate))
     return found
 
 
+def _inside(
+    fence: FenceEnd, before: FenceState, after: FenceState, inner: Stride, theta: float
+) -> list[_Ringing]:
+    """At each corner at theta, to which a step of the length `inner` leads."""
+    load = tuple(
+        start + theta * (end - start)
+        for start, end in zip(before.modal_force, after.modal_force, strict=True)
+    )
+    vibration = propagate(inner.maps, before.vibration, before.modal_force, load)
+    residual = []
+    for start, end in zip(before.residual, after.residual, strict=True):
+        change = theta * (end.force - start.force)
+        rate = inner.lag_decay * start.rate + inner.lag_gain * change
+        residual.append(ResidualMode(start.force + change, rate))
+    return _ringing(fence, vibration, tuple(residual))
+
+
 def defects(
-    mechanics: Mechanics,
+    pair: Pair,
     strides: tuple[Stride, ...],
     length: Array,
     was: tuple[Ends, ...],
@@ -123,18 +115,18 @@ def defects(
     before: FenceState | None,
     after: FenceState | None,
 ) -> list[Array]:
-    """The defect of each contact [N]: of a step of the `length` [s] from `was` to `now`; `strides` are those that lead to the inner points."""
-    at_ends: list[tuple[_Ringing, _Ringing]] = []
+    """The defect of each contact [N], of a step of the `length` [s] from `was` to `now`.
+
+    `pair` is what meets; `strides` are the steps that lead to the points of `INNER`; the fence, if any, goes from the
+    state `before` to the state `after`.
+    """
+    first = last = []
     inside: list[list[_Ringing]] = [[] for _ in INNER]
     if fence is not None and fence.flexible:
-        for k in range(len(fence.shapes)):
-            pair = []
-            for state in (before, after):
-                residual = None
-                if fence.shapes[k].residual_mode is not None:
-                    residual = _residual(fence, k, *state.residual[k])
-                pair.append(_rings(fence, k, state.vibration, residual))
-            at_ends.append(tuple(pair))
+        assert before is not None
+        assert after is not None
+        first = _ringing(fence, before.vibration, before.residual)
+        last = _ringing(fence, after.vibration, after.residual)
         inside = [
             _inside(fence, before, after, inner, theta)
             for inner, theta in zip(strides, INNER, strict=True)
@@ -142,19 +134,18 @@ def defects(
     found = []
     for k, (a, b) in enumerate(zip(was, now, strict=True)):
         low, high = (a.gap, a.gap_rate), (b.gap, b.gap_rate)
-        if k < len(at_ends):
-            first, last = at_ends[k]
-            low = (low[0] - first.deflection, low[1] - first.rate)
-            high = (high[0] - last.deflection, high[1] - last.rate)
-        largest = jnp.zeros_like(a.gap)
-        bend = length * (b.normal - a.normal) / mechanics.mass
+        if k < len(first):
+            low = (a.gap - first[k].deflection, a.gap_rate - first[k].rate)
+            high = (b.gap - last[k].deflection, b.gap_rate - last[k].rate)
+        defect = jnp.zeros_like(a.gap)
+        bend = length * (b.normal - a.normal) / pair.mass
         for theta, ringing in zip(INNER, inside, strict=True):
             gap, gap_rate = _smooth(theta, length, low, high, bend)
-            if k < len(at_ends):
+            if k < len(ringing):
                 gap, gap_rate = gap + ringing[k].deflection, gap_rate + ringing[k].rate
             share = a.share + theta * (b.share - a.share)
-            law = share * mechanics.law.force(gap, gap_rate, mechanics.viscosity).force
+            law = share * pair.law.force(gap, gap_rate, pair.viscosity).force
             line = a.normal + theta * (b.normal - a.normal)
-            largest = jnp.maximum(largest, jnp.abs(law - line))
-        found.append(largest)
+            defect = jnp.maximum(defect, jnp.abs(law - line))
+        found.append(defect)
     return found

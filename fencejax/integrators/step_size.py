@@ -2,7 +2,7 @@
 long in free flight and where forces change smoothly, one step where something is about to touch,
 to part or to turn round."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -38,7 +38,9 @@ class Clock(eqx.Module):
     axis, and the most Newton iterations.
 
     `counts` is how many steps [1] each stride stands for: none, one and, where the fidelity allows
-    longer ones, the powers of two up to the longest.
+    longer ones, the powers of two up to the longest. Under error control a step is the shortest
+    one, and `unit` of them make one of `Fidelity.step`; a half and a quarter of the shortest one
+    are there for the points inside it. Otherwise the `unit` is 1.
     """
 
     start: Array
@@ -60,7 +62,7 @@ class Clock(eqx.Module):
         self.start, self.step = start, step
         self.counts = stride_counts(fidelity)
         self.iterations = jnp.full_like(start, fidelity.iterations)
-        self.unit = 1 if fidelity.step_tolerance is None else 2**fidelity.halvings
+        self.unit = units(fidelity)
         zero = jnp.zeros_like(start)
         moving = [zero + step * count for count in self.counts[1:]]
         decay, by_mode = [jnp.ones_like(start)] * len(self.counts), ()
@@ -96,6 +98,11 @@ class Clock(eqx.Module):
         return self.step * index
 
 
+def units(fidelity: Fidelity) -> int:
+    """How many of a clock's steps [1] make one of `Fidelity.step`."""
+    return 1 if fidelity.step_tolerance is None else 2**fidelity.halvings
+
+
 def stride_counts(fidelity: Fidelity) -> tuple[float, ...]:
     """How many steps [1] each of a clock's strides stands for, of a settled fidelity."""
     assert fidelity.longest_stride is not None
@@ -110,14 +117,12 @@ _CHANGE = 50.0
 
 
 class StepSize(NamedTuple):
-    """How many of the clock's steps [1] the `last` step stood for, and the `next` one may."""
+    """How many of the clock's steps [1] the `last` step stood for, and the `next` one may; and what
+    the error control carries along, if steps follow one (`fencejax.integrators.step_control`)."""
 
     last: Array
     next: Array
-    accepted: Array | None = None
-    largest: Array | None = None
-    unmet: Array | None = None
-    ends: tuple = ()
+    control: Any = None
 
 
 def next_step_size(

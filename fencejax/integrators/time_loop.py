@@ -74,8 +74,7 @@ def count_steps(duration: float, step: float) -> int:
 
 
 def run_steps(
-    solver: Stepper, begin, args, sample, steps: int, fidelity: Fidelity, ahead=None, unit=1,
-    settle=None,
+    solver: Stepper, begin, args, sample, steps: int, fidelity: Fidelity, clock: Clock | None = None
 ):
     """Run a solver over `steps` steps, from a first one of no length.
 
@@ -83,8 +82,8 @@ def run_steps(
 
     - `begin`: the state before anything; all its leaves are floating-point scalars or vectors.
     - `sample`: what of a state to keep at each step, or `None`.
-    - `ahead(y, t)`: how many steps [1] the next one from `y` is to stand for, at most up to the
-      last sample; by default always 1.
+    - `clock`: where its steps are of several lengths, the state is a pair of a memory and a record,
+      and `memory.step_size` says how long the next step is to be and whether the last one is good.
 
     Returns the last state and the samples: `steps` + 1 of them, the last one repeated where longer
     steps have left room.
@@ -104,7 +103,7 @@ def run_steps(
         return jnp.concatenate([jnp.ravel(leaf) for leaf in leaves]) if leaves else None
 
     reverse = fidelity.gradient == "reverse"
-    if ahead is None:
+    if clock is None or clock.counts[-1] == 1:
         ends = jnp.arange(steps + 1, dtype=precision)
 
         def advance(y, end):
@@ -114,9 +113,7 @@ def run_steps(
         scan = partial(eqxi.scan, kind="checkpointed") if reverse else jax.lax.scan
         y, rows = scan(advance, strict(begin), ends)
     else:
-        y, rows = _run_adaptively(
-            step, strict(begin), ahead, row, steps, reverse, unit, settle
-        )
+        y, rows = _run_adaptively(step, strict(begin), clock, row, steps, reverse)
     if sample is None or rows is None:
         return y, None
     return y, _unpacked(rows, sample(strict(begin)))
@@ -133,9 +130,30 @@ def _unpacked(rows: Array, like):
     return jax.tree.unflatten(structure, parts)
 
 
-def _run_adaptively(step, begin, ahead, row, steps: int, reverse: bool, unit, settle):
+# Trials for each sample, rejected ones and shorter steps included, that reverse mode keeps room for.
+_TRIALS = 8
+
+
+def _settled(old, new):
+    """The state after a trial, which is the `old` one but for the next step's length where the
+    trial is rejected, and whether it is accepted."""
+    control = new[0].step_size.control
+    if control is None:
+        return new, jnp.asarray(True)
+    accepted = control.accepted > 0
+    memory, record = jax.tree.map(lambda a, b: jnp.where(accepted, b, a), old, new)
+    size = memory.step_size._replace(next=new[0].step_size.next)
+    return (memory._replace(step_size=size), record), accepted
+
+
+def _run_adaptively(step, begin, clock: Clock, row, steps: int, reverse: bool):
     zero = jnp.zeros_like(jax.tree.leaves(begin)[0])
-    total = steps * unit
+    unit, total = clock.unit, steps * clock.unit
+
+    def ahead(y, now):
+        count = y[0].step_size.next
+        least = jnp.minimum(count, float(unit))
+        return jnp.where(now < 0, 1.0, jnp.where(now + count <= total, count, least))
 
     def go_on(carry):
         return carry[1] < total
@@ -144,11 +162,9 @@ def _run_adaptively(step, begin, ahead, row, steps: int, reverse: bool, unit, se
         y, now, taken, saved = carry
         end = jnp.minimum(now + ahead(y, now), total)
         new = step(y, jnp.maximum(now, 0.0), end)
-        went = 1.0
-        if settle is not None:
-            new, accepted = settle(y, new)
-            end = jnp.where(accepted, end, now)
-            went = jnp.where(accepted & (jnp.mod(end, unit) == 0), 1.0, 0.0)
+        new, accepted = _settled(y, new)
+        end = jnp.where(accepted, end, now)
+        went = jnp.where(accepted & (jnp.mod(end, unit) == 0), 1.0, 0.0)
         if saved is not None:
             saved = saved.at[taken.astype(jnp.int32)].set(row(new))
         return new, end, taken + went, saved
@@ -162,7 +178,7 @@ def _run_adaptively(step, begin, ahead, row, steps: int, reverse: bool, unit, se
         go_on,
         trip,
         carry,
-        max_steps=(steps + 1) * (1 if settle is None else 8),
+        max_steps=(steps + 1) * (1 if unit == 1 else _TRIALS),
         buffers=lambda carry: carry[3],
         kind="checkpointed" if reverse else "lax",
     )
@@ -172,6 +188,12 @@ def _run_adaptively(step, begin, ahead, row, steps: int, reverse: bool, unit, se
     return y, saved[places]
 
 
+def unmet(memory: Any) -> Array | None:
+    """Whether the steps that led to a memory missed more than the error control tolerates."""
+    size = memory.step_size
+    return None if size is None or size.control is None else size.control.unmet
+
+
 def modal(
     mechanics: Mechanics,
     clock: Clock,
@@ -179,9 +201,10 @@ def modal(
     steps: int,
     observer: Observer,
     history: bool,
-) -> tuple[Any, Any]:
-    """Integrate a scene by the package's own solver. Returns the observer's record and, if asked
-    for, what it saved at every sample."""
+) -> tuple[Any, Any, Array | None]:
+    """Integrate a scene by the package's own solver. Returns the observer's record, if asked for
+    what it saved at every sample, and whether the steps missed more than is tolerated (`None`
+    without error control)."""
     # Traced once, however often the loop and the transformations around it look at the step.
     step = jax.jit(modal_step.step)
 
@@ -191,28 +214,15 @@ def modal(
         memory, state, length, unbalance = step(mechanics, clock, memory, begins, ends)
         return memory, observer.update(record, state, length, unbalance)
 
-    def ahead(y, now):
-        count = y[0].step_size.next
-        least = jnp.minimum(count, float(clock.unit))
-        return jnp.where(now < 0, 1.0, jnp.where(now + count <= steps * clock.unit, count, least))
-
-    def settle(old, new):
-        accepted = new[0].step_size.accepted > 0
-        kept = jax.tree.map(lambda a, b: jnp.where(accepted, b, a), old, new)
-        size = kept[0].step_size._replace(next=new[0].step_size.next)
-        return (kept[0]._replace(step_size=size), kept[1]), accepted
-
     zero = jnp.zeros_like(clock.start)
     _, like, _, _ = jax.eval_shape(step, mechanics, clock, begin, zero, zero)
-    (_, record), samples = run_steps(
+    (memory, record), samples = run_steps(
         Stepper(advance),
         (begin, observer.begin(like, begin.body)),
         (mechanics, clock),
         (lambda y: observer.saved(y[1])) if history else None,
         steps,
         mechanics.fidelity,
-        ahead if clock.counts[-1] > 1 else None,
-        clock.unit,
-        settle if mechanics.fidelity.step_tolerance is not None else None,
+        clock,
     )
-    return record, samples
+    return record, samples, unmet(memory)

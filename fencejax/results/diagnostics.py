@@ -122,11 +122,13 @@ def _belt_slip_unresolved(scene: Scene, fidelity: Fidelity, seen: Evidence) -> A
 
 
 def unresolved(
-    link: FlexibleLink | None, seen: Evidence, tolerated: Array | float = 0.0
+    link: FlexibleLink | None, seen: Evidence, unmet: Array | None, tolerated: Array | float = 0.0
 ) -> list[tuple[Status, Array]]:
-    """Whether steps do not resolve the fence's force, of which `tolerated` [N] may be rough, or the
-    modes kept do not."""
-    rough = seen.resolution.roughness > _ROUGHNESS * seen.force.value + tolerated
+    """Whether steps do not resolve the fence's force, or the modes kept do not. Steps under error
+    control say so themselves, by `unmet`; of others, `tolerated` [N] of the force may be rough."""
+    rough = unmet
+    if rough is None:
+        rough = seen.resolution.roughness > _ROUGHNESS * seen.force.value + tolerated
     checks = [(Status.STEP_TOO_COARSE, rough)]
     if link is not None and link.frequency_squared:
         # A clamped beam's n-th frequency goes with (n - 1/2)^2.
@@ -138,9 +140,15 @@ def unresolved(
 
 
 def of_record(
-    scene: Scene, mechanics: Mechanics, record: Record, done: Array | float, start_time: Array
+    scene: Scene,
+    mechanics: Mechanics,
+    record: Record,
+    done: Array | float,
+    start_time: Array,
+    unmet: Array | None,
 ) -> Array:
-    """The largest status that applies, as a floating-point number."""
+    """The largest status that applies, as a floating-point number. `unmet` is whether the steps
+    missed more than the error control tolerates (`None` without one)."""
     seen = evidence(record)
     scene = jax.lax.stop_gradient(scene)
     parcel = scene.parcel
@@ -155,11 +163,12 @@ def of_record(
     share = max(1e-3, 4 * force_tolerance(parcel.mass.dtype))
     allowed = share * (forces + jnp.where(seen.touched > 0, 0.0, weight))
     checks.append((Status.STEP_TOO_COARSE, seen.unbalance > allowed + 1e-9))
-    at_border = _ROUGHNESS * still + _NEGLIGIBLE_ROUGHNESS * forces
-    checks.append((Status.STEP_TOO_COARSE, seen.resolution.border_roughness > at_border))
-    again = seen.resolution.at_peak.rebound_roughness > _REBOUND_ROUGHNESS * seen.force.value
-    checks.append((Status.STEP_TOO_COARSE, again))
-    checks += unresolved(mechanics.link, seen, _NEGLIGIBLE_ROUGHNESS * forces)
+    if unmet is None:
+        at_border = _ROUGHNESS * still + _NEGLIGIBLE_ROUGHNESS * forces
+        checks.append((Status.STEP_TOO_COARSE, seen.resolution.border_roughness > at_border))
+        again = seen.resolution.at_peak.rebound_roughness > _REBOUND_ROUGHNESS * seen.force.value
+        checks.append((Status.STEP_TOO_COARSE, again))
+    checks += unresolved(mechanics.link, seen, unmet, _NEGLIGIBLE_ROUGHNESS * forces)
     checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
     checks.append((Status.INCONSISTENT, ~consistent(scene, start_time)))
     if scene.belt is not None and scene.fence_corners:
@@ -196,9 +205,11 @@ def of_record(
     return worst(checks, body.x)
 
 
-def of_normal_record(scene: NormalScene, link: FlexibleLink | None, record: Record) -> Array:
+def of_normal_record(
+    scene: NormalScene, link: FlexibleLink | None, record: Record, unmet: Array | None
+) -> Array:
     """The largest status that applies to a scene of the normal direction, as a floating-point
-    number."""
+    number; `unmet` as in `of_record`."""
     seen = evidence(record)
     scene = jax.lax.stop_gradient(scene)
     side = jnp.minimum(scene.parcel.length, scene.parcel.breadth)
@@ -209,7 +220,7 @@ def of_normal_record(scene: NormalScene, link: FlexibleLink | None, record: Reco
         (Status.STEP_TOO_COARSE, seen.unbalance > 1e-3 * seen.force.value + 1e-9),
         (Status.INCONSISTENT, ~consistent(scene)),
         (Status.NON_FINITE, ~jnp.isfinite(seen.last.body.y + seen.force.value)),
-        *unresolved(link, seen),
+        *unresolved(link, seen, unmet),
     ]
     if scene.fence is not None:
         limit = scene.fence.flexible_length / 4

@@ -25,7 +25,8 @@ _GEOMETRY = 5e-4
 def coarser(fidelity: Fidelity, smoothing: float = 1.0) -> Fidelity:
     """A fidelity whose difference from `fidelity` measures its error, at half as many steps.
 
-    It has twice the step (a general integrator: ten times the tolerance) and three quarters of the
+    It has twice the step, four times the tolerance of its defect (a general integrator: ten times
+    the tolerance) and three quarters of the
     modes; below two modes, and below 20 elements, it has more of them, and in place of the
     geometry `"small"` it has `"arc"`. Friction is smoothed over `smoothing` [1] times the speed.
     """
@@ -37,6 +38,8 @@ def coarser(fidelity: Fidelity, smoothing: float = 1.0) -> Fidelity:
     )
     if fidelity.integrator == "modal":
         coarse = coarse.replace(step=2 * fidelity.step)
+        if fidelity.step_tolerance is not None:
+            coarse = coarse.replace(step_tolerance=4 * fidelity.step_tolerance)
     else:
         coarse = coarse.replace(tolerance=10 * fidelity.tolerance)
     return coarse.replace(

@@ -126,9 +126,13 @@ class NormalRecorder(AbstractRecorder):
     alike: bool = eqx.field(static=True)
 
     def __init__(
-        self, parcel: Parcel, link: FlexibleLink | None, wanted: tuple[Accumulator, ...]
+        self,
+        parcel: Parcel,
+        link: FlexibleLink | None,
+        wanted: tuple[Accumulator, ...],
+        alike: bool,
     ):
-        self.parcel, self.link, self.wanted, self.alike = parcel, link, wanted, True
+        self.parcel, self.link, self.wanted, self.alike = parcel, link, wanted, alike
         # Nothing slides: any smoothing does.
         self.smoothing = Smoothing(1.0, 1.0)
 

@@ -1,0 +1,131 @@
+"""Error control: a step whose defect is too large is taken again, shorter; the next one follows.
+
+The defect of a step (`step_defect`) is held against what is allowed of a contact's force: a share of
+the largest one so far, `Fidelity.step_tolerance`, or what changes the speed of approach by a tenth
+of that share, whichever is more: at the first touch there is no force yet to compare with. So one
+number bounds what each step may add, and a search for large errors finds them in proportion to it.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..model import FenceState
+from .fence_response import FenceEnd
+from .step_defect import INNER, Ends, Pair, defects
+from .step_size import Clock, StepSize, Stride
+
+# Share of the tolerance by which a defect may change the speed of approach.
+_OF_SPEED = 0.1
+# The defect of a smooth force goes with the square of the step: a step of twice the length has four
+# times as much of it, with room for half as much again.
+_GROWTH = 6.0
+
+
+class Control(NamedTuple):
+    """What the control carries from step to step: whether the last trial was `accepted` (1.0 or
+    0.0), the `largest` contact force so far [N], the impulses [N s] that the steps in contact were
+    `allowed` to miss and that those at their shortest missed in `excess` of it, and the contacts
+    at the end of the last step."""
+
+    accepted: Array
+    largest: Array
+    allowed: Array
+    excess: Array
+    ends: tuple[Ends, ...]
+
+    @classmethod
+    def start(cls, contacts: int, zero: Array) -> "Control":
+        """Before the first step of a scene with so many contacts."""
+        ends = (Ends(zero, zero, zero, zero),) * contacts
+        return cls(zero + 1, zero, zero, zero, ends)
+
+    @property
+    def unmet(self) -> Array:
+        """Whether the steps missed more, in excess of what is allowed, than what is allowed."""
+        return self.excess > self.allowed
+
+
+def _judged(
+    pair: Pair,
+    tolerance: float,
+    clock: Clock,
+    before: Control,
+    stride: Stride,
+    count: Array,
+    now: tuple[Ends, ...],
+    fence: FenceEnd | None,
+    was: FenceState | None,
+    after: FenceState | None,
+) -> tuple[Array, Array, Array]:
+    """The largest defect over what is allowed of it [1], the largest of what is allowed [N], and
+    the largest force so far [N]."""
+    strides = tuple(clock.stride(theta * count) for theta in INNER)
+    found = defects(pair, strides, stride.length, before.ends, now, fence, was, after)
+    largest = before.largest
+    for each in now:
+        largest = jnp.maximum(largest, each.normal)
+    worst = most = jnp.zeros_like(largest)
+    for k, (force, a, b) in enumerate(zip(found, before.ends, now, strict=True)):
+        speed = jnp.maximum(jnp.abs(a.gap_rate), jnp.abs(b.gap_rate))
+        give_rate = 0.5 * stride.length / pair.mass
+        if fence is not None and fence.flexible and k < len(fence.shapes):
+            give_rate = give_rate + fence.compliance(k, k)[1]
+        slows = give_rate > 0
+        by_speed = _OF_SPEED * speed / jnp.where(slows, give_rate, 1.0)
+        allowed = tolerance * jnp.maximum(largest, jnp.where(slows, by_speed, 0.0))
+        some = allowed > 0
+        worst = jnp.maximum(worst, jnp.where(some, force / jnp.where(some, allowed, 1.0), 0.0))
+        touches = (a.normal > 0) | (b.normal > 0)
+        most = jnp.maximum(most, jnp.where(touches, allowed, 0.0))
+    # A state that is no longer finite has no step that helps.
+    return jnp.where(jnp.isfinite(worst), worst, 0.0), most, largest
+
+
+def controlled(
+    pair: Pair,
+    tolerance: float,
+    clock: Clock,
+    before: Control,
+    foreseen: StepSize,
+    end: Array,
+    stride: Stride,
+    now: tuple[Ends, ...],
+    fence: FenceEnd | None,
+    was: FenceState | None,
+    after: FenceState | None,
+) -> StepSize:
+    """Whether the step of `foreseen.last` that came to `end`, with the contacts `now`, is accepted,
+    and how long the next trial is: up to the clock's unit by the defect, beyond it at most
+    `foreseen.next` too.
+
+    The fence, if any, was in the state `was` and is in the state `after`. No derivative follows
+    from it.
+    """
+    count = foreseen.last
+    worst, allowed, largest = _judged(
+        pair, tolerance, clock, before, stride, count, now, fence, was, after
+    )
+    first, shortest = count == 0, count <= 1
+    accepted = (worst <= 1) | shortest
+    grown = (worst * _GROWTH < 1) & (jnp.mod(end, 2 * count) == 0)
+    step = jnp.where(grown, 2 * count, count)
+    step = jnp.minimum(step, jnp.maximum(foreseen.next, clock.unit))
+    # Steps begin at multiples of their length, so that the clock's units are all met.
+    for longer in reversed([each for each in clock.counts if each > clock.unit]):
+        step = jnp.where((step >= longer) & (jnp.mod(end, longer) != 0), longer / 2, step)
+    # As the defect goes with the square of the length, at least where the force is smooth.
+    shorter = jnp.where(worst > 256, 0.125, jnp.where(worst > 16, 0.25, 0.5))
+    step = jnp.where(accepted, step, jnp.maximum(shorter * count, 1.0))
+    step = jnp.where(first, float(clock.unit), step)
+    missed = jnp.where(first, 0.0, stride.length * allowed)
+    control = Control(
+        accepted=accepted.astype(step.dtype),
+        largest=largest,
+        allowed=before.allowed + missed,
+        excess=before.excess + missed * jnp.maximum(worst - 1, 0.0),
+        ends=now,
+    )
+    return jax.lax.stop_gradient(StepSize(count, step, control))
