@@ -83,7 +83,7 @@ class Fidelity:
     geometry: str = "arc"
     load: str = "consistent"
     step: float = 2.5e-4
-    step_tolerance: float | None = 1e-3
+    step_tolerance: float | None = 5e-4
     halvings: int = 6
     longest_stride: int | None = None
     stride_tolerance: float = 5e-3
@@ -217,7 +217,7 @@ class Fidelity:
         the worst by 0.06 % and 6 %, where friction turns round near the peak. Six tenths of the
         cost of `standard`.
         """
-        return cls(**{"step": 5e-4, "step_tolerance": 3e-3, **changes})
+        return cls(**{"step": 5e-4, "step_tolerance": 2e-3, **changes})
 
     @classmethod
     def standard(cls, **changes) -> "Fidelity":

@@ -2,6 +2,7 @@
 long in free flight and where forces change smoothly, one step where something is about to touch,
 to part or to turn round."""
 
+import math
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -34,8 +35,8 @@ class Stride(NamedTuple):
 
 
 class Clock(eqx.Module):
-    """The start time [s] on the drive's clock, the strides, one after the other along the first
-    axis, and the most Newton iterations.
+    """The start time [s] on the drive's clock, the strides, one a row of a `table` (one lookup a step
+    finds all their numbers), and the most Newton iterations.
 
     `counts` is how many steps [1] each stride stands for: none, one and, where the fidelity allows
     longer ones, the powers of two up to the longest. Under error control a step is the shortest
@@ -44,11 +45,13 @@ class Clock(eqx.Module):
     """
 
     start: Array
-    strides: Stride
+    table: Array
     iterations: Array
     step: float = eqx.field(static=True)
     counts: tuple[float, ...] = eqx.field(static=True)
     unit: int = eqx.field(static=True)
+    structure: Any = eqx.field(static=True)
+    shapes: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
     def __init__(
         self,
@@ -78,20 +81,27 @@ class Clock(eqx.Module):
                 for parts in zip(*(blocks(values) for values in every), strict=True)
             )
         gains = [zero, *((1 - d) / h for d, h in zip(decay[1:], moving, strict=True))]
-        self.strides = Stride(
+        strides = Stride(
             length=jnp.stack([zero, *moving]),
             rate=jnp.stack([zero, *(1 / h for h in moving)]),
             maps=by_mode,
             lag_decay=jnp.stack(decay),
             lag_gain=jnp.stack(gains),
         )
+        leaves, self.structure = jax.tree.flatten(strides)
+        self.shapes = tuple(leaf.shape[1:] for leaf in leaves)
+        self.table = jnp.concatenate([leaf.reshape(len(self.counts), -1) for leaf in leaves], 1)
 
     def stride(self, count: Array) -> Stride:
         """The stride of so many steps [1]."""
         kind = sum((count >= each).astype(jnp.uint32) for each in self.counts[1:])
-        return jax.tree.map(
-            lambda each: jax.lax.dynamic_index_in_dim(each, kind, keepdims=False), self.strides
-        )
+        row = jax.lax.dynamic_index_in_dim(self.table, kind, keepdims=False)
+        leaves, at = [], 0
+        for shape in self.shapes:
+            size = math.prod(shape)
+            leaves.append(row[at : at + size].reshape(shape))
+            at += size
+        return jax.tree.unflatten(self.structure, leaves)
 
     def time(self, index: Array) -> Array:
         """Time [s] of a sample since the scene's start."""
