@@ -61,6 +61,7 @@ from .parts import (
     Uniform as Uniform,
     contact_laws as contact_laws,
     friction_laws as friction_laws,
+    materials as materials,
     surfaces as surfaces,
 )
 from .results import (
@@ -155,6 +156,7 @@ __all__ = [
     "holds",
     "identify",
     "integrators",
+    "materials",
     "minimize",
     "minimize_many",
     "model",

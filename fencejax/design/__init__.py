@@ -48,6 +48,10 @@ from .program import (
     Refined as Refined,
     refined as refined,
 )
+from .ring_down import (
+    RING_AMPLITUDE as RING_AMPLITUDE,
+    ring_amplitude as ring_amplitude,
+)
 from .risk import quantile as quantile
 from .spline_motion import (
     extremes as extremes,

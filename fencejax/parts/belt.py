@@ -40,5 +40,7 @@ class Belt(eqx.Module):
         """
         self.speed = _check.field(self, "speed", speed)
         self.width = _check.field(self, "width", width)
-        self.friction = Friction(kinetic=0.65, static=0.85) if friction is None else friction
+        friction = Friction(kinetic=0.65, static=0.85) if friction is None else friction
+        example = "friction=fj.Friction(kinetic=0.65, static=0.85)"
+        self.friction = _check.part("friction", friction, AbstractFriction, example)
         self.gravity = _check.field(self, "gravity", gravity)

@@ -55,8 +55,11 @@ class Fence(eqx.Module):
         self.flexible_length = _check.field(self, "flexible_length", flexible_length)
         self.width = _check.field(self, "width", width)
         self.thickness = _check.field(self, "thickness", thickness)
-        self.material = Material() if material is None else material
-        self.taper = ConstantStrength() if taper is None else taper
+        material = Material() if material is None else material
+        taper = ConstantStrength() if taper is None else taper
+        example = "material=fj.materials.named('POM').material"
+        self.material = _check.part("material", material, Material, example)
+        self.taper = _check.part("taper", taper, AbstractTaper, "taper=fj.Uniform()")
 
     @classmethod
     def one_link(cls, **changes) -> "Fence":

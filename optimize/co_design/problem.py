@@ -6,22 +6,10 @@ import numpy as np
 from jaxtyping import Array
 
 import fencejax as fj
-from fencejax.design import LaneProgram, extremes, objectives, refined
-from fencejax.model import FlexibleLink
+from fencejax.design import LaneProgram, extremes, objectives, refined, ring_amplitude
 
 from ..common.encounters import Course, Encounter
 from .configuration import CoDesignConfig
-
-
-def ring_amplitude(energy: Array, fence: fj.Fence) -> Array:
-    """The tip's amplitude [m] if all of an energy [J] were that of the first mode: with
-    m_0 omega_1^2 eta^2 / 2 = E, a = phi_1(tip) eta. Higher modes move the tip less."""
-    link = FlexibleLink(fence, fj.Fidelity(modes=1, static_correction=False))
-    (square,) = link.frequency_squared
-    tip = link.tip_deflection((jnp.ones_like(square),), (), ())
-    # 1e-18 J: far below what matters, so that the root has a derivative.
-    eta = jnp.sqrt(2 * (jnp.maximum(energy, 0.0) + 1e-18) / (link.mass_scale * square))
-    return jnp.abs(tip) * eta
 
 
 class Joint:

@@ -4,13 +4,13 @@ import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
 import fencejax as fj
-from fencejax.design import Quantity, objectives
+from fencejax.design import Quantity
+from fencejax.study import measured
 
 KINDS = ("sorts", "impacts")
 # The kind of scene of each, and which numbers of an encounter it has not.
@@ -111,27 +111,7 @@ class Course:
         quantities: Sequence[Quantity],
     ) -> dict[str, Array]:
         """The quantities by name and `status`, one number a lane. Differentiable."""
-        only = objectives.fields(quantities)
-
-        def one(encounter: Encounter) -> dict[str, Array]:
-            scene = self.scene(fence, drive, encounter)
-            result = fj.simulate(scene, fidelity=self.fidelity, history=False, only=only)
-            read = {q.name: q(result, scene) for q in quantities}
-            read["status"] = result.status
-            return read
-
-        numbers = jax.tree.map(jnp.asarray, encounters)
-        lanes = numbers.mass.shape[0]
-        if lanes <= self.chunk:
-            return jax.vmap(one)(numbers)
-        # Chunks of one size, filled up with the first lane: one program for all of them.
-        count = -(-lanes // self.chunk)
-        size = -(-lanes // count)
-        spare = count * size - lanes
-
-        def chunked(part):
-            filled = jnp.concatenate([part, jnp.broadcast_to(part[:1], (spare,))])
-            return filled.reshape(count, size)
-
-        found = jax.lax.map(jax.vmap(one), jax.tree.map(chunked, numbers))
-        return jax.tree.map(lambda part: part.reshape(-1)[:lanes], found)
+        return measured(
+            lambda encounter: self.scene(fence, drive, encounter), encounters, quantities,
+            self.fidelity, self.chunk,
+        )  # fmt: skip
