@@ -14,6 +14,7 @@ from . import (
     plot as plot,
     results as results,
     scenes as scenes,
+    sorter as sorter,
     study as study,
 )
 from ._xla import tune_compiler as tune_compiler
@@ -51,6 +52,7 @@ from .parts import (
     HarmonicDrive as HarmonicDrive,
     HeldDrive as HeldDrive,
     Material as Material,
+    Motor as Motor,
     Parcel as Parcel,
     PowerTaper as PowerTaper,
     ProfileTaper as ProfileTaper,
@@ -77,6 +79,7 @@ from .results import (
 )
 from .scenes import NormalScene as NormalScene, Scene as Scene
 from .simulate import simulate as simulate
+from .sorter import Sorter as Sorter
 from .study import (
     Choice as Choice,
     NoFidelityError as NoFidelityError,
@@ -122,6 +125,7 @@ __all__ = [
     "Limit",
     "Material",
     "Measure",
+    "Motor",
     "NoFidelityError",
     "NormalScene",
     "OBJECTIVES",
@@ -137,6 +141,7 @@ __all__ = [
     "SCurveDrive",
     "Scene",
     "SceneFamily",
+    "Sorter",
     "SplineDrive",
     "Status",
     "SteppedTaper",
@@ -175,6 +180,7 @@ __all__ = [
     "shock",
     "simulate",
     "simulate_many",
+    "sorter",
     "study",
     "surfaces",
     "tune_compiler",

@@ -53,6 +53,11 @@ from .ring_down import (
     ring_amplitude as ring_amplitude,
 )
 from .risk import quantile as quantile
+from .shadow_prices import (
+    ShadowPrices as ShadowPrices,
+    conflict as conflict,
+    shadow_prices as shadow_prices,
+)
 from .spline_motion import (
     extremes as extremes,
 )

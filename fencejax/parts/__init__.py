@@ -47,6 +47,9 @@ from .friction_laws import (
 from .material import (
     Material as Material,
 )
+from .motor import (
+    Motor as Motor,
+)
 from .parcel import (
     SIDES as SIDES,
     Parcel as Parcel,

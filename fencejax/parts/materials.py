@@ -32,8 +32,8 @@ class DataSheet(eqx.Module):
 
     name: str = eqx.field(static=True)
     material: Material
-    allowed_stress: Array
-    fatigue_strength: Array
+    allowed_stress: Array | None
+    fatigue_strength: Array | None
     conditions: str = eqx.field(static=True)
 
     bounds: ClassVar[dict[str, Bounds]] = {
@@ -45,8 +45,8 @@ class DataSheet(eqx.Module):
         self,
         name: str,
         material: Material,
-        allowed_stress: ArrayLike,
-        fatigue_strength: ArrayLike,
+        allowed_stress: ArrayLike | None = None,
+        fatigue_strength: ArrayLike | None = None,
         conditions: str = "",
     ):
         """**Arguments:**
@@ -55,13 +55,16 @@ class DataSheet(eqx.Module):
         - `material`: Young's modulus, density and damping ratio, differentiable.
         - `allowed_stress` [Pa]: the largest static bending stress, above 0.
         - `fatigue_strength` [Pa]: amplitude of a reversed bending stress that 1e7 cycles do not
-          break, above 0.
+          break, above 0. Both may be `None`, not known.
         - `conditions`: temperature and moisture for which the numbers hold.
         """
         self.name = name
         self.material = _check.part("material", material, Material, "material=fj.Material()")
-        self.allowed_stress = _check.field(self, "allowed_stress", allowed_stress)
-        self.fatigue_strength = _check.field(self, "fatigue_strength", fatigue_strength)
+        self.allowed_stress = self.fatigue_strength = None
+        if allowed_stress is not None:
+            self.allowed_stress = _check.field(self, "allowed_stress", allowed_stress)
+        if fatigue_strength is not None:
+            self.fatigue_strength = _check.field(self, "fatigue_strength", fatigue_strength)
         self.conditions = conditions
 
 
@@ -189,6 +192,11 @@ MATERIALS: Mapping[str, Callable[[], DataSheet]] = {
 
 def _plain(name: str) -> str:
     return re.sub(r"[\s_-]+", "", name).lower()
+
+
+def known(name: str) -> bool:
+    """Whether there is a material of a name."""
+    return _plain(name) in {_plain(each) for each in MATERIALS}
 
 
 def named(name: str) -> DataSheet:
