@@ -98,8 +98,11 @@ class SorterProblem:
         if self.space is not None:
             base = self.space.values_of(machine.fence, machine.drive)
             self.start = np.asarray(self.space.to_shares(base))
-        self.program = LaneProgram(self._read, self._combined, self.fidelity.ladder())
-        self._measures: dict[Fidelity, list[Any]] = {}
+        # Two rungs: the third, at the steps of `reference`, costs as much as all others together,
+        # and what a search ends with is looked at again in any case.
+        rungs = self.fidelity.ladder()[:2]
+        self.program = LaneProgram(self._read, self._combined, rungs)
+        self._measures: dict[Fidelity, Any] = {}
 
     # ---- what varies
 
@@ -247,15 +250,25 @@ class SorterProblem:
         lanes in doubt are computed again, finer."""
         fidelity = self.fidelity if fidelity is None else fidelity
         ladder = fidelity.ladder() if refine else (fidelity,)
-        if fidelity not in self._measures:
-            self._measures[fidelity] = [
-                jax.jit(lambda z, lanes, rung=rung: self._read(z, lanes, rung)) for rung in ladder
-            ]
-        programs, point = self._measures[fidelity], jnp.asarray(z, dtype=float)
+        for each in ladder:
+            if each not in self._measures:
+                self._measures[each] = jax.jit(
+                    lambda z, lanes, rung=each: self._read(z, lanes, rung)
+                )
+        programs, point = [self._measures[each] for each in ladder], jnp.asarray(z, dtype=float)
         found = refined(
             lambda rung, lanes: programs[rung](point, lanes), self.data(candidate)[0], len(ladder)
         )
         return Measured(dict(found.numbers), found.statuses, found.rungs)
+
+    def limited(self, name: str) -> Quantity:
+        """The quantity that a limit bounds."""
+        return self._quantities[name]
+
+    def unit(self, name: str) -> str:
+        """The unit [SI] of a free number."""
+        assert self.space is not None
+        return self.space.variables[self.variable_names.index(name)].unit
 
     def judged(self, found: Measured, candidate: Candidate):
         """Objectives, margins with nothing kept in hand and statuses of what was measured: for

@@ -26,7 +26,8 @@ from ..results import Status
 from .problem import Candidate, Measured, SorterProblem
 
 RELAXED = 0.1
-"""By which share a limit or a bound is relaxed to say what it costs."""
+"""By which share a limit or a bound is relaxed to say what it costs; of one that is 0, by that
+share of what its margin is measured in."""
 _STARTS = 8
 
 
@@ -52,10 +53,14 @@ class Look(NamedTuple):
 
 
 class Price(NamedTuple):
-    """What relaxing a limit or a bound by a tenth is worth: `gain` in the objective's unit or, where
-    no design holds all limits, in the largest violation [1]."""
+    """What relaxing a limit or a bound, from `bound` to `relaxed` [`unit`], is worth: `gain` in the
+    objective's unit or, where no design holds all limits, in the largest violation [1]. `parcels`:
+    those for which the limit decides."""
 
     name: str
+    bound: float
+    relaxed: float
+    unit: str
     parcels: tuple[str, ...]
     gain: float
 
@@ -70,7 +75,7 @@ class Solution:
     - `before`, `after`: the design at the start and the one found, both at the finer fidelity;
       `after` is `before` where nothing better was found.
     - `optimum`: the optimiser's outcome; `None` where nothing is free.
-    - `feasible`: whether `after` holds every limit and all its sorts can be relied on.
+    - `feasible`: whether `after` holds every limit, within the range of the model.
     - `verified`: how the finer fidelity agrees with the optimiser's.
     - `prices`: what decides, most first.
     - `starts`: how many starting points it took to find one that can be evaluated.
@@ -144,7 +149,8 @@ def solve(
     if problem.space is None:
         return _settled(problem, candidate, before, before, None, None, feasibility, 1)
     optimum, tried = None, 0
-    for tried, start in enumerate(_starts(problem.start), start=1):
+    for start in _starts(problem.start):
+        tried += 1
         optimum = minimize(
             problem.program, start, data=problem.data(candidate), tolerance=tolerance,
             feasibility=feasibility, budget=budget, journal=journal, progress=progress,
@@ -180,7 +186,9 @@ def _settled(
 
     if order(before) <= order(after):
         after = before
-    trouble = problem.troubles(after.measured.statuses)
+    # What is in numerical doubt even at the finest rung is not confirmed, but no broken limit.
+    trouble = [s for s in map(Status, after.measured.statuses) if not s.numerical]
+    sound = max(trouble, default=Status.SUCCESSFUL) <= Status.LEFT_OVER_TIP
     prices: tuple[Price, ...] = ()
     if optimum is not None and optimum.stop is not Stop.FAILED_START:
         if optimum.feasible:
@@ -189,7 +197,7 @@ def _settled(
             found = conflict(optimum.last)
         prices = _prices(problem, candidate, found)
     return Solution(
-        candidate, before, after, optimum, after.violation <= feasibility and not trouble,
+        candidate, before, after, optimum, after.violation <= feasibility and sound,
         verified, prices, starts,
     )  # fmt: skip
 
@@ -199,33 +207,42 @@ def _prices(
 ) -> tuple[Price, ...]:
     """What limits and bounds that are relaxed by a tenth are worth, most first."""
     limits = dict(problem.limits(candidate))
-    gains: dict[str, float] = {}
+    rates: dict[str, float] = {}
     parcels: dict[str, list[str]] = {}
-    for index, price in enumerate(found.margins):
+    for index, rate in enumerate(found.margins):
         name, lane = problem.margin(index)
-        limit = limits[name]
-        step = RELAXED * (abs(limit.bound) or limit.unit_of_margin) / limit.unit_of_margin
-        gains[name] = gains.get(name, 0.0) + float(price) * step
-        if price > 0 and lane is not None:
+        rates[name] = rates.get(name, 0.0) + float(rate)
+        if rate > 0 and lane is not None:
             parcels.setdefault(name, []).append(problem.machine.parcels.text(lane))
-    prices = [Price(name, tuple(parcels.get(name, ())), gain) for name, gain in gains.items()]
-    if problem.space is not None:
-        for index, variable in enumerate(problem.space.variables):
-            title = problem.variable_names[index]
-            ends = (("lower", variable.lower, found.lower), ("upper", variable.upper, found.upper))
-            for end, bound, rates in ends:
-                gain = float(rates[index]) * _step(variable, bound)
-                prices.append(Price(f"{end} bound of {title}", (), gain))
+    prices = []
+    for name, rate in rates.items():
+        limit = limits[name]
+        step = RELAXED * (abs(limit.bound) or limit.unit_of_margin)
+        relaxed = limit.bound + (step if limit.sense == "at most" else -step)
+        gain = rate * step / limit.unit_of_margin
+        where = tuple(parcels.get(name, ()))
+        prices.append(Price(name, limit.bound, relaxed, limit.quantity.unit, where, gain))
+    for index, name in enumerate(problem.variable_names if problem.space else ()):
+        assert problem.space is not None
+        variable = problem.space.variables[index]
+        # A lower bound of 0 is the number's own.
+        if variable.lower != 0:
+            rate, relaxed = float(found.lower[index]), variable.lower - RELAXED * abs(variable.lower)
+            gain = rate * abs(_share(variable, relaxed))
+            prices.append(
+                Price(f"lower bound of {name}", variable.lower, relaxed, variable.unit, (), gain)
+            )
+        rate, relaxed = float(found.upper[index]), variable.upper + RELAXED * abs(variable.upper)
+        gain = rate * (_share(variable, relaxed) - 1)
+        prices.append(
+            Price(f"upper bound of {name}", variable.upper, relaxed, variable.unit, (), gain)
+        )
     return tuple(sorted((p for p in prices if p.gain > 0), key=lambda p: -p.gain))
 
 
-def _step(variable: DesignVariable, bound: float) -> float:
-    """The change of the share [1] where a bound gives way by a tenth of itself, or of the range
-    where it is 0."""
-    if variable.scaling == "logarithmic":
-        return math.log1p(RELAXED) / math.log(variable.upper / variable.lower)
-    span = variable.upper - variable.lower
-    return RELAXED * (abs(bound) or span) / span
+def _share(variable: DesignVariable, value: float) -> float:
+    """The share of the range at a value, which may be out of it."""
+    return float(variable.share(value))
 
 
 def rigid(problem: SorterProblem, solution: Solution, check: Fidelity | None = None) -> Measured:
