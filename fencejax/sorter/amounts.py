@@ -26,8 +26,8 @@ def _registry():
 def _exponents(unit) -> tuple[float, float, float] | None:
     """Powers of mass, length and time; `None` where there are others, too."""
     found = {name.strip("[]"): float(power) for name, power in unit.dimensionality.items()}
-    powers = tuple(found.pop(name, 0.0) for name in ("mass", "length", "time"))
-    return None if found else powers
+    mass, length, time = (found.pop(name, 0.0) for name in ("mass", "length", "time"))
+    return None if found else (mass, length, time)
 
 
 def amount(name: str, value: Any, unit: str) -> float:
@@ -38,7 +38,8 @@ def amount(name: str, value: Any, unit: str) -> float:
     for what is neither number nor text.
     """
     if not isinstance(value, str):
-        if isinstance(value, bool) or np.ndim(value) or not np.isreal(value):
+        plain = isinstance(value, (int, float)) or hasattr(value, "dtype")
+        if not plain or isinstance(value, bool) or np.ndim(value):
             raise TypeError(
                 f"Argument `{name}` [{unit}] must be a number, or text with a unit such as "
                 f'"{_example(unit)}", but is {value!r}.'

@@ -101,11 +101,12 @@ class Machine:
             fence = eqx.tree_at(lambda f: f.material, fence, material.material)
         whole = kind == "whole_sort"
         first = {path: float(values[0]) for path, values in self.parcels.columns.items()}
-        parcel = Parcel(**{
+        numbers: dict[str, Any] = {
             path.removeprefix("parcel.").replace("given_", ""): value
             for path, value in first.items()
             if path.startswith("parcel.")
-        })  # fmt: skip
+        }
+        parcel = Parcel(**numbers)
         given = {*names, *(fixed or {})}
         places = {
             f"start.{name}": first[f"start.{name}"]
@@ -157,6 +158,8 @@ class Machine:
         found = [
             (name, float(value), scene_numbers.number(parts, name).unit)
             for name, value in zip(names, scene_numbers.read(parts, names), strict=True)
+            # What is free or chosen is told by its bounds.
+            if name not in (*self.free, *self.choices)
         ]
         for sheet in self.materials:
             for key, bounds in {**sheet.material.bounds, **sheet.bounds}.items():

@@ -1,10 +1,11 @@
 """The parcels of a sorter and the places where they come: lists, files and distributions."""
 
 import csv
+import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -34,7 +35,8 @@ _PATHS = {
 }
 
 
-class Parcels(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False)
+class Parcels:
     """The parcels that are sorted, one a lane.
 
     **Fields:**
@@ -84,9 +86,9 @@ def _quantiles(path: str, table: Table, bounds: Bounds, shares: np.ndarray) -> n
     mean and a standard deviation, `lognormal` a median and the standard deviation `spread` of the
     natural logarithm; both may be cut off at `lower` and `upper`.
     """
-    kind = table.get("distribution")
+    kind = str(table.get("distribution"))
     if kind not in _KINDS:
-        refuse_unknown(f"{path}.distribution", {str(kind): 0}, _KINDS)
+        refuse_unknown(f"{path}.distribution", {kind: 0}, _KINDS)
     fields = _KINDS[kind]
     refuse_unknown(path, table, ("distribution", *fields))
     numbers = {}

@@ -64,9 +64,9 @@ class Reading:
         if isinstance(raw, (list, tuple)):
             if not raw:
                 raise ValueError(f"Argument `{path}` must hold at least one number, but is empty.")
-            found = tuple(read(value) for value in raw)
+            found = [read(value) for value in raw]
             if len(found) > 1:
-                self.choices[path] = found
+                self.choices[path] = tuple(found)
             return found[0]
         return read(raw)
 
@@ -121,7 +121,7 @@ def _choice(path: str, raw: Any, kinds: Mapping[str, type], default: str) -> tup
             f"Argument `{path}.law` must be one of {', '.join(kinds)}, but is {law!r}."
             f"{nearest(str(law), kinds)}"
         )
-    return kinds[law], rest
+    return kinds[str(law)], rest
 
 
 def _made(path: str, kind: type, table: Table, reading: Reading, **inner: Any) -> Any:

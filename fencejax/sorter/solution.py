@@ -225,18 +225,14 @@ def _prices(
     for index, name in enumerate(problem.variable_names if problem.space else ()):
         assert problem.space is not None
         variable = problem.space.variables[index]
+        lower, upper = variable.lower, variable.upper
         # A lower bound of 0 is the number's own.
-        if variable.lower != 0:
-            rate, relaxed = float(found.lower[index]), variable.lower - RELAXED * abs(variable.lower)
-            gain = rate * abs(_share(variable, relaxed))
-            prices.append(
-                Price(f"lower bound of {name}", variable.lower, relaxed, variable.unit, (), gain)
-            )
-        rate, relaxed = float(found.upper[index]), variable.upper + RELAXED * abs(variable.upper)
-        gain = rate * (_share(variable, relaxed) - 1)
-        prices.append(
-            Price(f"upper bound of {name}", variable.upper, relaxed, variable.unit, (), gain)
-        )
+        below, above = lower - RELAXED * abs(lower), upper + RELAXED * abs(upper)
+        passed = -_share(variable, below) if lower != 0 else 0.0
+        gain = float(found.lower[index]) * passed
+        prices.append(Price(f"lower bound of {name}", lower, below, variable.unit, (), gain))
+        gain = float(found.upper[index]) * (_share(variable, above) - 1)
+        prices.append(Price(f"upper bound of {name}", upper, above, variable.unit, (), gain))
     return tuple(sorted((p for p in prices if p.gain > 0), key=lambda p: -p.gain))
 
 
