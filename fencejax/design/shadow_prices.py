@@ -3,14 +3,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
+from scipy.optimize import linprog
 
 from .lagrangian import Evaluation, Multipliers, Vector, slope
 from .optimizer import Optimum
 
-# A share this near to 0 or 1 is on its bound; margins this near to the most violated one are among
-# the most violated.
-_ON_BOUND, _AMONG = 1e-3, 1e-2
+# A share this near to 0 or 1 is on its bound; and the step in which a conflict is looked at.
+_ON_BOUND, _STEP = 1e-3, 0.05
 
 
 class ShadowPrices(NamedTuple):
@@ -36,34 +35,33 @@ def shadow_prices(optimum: Optimum) -> ShadowPrices:
     gradient = slope(at, Multipliers(optimum.weights, optimum.multipliers))
     lower = np.where(at.point <= _ON_BOUND, np.maximum(gradient, 0.0), 0.0)
     upper = np.where(at.point >= 1 - _ON_BOUND, np.maximum(-gradient, 0.0), 0.0)
-    return ShadowPrices(*(optimum.scale * part for part in (optimum.multipliers, lower, upper)))
+    # A margin that no variable moves is worth nothing, whatever its multiplier.
+    margins = np.where(np.any(at.margin_rows != 0, axis=1), optimum.multipliers, 0.0)
+    return ShadowPrices(*(optimum.scale * part for part in (margins, lower, upper)))
 
 
 def conflict(at: Evaluation) -> ShadowPrices:
-    """The prices of the largest violation at a point where it cannot be lowered, so that they say
-    which limits fight: min over z of max_j(-g_j) has multipliers w >= 0 with sum 1 among the most
-    violated margins, and b >= 0 of the bounds of z, for which
+    """The prices of the largest violation at a point from which it cannot be lowered, so that they
+    say which limits fight: the multipliers, which sum to 1 over the margins, of
 
-        sum_j w_j dg_j/dz + b_lower - b_upper = 0.
+        min t over steps d and t, subject to -g_j - (dg_j/dz) d <= t, 0 <= z + d <= 1
 
-    They are found by non-negative least squares; at a point that is not quite the least-violating
-    one this leaves a residual, and they are the nearest there are.
+    with no component of d above a twentieth of the range, within which margins that are nearly as
+    violated as the worst one count, too.
     """
-    size, worst = at.point.size, float(np.max(-at.margins, initial=0.0))
-    among = np.flatnonzero(-at.margins >= worst - _AMONG * max(worst, _AMONG))
-    rows = at.margin_rows[among]
-    low = np.flatnonzero(at.point <= _ON_BOUND)
-    high = np.flatnonzero(at.point >= 1 - _ON_BOUND)
-    units = np.eye(size)
-    columns = np.concatenate([rows, units[low], -units[high]]).T
-    # The sum of w is 1: one more equation, with a weight that leaves it exact.
-    total = np.concatenate([np.ones(among.size), np.zeros(low.size + high.size)])
-    heavy = 1e4 * max(1.0, float(np.max(np.abs(columns), initial=0.0)))
-    found, _ = nnls(
-        np.concatenate([columns, heavy * total[None]]), np.append(np.zeros(size), heavy)
+    size, count = at.point.size, at.margins.size
+    low, high = np.maximum(-at.point, -_STEP), np.minimum(1 - at.point, _STEP)
+    solved = linprog(
+        np.append(np.zeros(size), 1.0),
+        np.column_stack([-at.margin_rows, -np.ones(count)]),
+        at.margins,
+        bounds=[*zip(low, high, strict=True), (None, None)],
     )
-    margins, lower, upper = np.zeros(at.margins.size), np.zeros(size), np.zeros(size)
-    margins[among] = found[: among.size]
-    lower[low] = found[among.size : among.size + low.size]
-    upper[high] = found[among.size + low.size :]
-    return ShadowPrices(margins, lower, upper)
+    if solved.status != 0:
+        return ShadowPrices(np.zeros(count), np.zeros(size), np.zeros(size))
+    lower, upper = solved.lower.marginals[:size], -solved.upper.marginals[:size]
+    return ShadowPrices(
+        -solved.ineqlin.marginals,
+        np.where(at.point < _STEP, lower, 0.0),
+        np.where(at.point > 1 - _STEP, upper, 0.0),
+    )

@@ -47,6 +47,9 @@ from .friction_laws import (
 from .material import (
     Material as Material,
 )
+from .materials import (
+    DataSheet as DataSheet,
+)
 from .motor import (
     Motor as Motor,
 )

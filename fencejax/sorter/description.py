@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..fidelity import Fidelity
-from ..parts import AbstractDrive, AbstractFriction, Belt, Border, Fence, Motor
-from ..parts.materials import DataSheet
+from ..parts import AbstractDrive, AbstractFriction, Belt, Border, DataSheet, Fence, Motor
 from ..scenes import Scene
 from ..study import SceneFamily
 from . import machine, overrides
@@ -195,10 +194,11 @@ class Sorter:
         return self.machine.family(names, **settings)
 
     def problem(
-        self, fidelity: Fidelity | None = None, *, reserve: float = 0.005, chunk: int = 64
+        self, fidelity: Fidelity | None = None, *, reserve: float = 0.005, rungs: int = 2,
+        chunk: int = 64,
     ) -> SorterProblem:
         """The design problem of this sorter; see `fencejax.sorter.SorterProblem`."""
-        return SorterProblem(self.machine, fidelity, reserve=reserve, chunk=chunk)
+        return SorterProblem(self.machine, fidelity, reserve=reserve, rungs=rungs, chunk=chunk)
 
 
 def _span(value: Any) -> Any:

@@ -14,8 +14,7 @@ import jax.numpy as jnp
 
 from .. import _check
 from ..design import OBJECTIVES, RING_AMPLITUDE, Limit, Quantity, objectives
-from ..parts import Motor
-from ..parts.materials import DataSheet
+from ..parts import DataSheet, Motor
 from .amounts import amount, nearest
 
 _SENSES = {"at_most": "at most", "at_least": "at least"}
@@ -32,6 +31,11 @@ class Bounding(Protocol):
     @property
     def period(self) -> float | None:
         """From one parcel to the next [s]."""
+        ...
+
+    @property
+    def drive_varies(self) -> bool:
+        """Whether the drive is designed."""
         ...
 
 
@@ -68,6 +72,11 @@ def _of_motor(sorter: Bounding, sheet: DataSheet):
     return sorter.motor.torque
 
 
+def _of_period(sorter: Bounding, sheet: DataSheet):
+    # Of a drive that is as it is, it is asked once, where the problem is made.
+    return sorter.period if sorter.drive_varies else None
+
+
 DEFLECTION_SHARE = Quantity(
     "deflection_share", "1", "largest tip deflection over the flexible link's length",
     lambda result, scene: result.tip_deflection / scene.fence.flexible_length,
@@ -88,7 +97,7 @@ _ROWS = (
     LimitRow("torque", objectives.PEAK_TORQUE, usual=_of_motor),
     LimitRow("ring", RING_AMPLITUDE),
     # The drive is home again before the next parcel comes.
-    LimitRow("cycle", objectives.CYCLE_TIME, usual=lambda sorter, _: sorter.period),
+    LimitRow("cycle", objectives.CYCLE_TIME, usual=_of_period),
     # The range of the model, as `Status.LARGE_DEFLECTION` and `Status.DEEP_PENETRATION` have it.
     LimitRow("deflection_share", DEFLECTION_SHARE, usual=lambda *_: 0.25),
     LimitRow("indentation_share", INDENTATION_SHARE, usual=lambda *_: 0.5),

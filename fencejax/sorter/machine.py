@@ -13,8 +13,16 @@ import numpy as np
 from .. import _check
 from .._check import Bounds
 from ..design import OBJECTIVES, Quantity, risk
-from ..parts import AbstractDrive, AbstractFriction, Belt, Border, Fence, Motor, Parcel
-from ..parts.materials import DataSheet
+from ..parts import (
+    AbstractDrive,
+    AbstractFriction,
+    Belt,
+    Border,
+    DataSheet,
+    Fence,
+    Motor,
+    Parcel,
+)
 from ..scenes import Scene, numbers as scene_numbers
 from ..study import SceneFamily
 from . import limits as limit_table, parcels as parcel_table, plausibility, reading
@@ -84,6 +92,11 @@ class Machine:
     def duration(self) -> float:
         """How long a sort is followed [s]: the period, or the drive's cycle."""
         return float(self.drive.cycle) if self.period is None else self.period
+
+    @property
+    def drive_varies(self) -> bool:
+        """Whether numbers of the drive are free or chosen."""
+        return any(path.startswith("drive.") for path in (*self.free, *self.choices))
 
     def family(
         self,

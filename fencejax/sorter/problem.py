@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike
 from .. import _check
 from ..design import DesignSpace, LaneProgram, Limit, Quantity, refined, risk, variable
 from ..fidelity import Fidelity
-from ..parts.materials import DataSheet
+from ..parts import DataSheet
 from ..results import Status
 from ..scenes import consistent
 from ..study import measured
@@ -65,13 +65,16 @@ class SorterProblem:
 
     def __init__(
         self, machine: Machine, fidelity: Fidelity | None = None, *, reserve: float = 0.005,
-        chunk: int = 64,
+        rungs: int = 2, chunk: int = 64,
     ):
         """**Arguments:**
 
         - `machine`: the sorter's parts.
-        - `fidelity`: default `Fidelity.fast()`; lanes in doubt are computed again, finer.
+        - `fidelity`: default `Fidelity.fast()`.
         - `reserve` [1]: kept in hand of each margin that a sort is run for.
+        - `rungs`: of the fidelity's ladder, at which the program computes lanes in doubt. The
+          third, at the steps of `reference`, costs as much as all others together; what a search
+          ends with is looked at again in any case (`measure`).
         - `chunk`: how many sorts at most go through one vectorised call.
 
         Raises `ValueError` where a parcel's sort cannot be.
@@ -98,10 +101,8 @@ class SorterProblem:
         if self.space is not None:
             base = self.space.values_of(machine.fence, machine.drive)
             self.start = np.asarray(self.space.to_shares(base))
-        # Two rungs: the third, at the steps of `reference`, costs as much as all others together,
-        # and what a search ends with is looked at again in any case.
-        rungs = self.fidelity.ladder()[:2]
-        self.program = LaneProgram(self._read, self._combined, rungs)
+        ladder = self.fidelity.ladder()[: _check.count("rungs", rungs, least=1)]
+        self.program = LaneProgram(self._read, self._combined, ladder)
         self._measures: dict[Fidelity, Any] = {}
 
     # ---- what varies

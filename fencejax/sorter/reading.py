@@ -19,11 +19,11 @@ from ..parts import (
     AbstractTaper,
     Belt,
     Border,
+    DataSheet,
     Fence,
     Material,
     materials,
 )
-from ..parts.materials import DataSheet
 from .amounts import amount, nearest, refuse_unknown
 
 Table = Mapping[str, Any]

@@ -29,6 +29,8 @@ RELAXED = 0.1
 """By which share a limit or a bound is relaxed to say what it costs; of one that is 0, by that
 share of what its margin is measured in."""
 _STARTS = 8
+# A price that is less than this share of the largest is none.
+_LITTLE = 1e-3
 
 
 class Look(NamedTuple):
@@ -233,7 +235,8 @@ def _prices(
         prices.append(Price(f"lower bound of {name}", lower, below, variable.unit, (), gain))
         gain = float(found.upper[index]) * (_share(variable, above) - 1)
         prices.append(Price(f"upper bound of {name}", upper, above, variable.unit, (), gain))
-    return tuple(sorted((p for p in prices if p.gain > 0), key=lambda p: -p.gain))
+    most = max((price.gain for price in prices), default=0.0)
+    return tuple(sorted((p for p in prices if p.gain > _LITTLE * most), key=lambda p: -p.gain))
 
 
 def _share(variable: DesignVariable, value: float) -> float:

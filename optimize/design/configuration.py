@@ -27,6 +27,9 @@ class DesignConfig:
     feasibility: float = flags.field(
         1e-3, "violation of a margin that counts as none [1]", above=0
     )
+    rungs: int = flags.field(
+        2, "fidelities, each finer, at which the search computes sorts in doubt", least=1
+    )
     budget: int = flags.field(60, "evaluations at most for each candidate", least=1)
     fidelity: str = flags.field("fast", "fidelity of the search", choices=flags.FIDELITIES)
     check: str = flags.field(

@@ -56,7 +56,7 @@ def _key(config: DesignConfig, sorter: fj.Sorter) -> str:
     machine = sorter.machine
     parts = (machine.belt, machine.fence, machine.drive, machine.fence_friction, machine.border)
     numbers = [np.asarray(leaf).tolist() for leaf in jax.tree.leaves(parts)]
-    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
+    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()[: config.rungs]
     rest = (machine.free, machine.choices, machine.duration, machine.objective, config.reserve)
     named = [(row.name, row.sense) for row, _ in machine.bounds]
     return repr([jax.tree.structure(parts), numbers, rest, named]) + repr(ladder)
@@ -71,7 +71,7 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     sorter = config.machine()
     config.out.mkdir(parents=True, exist_ok=True)
     fidelity, check = (getattr(fj.Fidelity, n)() for n in (config.fidelity, config.check))
-    problem = sorter.problem(fidelity, reserve=config.reserve)
+    problem = sorter.problem(fidelity, reserve=config.reserve, rungs=config.rungs)
     journal = None
     if problem.space is not None:
         journal = Journal(config.out / "evaluations.jsonl", _key(config, sorter))

@@ -123,7 +123,8 @@ def decides(problem: SorterProblem, one: Solution) -> str:
         )
         lines.append(f"  {plain(price.name)}{where}: {new} instead of {old}, {gain}")
     if optimum.feasible:
-        head = f"What decides, and what relaxing it is worth in {plain(quantity.name)}:"
+        head = f"What decides, and what relaxing it is worth in {plain(quantity.name)}"
+        head += ":" if optimum.converged else f" (nearly: {optimum.stop.value}):"
     elif optimum.stop is Stop.INFEASIBLE:
         head = "No design nearby holds all limits. These fight, and relaxing one is worth:"
     else:
