@@ -191,8 +191,15 @@ class SorterProblem:
         return self._scene(self._values(jnp.asarray(z, dtype=float)), lanes)
 
     def _check_scenes(self) -> None:
-        """Refuse a parcel whose sort cannot be, at the start of the first candidate: each of some,
-        and of the others those that the scenes' own numbers speak against."""
+        """Refuse a drive that is not home when the next parcel comes, and a parcel whose sort cannot
+        be, at the start of the first candidate: each of some is tried, and of the others those that
+        their own numbers speak against."""
+        cycle, period = float(self.machine.drive.cycle), self.machine.period
+        if period is not None and not self.machine.drive_varies and cycle > period * (1 + 1e-9):
+            raise ValueError(
+                f"Argument `period` must be at least the drive's cycle, {cycle:g} [s], but is "
+                f"{period:g}: the fence would not be home when the next parcel comes."
+            )
         parcels, start = self.machine.parcels, self._base_values()
         lanes = self.lanes(self.candidates[0])
         fine = jax.vmap(lambda lane: consistent(self._scene(start, lane)))(lanes)

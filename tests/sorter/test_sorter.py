@@ -334,3 +334,8 @@ def test_materials_are_plausible_and_differentiable():
         assert float(sheet.fatigue_strength) <= float(sheet.allowed_stress)
         assert len(jax.tree.leaves(eqx.filter(sheet, eqx.is_array))) == 5
     assert fj.materials.named("pa6-DRY").name == "PA6 dry"
+
+
+def test_a_drive_that_is_not_home_in_time_is_refused():
+    with pytest.raises(ValueError, match="`period` must be at least the drive's cycle, 1.36"):
+        fj.Sorter(period="1.2 s").problem()
