@@ -191,9 +191,9 @@ class SorterProblem:
         return self._scene(self._values(jnp.asarray(z, dtype=float)), lanes)
 
     def _check_scenes(self) -> None:
-        """Refuse a drive that is not home when the next parcel comes, and a parcel whose sort cannot
-        be, at the start of the first candidate: each of some is tried, and of the others those that
-        their own numbers speak against."""
+        """Refuse a drive that is not home when the next parcel comes, and a parcel whose sort
+        cannot be, at the start of the first candidate: each of some is tried, and of the others
+        those that their own numbers speak against."""
         cycle, period = float(self.machine.drive.cycle), self.machine.period
         if period is not None and not self.machine.drive_varies and cycle > period * (1 + 1e-9):
             raise ValueError(
