@@ -29,6 +29,9 @@ from .overrides import (
 from .parcels import (
     Parcels as Parcels,
 )
+from .plausibility import (
+    doubt as doubt,
+)
 from .problem import (
     Candidate as Candidate,
     Measured as Measured,

@@ -1,11 +1,14 @@
 """The sorter that a job is for, as flags name it: a file, numbers set, numbers freed."""
 
+import dataclasses
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import fencejax as fj
-from fencejax.sorter import span, value
+from fencejax.scenes import AnyScene, names, numbers as scene_numbers
+from fencejax.sorter import SECTIONS, amount, span, value
 
 from . import flags
 
@@ -70,3 +73,69 @@ def load(
     if found.doubts:
         raise ValueError(f"{path}: " + " ".join(found.doubts))
     return found
+
+
+def numbers(field: str, text: str, scene: AnyScene | None = None) -> dict[str, float]:
+    """`"distance=0.9,mass=12 kg"` as numbers [SI] by name, of a scene or of the table of names.
+
+    Raises `ValueError` where one cannot be read, or is none that a machine has.
+    """
+    found = {}
+    for name, raw in pairs(field, tuple(text.split(","))).items():
+        if scene is not None and scene_numbers.has(scene, name):
+            number = scene_numbers.number(scene, name)
+        else:
+            number = names.known(name)
+        unit = "1" if number is None else number.unit
+        found[name] = amount(name, raw, unit)
+        path = name if number is None else number.path
+        doubt = fj.sorter.doubt(path, found[name], unit)
+        if doubt is not None:
+            raise ValueError(f"Argument `{field}`: {doubt}")
+    return found
+
+
+def family(
+    sorter: str, kind: str, varied: Sequence[str], given: tuple[str, ...],
+    duration: float | None = None,
+) -> fj.SceneFamily:  # fmt: skip
+    """Scenes of a sorter in which some numbers vary, with others set: what a scene has no number
+    for, such as `fence.material=POM`, is set in the sorter."""
+    scene = load(sorter).family(kind=kind).scene([])
+
+    def of_sorter(text: str) -> bool:
+        name = text.partition("=")[0].strip()
+        return name.partition(".")[0] in SECTIONS and not scene_numbers.has(scene, name)
+
+    machine = load(sorter, tuple(text for text in given if of_sorter(text)))
+    fixed = {}
+    for text in given:
+        if not of_sorter(text):
+            fixed |= numbers("set", text, scene)
+    return machine.family(tuple(varied), kind=kind, fixed=fixed, duration=duration)
+
+
+def scene(sorter: str, kind: str, duration: float | None = None) -> AnyScene:
+    """A scene of a sorter's parts: of a kind of `fencejax.SceneFamily`, or of the normal direction
+    alone."""
+    machine = load(sorter)
+    if kind in ("normal_impact", "rigid_wall"):
+        parts = {"fence": machine.fence} if kind == "normal_impact" else {}
+        parcel = machine.family(kind="oblique_impact").parcel
+        return getattr(fj.scenes, kind)(parcel=parcel, duration=duration, **parts)
+    return machine.family(kind=kind, duration=duration).scene([])
+
+
+def only_without(config: Any, *fields: str) -> None:
+    """Refuse fields that say what the sorter file says.
+
+    Raises `ValueError` where a sorter file is named and one of them is not at its default.
+    """
+    defaults = {field.name: field.default for field in dataclasses.fields(config)}
+    for name in fields:
+        if config.sorter != NONE and getattr(config, name) != defaults[name]:
+            flag = name.replace("_", "-")
+            raise ValueError(
+                f"Argument `{name}` must be left out where a sorter file is given, which says it, "
+                f"but is {getattr(config, name)!r}. Leave out --{flag}, or set the number by --set."
+            )
