@@ -16,11 +16,13 @@ from .description import (
 from .limits import (
     LIMIT_ROWS as LIMIT_ROWS,
     LimitRow as LimitRow,
+    settled as settled,
 )
 from .machine import (
     SECTIONS as SECTIONS,
     Machine as Machine,
     Objective as Objective,
+    scene_path as scene_path,
 )
 from .overrides import (
     span as span,

@@ -7,7 +7,7 @@ or once where it depends on the design alone (`Quantity.fields` empty). Any othe
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
 import jax.numpy as jnp
@@ -158,7 +158,7 @@ def read(table: Mapping[str, Any]) -> tuple[Bound, ...]:
 
 
 def settled(
-    bounds: tuple[Bound, ...], sorter: Bounding, sheet: DataSheet
+    bounds: Iterable[Bound], sorter: Bounding, sheet: DataSheet
 ) -> tuple[tuple[str, Limit], ...]:
     """The limits by name with their bounds for a material; what has no bound is left out."""
     found = []

@@ -17,9 +17,12 @@ class Joint:
 
     def __init__(self, config: CoDesignConfig):
         self.config, self.space, self.limits = config, config.space, config.limits
-        self.encounters = Encounter.grid(
-            offset=config.offsets, mass=config.masses, front=(config.front,)
-        )
+        if config.machine is None:
+            self.encounters = Encounter.grid(
+                offset=config.offsets, mass=config.masses, front=(config.front,)
+            )
+        else:
+            self.encounters = Encounter.of(config.machine)
         quantities = (objectives.PEAK_FORCE, *(x.quantity for x in self.limits))
         self._quantities = (*quantities, objectives.RING_ENERGY)
         base = self.space.values_of(self.space.fence, self.space.drive)
@@ -39,7 +42,7 @@ class Joint:
     def sorts(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity):
         """Every quantity by name and the statuses, one number a sort."""
         fence, drive = self.space.apply(self.space.from_shares(z))
-        course = Course("sorts", self.config.period, fidelity)
+        course = Course("sorts", self.config.seconds, fidelity, machine=self.config.machine)
         found = course.measure(fence, drive, encounters, self._quantities)
         return found, found.pop("status")
 
@@ -60,7 +63,7 @@ class Joint:
         """Margins [1] by the limits' names: one a sort, or one a span or knot of the motion."""
         config = self.config
         rows = {limit.name: limit.margin_of(read[limit.name]) for limit in self.limits}
-        rows["ring_amplitude"] = 1 - read["ring_amplitude"] / config.ring_limit
+        rows["ring_amplitude"] = 1 - read["ring_amplitude"] / config.ring_bound
         for name in ("speed", "acceleration", "jerk"):
             rows[name] = 1 - jnp.abs(read[name]) / getattr(config, f"{name}_limit")
         return rows

@@ -1,16 +1,19 @@
 """The sorter that a job is for, as flags name it: a file, numbers set, numbers freed."""
 
 import dataclasses
+import functools
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import fencejax as fj
 from fencejax.scenes import AnyScene, names, numbers as scene_numbers
 from fencejax.sorter import SECTIONS, amount, span, value
 
-from . import flags
+from . import designs, flags, named
 
 NONE = "none"
 SORTERS = Path(__file__).parents[1] / "sorters"
@@ -101,7 +104,7 @@ def family(
 ) -> fj.SceneFamily:  # fmt: skip
     """Scenes of a sorter in which some numbers vary, with others set: what a scene has no number
     for, such as `fence.material=POM`, is set in the sorter."""
-    scene = load(sorter).family(kind=kind).scene([])
+    scene = load(sorter).family(kind=kind).scene(np.zeros(0))
 
     def of_sorter(text: str) -> bool:
         name = text.partition("=")[0].strip()
@@ -123,7 +126,7 @@ def scene(sorter: str, kind: str, duration: float | None = None) -> AnyScene:
         parts = {"fence": machine.fence} if kind == "normal_impact" else {}
         parcel = machine.family(kind="oblique_impact").parcel
         return getattr(fj.scenes, kind)(parcel=parcel, duration=duration, **parts)
-    return machine.family(kind=kind, duration=duration).scene([])
+    return machine.family(kind=kind, duration=duration).scene(np.zeros(0))
 
 
 def only_without(config: Any, *fields: str) -> None:
@@ -139,3 +142,70 @@ def only_without(config: Any, *fields: str) -> None:
                 f"Argument `{name}` must be left out where a sorter file is given, which says it, "
                 f"but is {getattr(config, name)!r}. Leave out --{flag}, or set the number by --set."
             )
+
+
+def chosen(config: Any) -> fj.sorter.Machine | None:
+    """The machine of a configuration with `sorter`, `set` and `free`; `None` where it names none
+    and changes nothing of the paper's."""
+    if config.sorter == NONE:
+        if config.set or config.free:
+            raise ValueError(
+                "Arguments `set` and `free` must come with a sorter file, but there is none. Write "
+                "--sorter paper for the paper's machine."
+            )
+        return None
+    return _machine(config.sorter, config.set, config.free)
+
+
+@functools.lru_cache(maxsize=16)
+def _machine(
+    sorter: str, given: tuple[str, ...], free: tuple[str, ...]
+) -> fj.sorter.Machine:
+    """Read once: a job asks for it within programs, too, where its numbers must be plain ones."""
+    return load(sorter, given, free).machine
+
+
+def limits(
+    jobs: tuple[fj.Limit, ...], machine: fj.sorter.Machine | None, without: tuple[str, ...] = ()
+) -> tuple[fj.Limit, ...]:
+    """A job's limits, but for quantities that a machine's own table gives a bound for; and those of
+    its table that the job has not, `without` some rows."""
+    if machine is None:
+        return jobs
+    given = [(row, bound) for row, bound in machine.bounds if bound is not None]
+    given += [(row, None) for row, bound in machine.bounds if bound is None and row.name in _OWN]
+    found = fj.sorter.settled(given, machine, machine.materials[0])
+    own = [limit for name, limit in found if name not in without]
+    names = {limit.name for limit in own}
+    return (*(limit for limit in jobs if limit.name not in names), *own)
+
+
+_OWN = ("stress", "torque")
+
+
+def space(
+    config: Any, machine: fj.sorter.Machine | None, drive: fj.AbstractDrive | None = None,
+    default: designs.Bounds = (),
+) -> fj.DesignSpace:  # fmt: skip
+    """The design space of a job: what its machine leaves free or, where that is nothing, the job's
+    own variables, over the machine's fence and its drive. With another `drive`, which the job
+    designs, it is what is free of the fence and the job's own variables of that drive."""
+    if machine is None:
+        fence = fj.Fence(taper=named.taper(config.taper))
+        drive = named.drive(config.drive) if drive is None else drive
+        return designs.space(config.variables, config.bounds, fence, drive, default)
+    free = machine.free
+    if drive is not None:
+        free = {path: span for path, span in free.items() if path.startswith("fence.")}
+    own = config.variables
+    if free:
+        known = {name: names.known(name) for name in own}
+        moved = [name for name, number in known.items() if number and _of_drive(number.path)]
+        own = (*map(fj.sorter.scene_path, free), *(moved if drive is not None else ()))
+    spans = tuple((fj.sorter.scene_path(p), s.lower, s.upper) for p, s in free.items())
+    drive = machine.drive if drive is None else drive
+    return designs.space(own, config.bounds, machine.fence, drive, (*default, *spans))
+
+
+def _of_drive(path: str) -> bool:
+    return path.startswith("drive.")

@@ -103,7 +103,7 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
         "measured": point.found.lanes,
     }
     if tradeoff.quantity.name == "cycle_time":
-        row["spacing"] = float(fj.Belt().speed) * point.other
+        row["spacing"] = float(tradeoff.belt.speed) * point.other
         row["parcels_an_hour"] = 3600 / point.other
     if point.verified is not None and point.finer is not None:
         row["verified"] = {

@@ -1,11 +1,15 @@
 """The sorter that a job is for: one vocabulary for every job."""
 
+import importlib
+
+import jax
 import numpy as np
 import pytest
 
 import fencejax as fj
 from fencejax.scenes import numbers as scene_numbers
 from optimize.common import machine
+from optimize.common.encounters import Course, Encounter
 from optimize.identify.configuration import IdentifyConfig
 from optimize.sensitivity.configuration import SensitivityConfig
 from optimize.sweep.configuration import SweepConfig
@@ -55,3 +59,34 @@ def test_identification_on_a_sorter():
 def test_what_cannot_be_set(text):
     with pytest.raises(ValueError, match="`set`|`mass`"):
         machine.numbers("set", text)
+
+
+@pytest.mark.parametrize("job", ["co_design", "pareto", "peak_force", "robust_design"])
+def test_design_jobs_take_the_machine(job):
+    module = importlib.import_module(f"optimize.{job}.configuration")
+    flags = ["--sorter", "parcel_hub", "--set", "belt.speed=2.2 m/s"]
+    config = module.configure([*flags, "--free", "fence.thickness=10mm:40mm"])
+    assert float(config.machine.belt.speed) == 2.2
+    space = config.space
+    assert float(space.fence.reach) == pytest.approx(1.0)
+    span = space.variables[space.names.index("fence.thickness")]
+    assert (span.lower, span.upper) == (0.01, 0.04)
+    bounds = {limit.name: limit.bound for limit in config.limits}
+    assert bounds["tip_deflection"] == 0.06
+    assert bounds["peak_torque"] == 400
+    with pytest.raises(ValueError, match="`taper` must be left out where a sorter file is given"):
+        module.configure([*flags, "--taper", "uniform"])
+    with pytest.raises(ValueError, match="`set` and `free` must come with a sorter file"):
+        assert module.configure(["--set", "belt.speed=2.2"]).machine
+
+
+def test_encounters_of_a_machine_are_its_sorts():
+    sorter = machine.load("parcel_hub", ("parcels.angle=5 deg",))
+    encounters = Encounter.of(sorter.machine)
+    course = Course("sorts", sorter.machine.duration, fj.Fidelity.fast(), machine=sorter.machine)
+    for lane in range(encounters.lanes):
+        one = Encounter(**encounters.named(lane))
+        scene = course.scene(sorter.fence, sorter.drive, one)
+        ours = sorter.scene(lane)
+        assert jax.tree.structure(scene) == jax.tree.structure(ours)
+        np.testing.assert_allclose(jax.tree.leaves(scene), jax.tree.leaves(ours), rtol=1e-14)
