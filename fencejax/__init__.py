@@ -98,7 +98,7 @@ from .study import (
 )
 
 scene_numbers = scenes.numbers
-severity = shock
+severity = shock  # its former name
 __version__ = _metadata.version("fencejax")
 
 __all__ = [
@@ -176,7 +176,6 @@ __all__ = [
     "scene_numbers",
     "scenes",
     "sensitivity",
-    "severity",
     "shock",
     "simulate",
     "simulate_many",

@@ -46,6 +46,12 @@ def field(part, name: str, value: ArrayLike) -> Array:
     return scalar(name, value, **part.bounds[name]._asdict())
 
 
+def fields(part, **values: ArrayLike) -> None:
+    """Check the fields of a part as `field` does, and set them, in the order given."""
+    for name, value in values.items():
+        setattr(part, name, field(part, name, value))
+
+
 def scalar(name: str, value: ArrayLike, *, above: float | None = None, least: float | None = None,
            most: float | None = None, size: float | None = None, unit: str = "1",
            remedy: str = "") -> Array:

@@ -24,7 +24,14 @@ from .integrators import (
     stride_counts,
     time_loop,
 )
-from .model import SWING_STEPS, FlexibleLink, Mechanics, Propagator, Vibration
+from .model import (
+    SWING_STEPS,
+    FlexibleLink,
+    Mechanics,
+    Propagator,
+    Vibration,
+    fence_pose,
+)
 from .parts import AbstractDrive, AbstractTaper, DriveMotion
 from .results import (
     MEASURES,
@@ -33,6 +40,7 @@ from .results import (
     Result,
     SceneRecorder,
     Status,
+    climb,
     diagnostics,
     error,
     gather,
@@ -182,13 +190,17 @@ def _refined(scene, fidelity: Fidelity, result: Result, history: bool, only, own
             "refine=True needs concrete numbers. Inside a transformation read `status`, or write "
             "fj.simulate_many(scenes) for a batch."
         )
-    rung, ladder = 0, fidelity.ladder()
-    while Status(int(result.status)).numerical and rung + 1 < len(ladder):
-        rung += 1
-        fidelity = ladder[rung]
-        _refuse(scene, fidelity)
-        result = _result(scene, fidelity, history, only, own)
-    return fidelity, dataclasses.replace(result, rung=rung)
+    ladder = fidelity.ladder()
+
+    def compute(rung: int) -> Result:
+        _refuse(scene, ladder[rung])
+        return _result(scene, ladder[rung], history, only, own)
+
+    def doubted(found: Result) -> bool:
+        return Status(int(found.status)).numerical
+
+    result, rung = climb(compute, doubted, len(ladder), result)
+    return ladder[rung], dataclasses.replace(result, rung=rung)
 
 
 def raise_for(result: Result) -> None:
@@ -293,17 +305,7 @@ def _pose(
     link: FlexibleLink, drive: DriveMotion, vibration: Vibration, distance: Array
 ) -> Pose:
     """The fence's point at an arc coordinate [m], in fixed axes."""
-    point = link.point(link.shape(distance), vibration)
-    cosine, sine = jnp.cos(drive.angle), jnp.sin(drive.angle)
-    normal_rate = (point.y_rate + drive.speed * point.x) * jnp.cos(point.slope)
-    normal_rate = normal_rate - (point.x_rate - drive.speed * point.y) * jnp.sin(point.slope)
-    return Pose(
-        cosine * point.x - sine * point.y,
-        sine * point.x + cosine * point.y,
-        point.slope,
-        normal_rate,
-        drive,
-    )
+    return fence_pose(link.point(link.shape(distance), vibration), drive)
 
 
 def _run(

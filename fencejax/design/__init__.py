@@ -45,8 +45,6 @@ from .program import (
     LaneProgram as LaneProgram,
     Numbers as Numbers,
     Program as Program,
-    Refined as Refined,
-    refined as refined,
 )
 from .ring_down import (
     RING_AMPLITUDE as RING_AMPLITUDE,

@@ -1,5 +1,6 @@
 """Evaluations of a compiled problem, one after the other, each of them recorded."""
 
+import functools
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -85,14 +86,10 @@ class Evaluator:
 
     def _numbers(self, point: Vector) -> tuple[Numbers, bool]:
         """The numbers at a point, and whether they were known already."""
+        compute = functools.partial(self._compute, point, least=self._least)
         if self._journal is None:
-            return self._compute(point, least=self._least), False
-        known = self._journal.find(point, self._data)
-        if known is not None:
-            return Numbers(*known), True
-        found = self._compute(point, least=self._least)
-        self._journal.add(point, self._data, found)
-        return found, False
+            return compute(), False
+        return self._journal.numbers(point, self._data, compute)
 
     def __call__(self, point: Vector) -> Evaluation | None:
         """Evaluate, unless the budget is spent or the point is known."""

@@ -6,12 +6,14 @@ import hashlib
 import json
 import os
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
+
+from .program import Numbers
 
 _FORMAT = 2
 
@@ -101,6 +103,18 @@ class Journal:
     def __len__(self) -> int:
         """Number of evaluations that are known."""
         return len(self._known)
+
+    def numbers(
+        self, point, data: Any, compute: Callable[[], Numbers]
+    ) -> tuple[Numbers, bool]:
+        """The numbers at a point, and whether they were known: those that are not are computed and
+        kept."""
+        known = self.find(point, data)
+        if known is not None:
+            return Numbers(*known), True
+        found = compute()
+        self.add(point, data, found)
+        return found, False
 
     def find(self, point, data: Any) -> list[np.ndarray] | None:
         """The numbers at a point, `None` where they are not known."""

@@ -45,6 +45,7 @@ from .kinematics import (
     Acceleration as Acceleration,
     Lean as Lean,
     corner_from_arm as corner_from_arm,
+    fence_pose as fence_pose,
     fence_touch as fence_touch,
 )
 from .mechanics import (

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..parts import SurfacePoint
-from ..scenes import Body
+from ..parts import DriveMotion, SurfacePoint, turned
+from ..scenes import Body, Pose
 from .fence_geometry import FencePoint
 
 
@@ -87,6 +87,20 @@ def corner_from_arm(body: Body, arm_x: Array, arm_y: Array) -> Corner:
     )
 
 
+def _velocity(point: FencePoint, speed: Array) -> tuple[Array, Array]:
+    """Velocity [m/s] of a point U of the fence along and across the rigid link, which turns at
+    `speed` [rad/s]."""
+    return point.x_rate - speed * point.y, point.y_rate + speed * point.x
+
+
+def fence_pose(point: FencePoint, drive: DriveMotion) -> Pose:
+    """A point U of the fence in fixed axes, with the slope and the normal velocity there."""
+    along, across = _velocity(point, drive.speed)
+    normal_rate = across * jnp.cos(point.slope) - along * jnp.sin(point.slope)
+    x, y = turned((jnp.cos(drive.angle), jnp.sin(drive.angle)), point.x, point.y)
+    return Pose(x, y, point.slope, normal_rate, drive)
+
+
 def fence_touch(
     corner: Corner, point: FencePoint, turn: tuple[Array, Array], speed: Array
 ) -> Touch:
@@ -98,16 +112,11 @@ def fence_touch(
 
     Paper: (2.11), (2.13), (2.18). There U is at the arc coordinate OC, the same to the first order.
     """
-    cosine, sine = turn
-    # U and its velocity in fixed axes.
-    across_x = point.x_rate - speed * point.y
-    across_y = point.y_rate + speed * point.x
-    offset_x = corner.x - (cosine * point.x - sine * point.y)
-    offset_y = corner.y - (sine * point.x + cosine * point.y)
-    fence_x, fence_y = cosine * across_x - sine * across_y, sine * across_x + cosine * across_y
-    bend_cosine, bend_sine = jnp.cos(point.slope), jnp.sin(point.slope)
-    x = cosine * bend_cosine - sine * bend_sine
-    y = sine * bend_cosine + cosine * bend_sine
+    # U, its velocity and the tangent in fixed axes.
+    place_x, place_y = turned(turn, point.x, point.y)
+    fence_x, fence_y = turned(turn, *_velocity(point, speed))
+    x, y = turned(turn, jnp.cos(point.slope), jnp.sin(point.slope))
+    offset_x, offset_y = corner.x - place_x, corner.y - place_y
     slip_x, slip_y = corner.x_rate - fence_x, corner.y_rate - fence_y
     return Touch(
         gap=y * offset_x - x * offset_y,

@@ -19,6 +19,7 @@ from ..parts import (
     AbstractSurface,
     DriveMotion,
     NormalForce,
+    turned,
 )
 from ..scenes import Body, Scene
 from .belt_contact import BeltContact, BeltForce
@@ -176,11 +177,8 @@ class Mechanics(eqx.Module):
         """The corners that can touch, from C_s in fixed axes [m], at the parcel's `angle`."""
         if not self.corners:
             return {}
-        cosine, sine = jnp.cos(angle), jnp.sin(angle)
-        return {
-            number: (cosine * x - sine * y, sine * x + cosine * y)
-            for number, (x, y) in self.corners.items()
-        }
+        turn = jnp.cos(angle), jnp.sin(angle)
+        return {number: turned(turn, x, y) for number, (x, y) in self.corners.items()}
 
     def fade(self, place: Array) -> Array:
         """Share of the contact law [1] that acts at an arc coordinate: 1 on the fence, 0 off it.

@@ -57,6 +57,9 @@ from .parcel import (
     SIDES as SIDES,
     Parcel as Parcel,
 )
+from .rotation import (
+    turned as turned,
+)
 from .surfaces import (
     AbstractSurface as AbstractSurface,
     Border as Border,

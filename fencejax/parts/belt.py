@@ -38,8 +38,7 @@ class Belt(eqx.Module):
         - `friction`: default kinetic 0.65, static 0.85.
         - `gravity`: g [m/s^2], at least 0.
         """
-        self.speed = _check.field(self, "speed", speed)
-        self.width = _check.field(self, "width", width)
+        _check.fields(self, speed=speed, width=width)
         friction = Friction(kinetic=0.65, static=0.85) if friction is None else friction
         example = "friction=fj.Friction(kinetic=0.65, static=0.85)"
         self.friction = _check.part("friction", friction, AbstractFriction, example)

@@ -51,10 +51,10 @@ class Fence(eqx.Module):
         - `material`: default `Material()`.
         - `taper`: the profile of the thickness, default `ConstantStrength()`.
         """
-        self.rigid_length = _check.field(self, "rigid_length", rigid_length)
-        self.flexible_length = _check.field(self, "flexible_length", flexible_length)
-        self.width = _check.field(self, "width", width)
-        self.thickness = _check.field(self, "thickness", thickness)
+        _check.fields(
+            self, rigid_length=rigid_length, flexible_length=flexible_length, width=width,
+            thickness=thickness,
+        )  # fmt: skip
         material = Material() if material is None else material
         taper = ConstantStrength() if taper is None else taper
         example = "material=fj.materials.named('POM').material"

@@ -38,6 +38,6 @@ class Material(eqx.Module):
         - `damping_ratio`: zeta [1] of the first bending mode, at least 0. The damping matrix is
           B = (2 zeta / omega_1) K, so that mode i has the ratio zeta omega_i / omega_1.
         """
-        self.youngs_modulus = _check.field(self, "youngs_modulus", youngs_modulus)
-        self.density = _check.field(self, "density", density)
-        self.damping_ratio = _check.field(self, "damping_ratio", damping_ratio)
+        _check.fields(
+            self, youngs_modulus=youngs_modulus, density=density, damping_ratio=damping_ratio,
+        )  # fmt: skip

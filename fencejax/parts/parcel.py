@@ -70,11 +70,9 @@ class Parcel(eqx.Module):
         Raises `ValueError` where a number is out of its bounds, or both a contact law and a number
         of the paper's law are given.
         """
-        self.mass = _check.field(self, "mass", mass)
-        self.length = _check.field(self, "length", length)
-        self.breadth = _check.field(self, "breadth", breadth)
-        self.center_x = _check.field(self, "center_x", center_x)
-        self.center_y = _check.field(self, "center_y", center_y)
+        _check.fields(
+            self, mass=mass, length=length, breadth=breadth, center_x=center_x, center_y=center_y,
+        )  # fmt: skip
         inside = "The centre of gravity lies inside the rectangle."
         for name, offset, side in (
             ("center_x", self.center_x, self.length),

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..fidelity import Fidelity
 from ..model import FlexibleLink, hermite, hermite_slope
-from ..parts import SIDES, Fence
+from ..parts import SIDES, Fence, turned
 from ..results import Result, Sample
 from ..scenes import Scene
 from .time_series import single_history
@@ -132,9 +132,9 @@ def _interpolated(history: Sample, times: np.ndarray) -> Sample:
 def _parcel(scene: Scene, body):
     """Corners 1 2 3 4 1 and the four corners' positions."""
     corners = np.array([[float(v) for v in scene.parcel.corner(k)] for k in (1, 2, 3, 4)])
-    cosine, sine = np.cos(body.angle)[:, None], np.sin(body.angle)[:, None]
-    x = body.x[:, None] + cosine * corners[:, 0] - sine * corners[:, 1]
-    y = body.y[:, None] + sine * corners[:, 0] + cosine * corners[:, 1]
+    turn = np.cos(body.angle)[:, None], np.sin(body.angle)[:, None]
+    x, y = turned(turn, corners[:, 0], corners[:, 1])
+    x, y = body.x[:, None] + x, body.y[:, None] + y
     around = [0, 1, 2, 3, 0]
     return np.stack([x[:, around], y[:, around]], 1), (x, y)
 
@@ -276,10 +276,5 @@ class _Bent:
         bend = np.concatenate([zero, middle], axis=1)
         behind = along + self._thickness * np.sin(bend)
         below = across - self._thickness * np.cos(bend)
-        return _turned(turn, along, across), _turned(turn, behind, below)
-
-
-def _turned(angle: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Points (F, n) turned by an angle a frame, (F, 2, n)."""
-    cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    return np.stack([cosine * x - sine * y, sine * x + cosine * y], 1)
+        axes = np.cos(turn)[:, None], np.sin(turn)[:, None]
+        return np.stack(turned(axes, along, across), 1), np.stack(turned(axes, behind, below), 1)

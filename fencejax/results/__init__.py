@@ -12,6 +12,7 @@ from . import (
 from .accumulators import Accumulator as Accumulator, Step as Step
 from .error import (
     GradientEstimate as GradientEstimate,
+    coarser as coarser,
     estimate_gradient_error as estimate_gradient_error,
 )
 from .error_estimate import ErrorEstimate as ErrorEstimate
@@ -21,6 +22,11 @@ from .recorder import (
     NormalRecorder as NormalRecorder,
     SceneRecorder as SceneRecorder,
     running as running,
+)
+from .refinement import (
+    Refined as Refined,
+    climb as climb,
+    refined as refined,
 )
 from .result import Result as Result, gather as gather
 from .sample import (
@@ -36,6 +42,7 @@ from .sample import (
 from .status import (
     NUMERICAL as NUMERICAL,
     Status as Status,
+    counted as counted,
     worst as worst,
 )
 from .validity import (

@@ -22,13 +22,12 @@ _GRADIENT_SAFETY = 2.5
 _GEOMETRY = 5e-4
 
 
-def companions(fidelity: Fidelity) -> tuple[Fidelity, Fidelity]:
-    """The two fidelities, A and B, whose spread from `fidelity` measures its error.
+def coarser(fidelity: Fidelity, smoothing: float = 1.0) -> Fidelity:
+    """A fidelity whose difference from `fidelity` measures its error, at half as many steps.
 
-    A has twice the step (a general integrator: ten times the tolerance) and three quarters of the
+    It has twice the step (a general integrator: ten times the tolerance) and three quarters of the
     modes; below two modes, and below 20 elements, it has more of them, and in place of the
-    geometry `"small"` it has `"arc"`. B has, on top, friction smoothed over four times the speed.
-    Each takes half as many steps.
+    geometry `"small"` it has `"arc"`. Friction is smoothed over `smoothing` [1] times the speed.
     """
     count = fidelity.mode_count
     fewer = 3 * count // 4 if count > 1 else count + 1
@@ -40,10 +39,16 @@ def companions(fidelity: Fidelity) -> tuple[Fidelity, Fidelity]:
         coarse = coarse.replace(step=2 * fidelity.step)
     else:
         coarse = coarse.replace(tolerance=10 * fidelity.tolerance)
-    smooth = coarse.replace(
-        slip_speed=4 * fidelity.slip_speed, static_speed=4 * fidelity.static_speed
+    return coarse.replace(
+        slip_speed=smoothing * fidelity.slip_speed,
+        static_speed=smoothing * fidelity.static_speed,
     )
-    return coarse, smooth
+
+
+def companions(fidelity: Fidelity) -> tuple[Fidelity, Fidelity]:
+    """The two fidelities, A and B, whose spread from `fidelity` measures its error: a coarser one,
+    and that with friction smoothed over four times the speed."""
+    return coarser(fidelity), coarser(fidelity, smoothing=4.0)
 
 
 def _spread(value: Array, coarse: Array, smooth: Array) -> Array:

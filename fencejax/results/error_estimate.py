@@ -1,15 +1,13 @@
 """Estimated errors of a result, measure by measure."""
 
-from typing import Any
-
-import equinox as eqx
 from jax.core import Tracer
 from jaxtyping import Array
 
+from .by_name import AbstractByName
 from .measures import ESTIMATED, MEASURES
 
 
-class ErrorEstimate(eqx.Module):
+class ErrorEstimate(AbstractByName):
     """Estimated absolute errors of the measures of a `Result`, by the same names and in their
     units: `result.error.peak_force`.
 
@@ -32,17 +30,8 @@ class ErrorEstimate(eqx.Module):
     errors: dict[str, Array]
     """The estimates by name."""
 
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name == "errors":
-            raise AttributeError(name)
-        if name in self.errors:
-            return self.errors[name]
-        if name in ESTIMATED:
-            return None
-        raise AttributeError(f"An error estimate has no field `{name}`.")
-
-    def __dir__(self):
-        return [*super().__dir__(), *self.errors]
+    _table = "errors"
+    _known = ESTIMATED
 
     def __str__(self) -> str:
         if any(isinstance(leaf, Tracer) for leaf in self.errors.values()):

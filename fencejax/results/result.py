@@ -3,21 +3,21 @@
 from collections.abc import Mapping
 from typing import Any
 
-import equinox as eqx
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array
 
 from ..scenes import Body
+from .by_name import AbstractByName
 from .error_estimate import ErrorEstimate
 from .ledger import Ledger, ledger
 from .measures import MEASURES, Measure
 from .recorder import Record
 from .sample import Sample
-from .status import Status
+from .status import Status, counted
 
 
-class Result(eqx.Module):
+class Result(AbstractByName):
     """The outcome of a scene. Times are since its start [s]; the drive's clock then read
     `start_time`. What the scene has no part for is 0, or `None` in the history; what was not asked
     for (`simulate(only=...)`) is `None`.
@@ -43,19 +43,8 @@ class Result(eqx.Module):
     """At which rung of `Fidelity.ladder` the numbers are (one a lane; 0: as asked for), where they
     were to be refined."""
 
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name == "measures":
-            raise AttributeError(name)
-        if name in self.measures:
-            return self.measures[name]
-        if name in MEASURES:
-            return None
-        raise AttributeError(
-            f"A result has no field `{name}`. Its measures are {', '.join(self.measures)}."
-        )
-
-    def __dir__(self):
-        return [*super().__dir__(), *self.measures]
+    _table = "measures"
+    _known = MEASURES
 
     def __str__(self) -> str:
         named = {name: self.measures[name] for name in self._names}
@@ -85,8 +74,7 @@ class Result(eqx.Module):
 
     def _summary(self) -> str:
         """A line on a batch."""
-        counts = np.unique(np.asarray(self.status), return_counts=True)
-        names = ", ".join(f"{Status(int(s)).name} {n}" for s, n in zip(*counts, strict=True))
+        names = ", ".join(f"{name} {number}" for name, number in counted(self.status).items())
         force = np.asarray(self.measures["peak_force"])
         return (
             f"Result of {force.shape} lanes: {names}; peak force "

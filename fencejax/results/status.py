@@ -3,7 +3,8 @@
 import enum
 
 import jax.numpy as jnp
-from jaxtyping import Array
+import numpy as np
+from jaxtyping import Array, ArrayLike
 
 
 class Status(enum.IntEnum):
@@ -79,6 +80,12 @@ NUMERICAL = frozenset({
     Status.LIMIT_REACHED,
 })  # fmt: skip
 """The statuses that doubt the numbers and not the design."""
+
+
+def counted(statuses: ArrayLike) -> dict[str, int]:
+    """How many lanes ended with each status, by its name."""
+    found = np.unique(np.asarray(statuses), return_counts=True)
+    return {Status(int(code)).name: int(number) for code, number in zip(*found, strict=True)}
 
 
 def worst(checks, like: Array) -> Array:

@@ -19,6 +19,7 @@ from ..parts import (
     Friction,
     HarmonicDrive,
     Parcel,
+    turned,
 )
 
 _CORNERS = (1, 2, 3, 4)
@@ -139,9 +140,8 @@ def check_clear_of_fence(parcel: Parcel, position, angle, fence: Fence, tilt, re
         return
     turn, tilt = np.asarray(angle), np.asarray(tilt)
     for number in _CORNERS:
-        x, y = (np.asarray(q) for q in parcel.corner(number))
-        place_x = position[0] + np.cos(turn) * x - np.sin(turn) * y
-        place_y = position[1] + np.sin(turn) * x + np.cos(turn) * y
+        x, y = turned((np.cos(turn), np.sin(turn)), *map(np.asarray, parcel.corner(number)))
+        place_x, place_y = position[0] + x, position[1] + y
         along = place_x * np.cos(tilt) + place_y * np.sin(tilt)
         beyond = place_x * np.sin(tilt) - place_y * np.cos(tilt)
         over = (along >= 0) & (along <= np.asarray(fence.reach))
@@ -162,11 +162,8 @@ def check_clear_of_surfaces(
         return
     for index, surface in enumerate(surfaces):
         for number in corners:
-            x, y = parcel.corner(number)
-            point = surface.at(
-                position[0] + jnp.cos(angle) * x - jnp.sin(angle) * y,
-                position[1] + jnp.sin(angle) * x + jnp.cos(angle) * y,
-            )
+            x, y = turned((jnp.cos(angle), jnp.sin(angle)), *parcel.corner(number))
+            point = surface.at(position[0] + x, position[1] + y)
             inside = point.gap
             if point.beyond is not None:
                 inside = jnp.where(point.beyond <= 0, inside, 0.0)

@@ -96,6 +96,14 @@ def free_motion(
     )
 
 
+def _on_belt(front: ArrayLike, offset: ArrayLike, angle: ArrayLike) -> OnBelt:
+    return OnBelt(
+        _check.scalar("front", front, size=1.0, unit="m"),
+        _check.scalar("offset", offset, least=0, size=1.0, unit="m"),
+        _check.scalar("angle", angle, size=10.0, unit="rad"),
+    )
+
+
 def whole_sort(
     *,
     front: ArrayLike = 0.1,
@@ -132,11 +140,7 @@ def whole_sort(
     if drive is None:
         drive, duration = HarmonicDrive(), CYCLE_TIME if duration is None else duration
     drive = drive_of(drive)
-    start = OnBelt(
-        _check.scalar("front", front, size=1.0, unit="m"),
-        _check.scalar("offset", offset, least=0, size=1.0, unit="m"),
-        _check.scalar("angle", angle, size=10.0, unit="rad"),
-    )
+    start = _on_belt(front, offset, angle)
     border = border_of(border)
     parcel = parcel_of(parcel)
     surfaces = surfaces_of(surfaces)
@@ -195,11 +199,7 @@ def passive_sort(
     Raises `ValueError` where a corner lies inside a surface at the start.
     """
     surfaces = surfaces_of(surfaces)
-    start = OnBelt(
-        _check.scalar("front", front, size=1.0, unit="m"),
-        _check.scalar("offset", offset, least=0, size=1.0, unit="m"),
-        _check.scalar("angle", angle, size=10.0, unit="rad"),
-    )
+    start = _on_belt(front, offset, angle)
     parcel = parcel_of(parcel)
     corners = corners_of("surface_corners", surface_corners)
     if not traced(parcel, start, surfaces):

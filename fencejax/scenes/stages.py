@@ -6,7 +6,15 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from .. import _check
-from ..parts import AbstractDrive, AbstractFriction, Belt, Border, Fence, Parcel
+from ..parts import (
+    AbstractDrive,
+    AbstractFriction,
+    Belt,
+    Border,
+    Fence,
+    Parcel,
+    turned,
+)
 from .arguments import (
     Default,
     belt_of,
@@ -109,10 +117,8 @@ def _turned_clear(parcel: Parcel, start: AtTouch, fence: Fence) -> None:
     if traced(start, fence):
         return
     turn, tilt = start.parcel_angle, start.drive_angle
-    position = (
-        start.place * jnp.cos(tilt) - (jnp.cos(turn) * x - jnp.sin(turn) * y),
-        start.place * jnp.sin(tilt) - (jnp.sin(turn) * x + jnp.cos(turn) * y),
-    )
+    x, y = turned((jnp.cos(turn), jnp.sin(turn)), x, y)
+    position = start.place * jnp.cos(tilt) - x, start.place * jnp.sin(tilt) - y
     remedy = "Change `parcel_angle`, or name that corner in `corner`."
     check_clear_of_fence(parcel, position, turn, fence, tilt, remedy)
 

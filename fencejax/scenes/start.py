@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..parts import AbstractDrive, Belt, DriveMotion, Parcel
+from ..parts import AbstractDrive, Belt, DriveMotion, Parcel, turned
 from .body import Body
 
 
@@ -39,13 +39,6 @@ class AbstractStart(eqx.Module):
         """The parcel's motion at the start."""
 
 
-def _turned(x, y, angle):
-    return (
-        jnp.cos(angle) * x - jnp.sin(angle) * y,
-        jnp.sin(angle) * x + jnp.cos(angle) * y,
-    )
-
-
 class AsGiven(AbstractStart):
     """The parcel's motion written out."""
 
@@ -66,7 +59,8 @@ class OnBelt(AbstractStart):
 
     def body(self, parcel, belt, pose):
         del pose
-        corners = [_turned(*parcel.corner(k), self.angle) for k in (1, 2, 3, 4)]
+        turn = jnp.cos(self.angle), jnp.sin(self.angle)
+        corners = [turned(turn, *parcel.corner(k)) for k in (1, 2, 3, 4)]
         foremost = jnp.max(jnp.stack([x for x, _ in corners]), axis=0)
         lowest = jnp.min(jnp.stack([y for _, y in corners]), axis=0)
         zero = jnp.zeros_like(foremost + self.front + lowest)
@@ -81,11 +75,38 @@ class OnBelt(AbstractStart):
         )
 
 
-class AtTouch(AbstractStart):
+class AbstractStartAtFence(AbstractStart):
+    """A start with the parcel on the fence at the arc coordinate `place` [m], when the drive is at
+    `drive_angle` [rad] on its way out. The fence has swung free of contact since t = 0."""
+
+    place: eqx.AbstractVar[Array]
+    drive_angle: eqx.AbstractVar[Array]
+
+    def time(self, drive):
+        assert drive is not None
+        return drive.time_at(self.drive_angle)
+
+    def distance(self):
+        return self.place
+
+    @staticmethod
+    def _touching(pose: Pose, arm: tuple[Array, Array], angle: Array, velocity) -> Body:
+        """The parcel at an angle and a velocity with the corner at `arm` on the fence's point."""
+        x, y = turned((jnp.cos(angle), jnp.sin(angle)), *arm)
+        return Body(pose.x - x, pose.y - y, angle, *velocity)
+
+
+def _riding(belt: Belt | None, pose: Pose):
+    """The velocity of a parcel that rides with the belt."""
+    zero = jnp.zeros_like(pose.x)
+    return zero if belt is None else belt.speed, zero, zero
+
+
+class AtTouch(AbstractStartAtFence):
     """A corner touches the fence (D = 0) at an arc coordinate, on the drive's way out.
 
-    The fence has swung free of contact since t = 0. The parcel rides with the belt (or moves as
-    given), turned so that C_s lies on the fence's normal through the corner, or by a given angle.
+    The parcel rides with the belt (or moves as given), turned so that C_s lies on the fence's
+    normal through the corner, or by a given angle.
     """
 
     place: Array
@@ -94,33 +115,21 @@ class AtTouch(AbstractStart):
     velocity: tuple[Array, Array, Array] | None
     corner: int = eqx.field(static=True)
 
-    def time(self, drive):
-        assert drive is not None
-        return drive.time_at(self.drive_angle)
-
-    def distance(self):
-        return self.place
-
     def body(self, parcel, belt, pose):
         assert pose is not None
-        arm_x, arm_y = parcel.corner(self.corner)
+        arm = parcel.corner(self.corner)
         tangent = pose.drive.angle + pose.slope
         if self.parcel_angle is None:
             # R(phi)(-arm) points along the normal, tangent + pi / 2.
-            angle = tangent + jnp.pi / 2 - jnp.arctan2(-arm_y, -arm_x)
+            angle = tangent + jnp.pi / 2 - jnp.arctan2(-arm[1], -arm[0])
             angle = angle - 2 * jnp.pi * jnp.round(jax.lax.stop_gradient(angle) / (2 * jnp.pi))
         else:
             angle = self.parcel_angle
-        x, y = _turned(arm_x, arm_y, angle)
-        if self.velocity is None:
-            zero = jnp.zeros_like(pose.x)
-            velocity = (zero if belt is None else belt.speed, zero, zero)
-        else:
-            velocity = self.velocity
-        return Body(pose.x - x, pose.y - y, angle, *velocity)
+        velocity = _riding(belt, pose) if self.velocity is None else self.velocity
+        return self._touching(pose, arm, angle, velocity)
 
 
-class FlushOnFence(AbstractStart):
+class FlushOnFence(AbstractStartAtFence):
     """The parcel's lower wall lies on the fence (D = 0), C_s over the arc coordinate `place`.
 
     It turns and advances with the fence and slides along it with the belt's share.
@@ -128,13 +137,6 @@ class FlushOnFence(AbstractStart):
 
     place: Array
     drive_angle: Array
-
-    def time(self, drive):
-        assert drive is not None
-        return drive.time_at(self.drive_angle)
-
-    def distance(self):
-        return self.place
 
     def body(self, parcel, belt, pose):
         assert pose is not None
@@ -153,20 +155,13 @@ class FlushOnFence(AbstractStart):
         )
 
 
-class BetweenBorderAndFence(AbstractStart):
+class BetweenBorderAndFence(AbstractStartAtFence):
     """One corner touches the border and another the fence; the parcel rides with the belt."""
 
     place: Array
     drive_angle: Array
     fence_corner: int = eqx.field(static=True)
     border_corner: int = eqx.field(static=True)
-
-    def time(self, drive):
-        assert drive is not None
-        return drive.time_at(self.drive_angle)
-
-    def distance(self):
-        return self.place
 
     def body(self, parcel, belt, pose):
         assert pose is not None
@@ -176,7 +171,4 @@ class BetweenBorderAndFence(AbstractStart):
         length = jnp.sqrt((ax - bx) ** 2 + (ay - by) ** 2)
         rise = jnp.clip(pose.y / length, -1.0, 1.0)
         angle = jnp.arcsin(rise) - jnp.arctan2(ay - by, ax - bx)
-        x, y = _turned(ax, ay, angle)
-        zero = jnp.zeros_like(pose.x)
-        speed = zero if belt is None else belt.speed
-        return Body(pose.x - x, pose.y - y, angle, speed, zero, zero)
+        return self._touching(pose, (ax, ay), angle, _riding(belt, pose))

@@ -94,6 +94,17 @@ class Machine:
         return float(self.drive.cycle) if self.period is None else self.period
 
     @property
+    def signature(self) -> str:
+        """All numbers and choices but the parcels', as text: what tells machines apart."""
+        parts = (self.belt, self.fence, self.drive, self.fence_friction, self.border, self.motor)
+        leaves, structure = jax.tree.flatten((parts, self.materials))
+        rest = (dict(self.free), dict(self.choices), self.duration)
+        bounds = [(row.name, row.quantity.name, row.sense, bound) for row, bound in self.bounds]
+        objective = (self.objective.quantity.name, self.objective.over, self.objective.level)
+        numbers = [np.asarray(leaf).tolist() for leaf in leaves]
+        return repr([str(structure), numbers, rest, bounds, objective])
+
+    @property
     def drive_varies(self) -> bool:
         """Whether numbers of the drive are free or chosen."""
         return any(path.startswith("drive.") for path in (*self.free, *self.choices))

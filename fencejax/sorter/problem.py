@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
-from ..design import DesignSpace, LaneProgram, Limit, Quantity, refined, risk, variable
+from ..design import DesignSpace, LaneProgram, Limit, Quantity, risk, variable
 from ..fidelity import Fidelity
 from ..parts import DataSheet
-from ..results import Status
+from ..results import Status, refined
 from ..scenes import consistent
 from ..study import measured
 from . import limits as limit_table

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 
-from ..design import refined
 from ..fidelity import Fidelity
-from ..results import Measure, Result
+from ..results import Measure, Result, refined
 from ..scenes import NormalScene, Scene
 from ..simulate import simulate
 

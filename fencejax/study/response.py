@@ -13,7 +13,7 @@ from jaxtyping import ArrayLike
 from .. import _check
 from ..design import OBJECTIVES, Quantity, fields
 from ..fidelity import Fidelity
-from ..results import Status
+from ..results import counted
 from ..scenes import AnyScene, numbers as scene_numbers
 from ..simulate import simulate
 from .chunks import CountProgress, in_chunks
@@ -29,8 +29,7 @@ class Batch(NamedTuple):
 
     def counts(self) -> dict[str, int]:
         """How many lanes ended with each status."""
-        codes, numbers = np.unique(self.status, return_counts=True)
-        return {Status(int(c)).name: int(n) for c, n in zip(codes, numbers, strict=True)}
+        return counted(self.status)
 
 
 @functools.lru_cache(maxsize=64)

@@ -10,7 +10,7 @@ makes them of a scene. Inputs are u in [0, 1]^n, uniform: a `DesignVariable`'s `
 uniform or log-uniform between its bounds.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -123,10 +123,21 @@ def design(inputs: int, count: int, seed: int = 0) -> Design:
     return Design(first, second, mixed)
 
 
-def _interval(samples: np.ndarray, value: np.ndarray, confidence: float) -> Estimate:
+def _bootstrapped(
+    statistics: Callable[[np.ndarray], tuple[np.ndarray, ...]],
+    count: int,
+    confidence: float,
+    resamples: int,
+    seed: int,
+) -> list[Estimate]:
+    """What statistics are of all `count` rows, with their percentile bootstrap intervals."""
+    generator = np.random.default_rng(seed)
+    drawn = [statistics(generator.integers(count, size=count)) for _ in range(resamples)]
     tail = 50 * (1 - confidence)
-    low, high = np.percentile(samples, [tail, 100 - tail], axis=0)
-    return Estimate(value, low, high)
+    return [
+        Estimate(value, *np.percentile(np.array(samples), [tail, 100 - tail], axis=0))
+        for value, *samples in zip(statistics(np.arange(count)), *drawn, strict=True)
+    ]
 
 
 def _checked_confidence(confidence: float, resamples: int) -> None:
@@ -186,13 +197,7 @@ def sobol_indices(
         # Of one output the indices come back flat.
         return tuple(np.reshape(i, (len(a), -1)) for i in (found.first_order, found.total_order))
 
-    generator = np.random.default_rng(seed)
-    drawn = [indices(generator.integers(count, size=count)) for _ in range(resamples)]
-    single, total = indices(np.arange(count))
-    return SobolIndices(
-        _interval(np.array([d[0] for d in drawn]), single, confidence),
-        _interval(np.array([d[1] for d in drawn]), total, confidence),
-    )
+    return SobolIndices(*_bootstrapped(indices, count, confidence, resamples, seed))
 
 
 def derivative_measures(
@@ -233,10 +238,4 @@ def derivative_measures(
         bound = measure / (np.pi**2 * np.where(flat, 1.0, variance))
         return measure, np.where(flat, np.where(measure == 0, 0.0, np.inf), bound)
 
-    generator = np.random.default_rng(seed)
-    drawn = [measures(generator.integers(count, size=count)) for _ in range(resamples)]
-    measure, bound = measures(np.arange(count))
-    return DerivativeMeasures(
-        _interval(np.array([d[0] for d in drawn]), measure, confidence),
-        _interval(np.array([d[1] for d in drawn]), bound, confidence),
-    )
+    return DerivativeMeasures(*_bootstrapped(measures, count, confidence, resamples, seed))

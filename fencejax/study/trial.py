@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 
 from ..fidelity import Fidelity
-from ..results import Status
+from ..results import Status, coarser
 from .measurement import gradient_error, measure, value_error
 from .scene_groups import Group
 
@@ -69,13 +69,7 @@ class Judge:
         self.value_bound, self.gradient_bound = value_bound, gradient_bound
         self.margin = margin
         slopes = gradient_bound is not None
-        self.companion = reference.replace(
-            step=2 * reference.step,
-            modes=max(1, 3 * reference.mode_count // 4),
-            slip_speed=2 * reference.slip_speed,
-            static_speed=2 * reference.static_speed,
-            tolerance=10 * reference.tolerance,
-        )
+        self.companion = coarser(reference, smoothing=2.0)
         self.truth = self._measured(reference, slopes, timed=False)
         worst = max(truth.status for truth in self.truth)
         if worst >= Status.STEP_TOO_COARSE:

@@ -16,6 +16,11 @@ from ..common import designs, flags, machine, named
 class CoDesignConfig:
     """Every number of the job; `python -m optimize.co_design --help` says what each is."""
 
+    not_in_key = frozenset({
+        "out", "tolerance", "feasibility", "budget", "verify", "agreement", "plots",
+    })  # fmt: skip
+    """Fields that do not bear on the numbers of an evaluation: those kept hold for any."""
+
     out: Path = flags.field(
         Path("out"),
         "folder for co_design.json, evaluations.jsonl and the figures; a job that was "

@@ -10,6 +10,7 @@ import fencejax as fj
 from fencejax.plot import COLORS, figure, prepared
 
 from ..common.encounters import Course
+from ..common.report import save
 from .problem import Joint
 
 _NAMES = ("paper's fence, its drive as a spline", "designed together")
@@ -31,6 +32,12 @@ def motion(joint: Joint, before, after, out: Path) -> None:
     labels = (
         "angle [rad]", "speed [rad/s]", "acceleration\n[rad/s$^2$]", "jerk [rad/s$^3$]",
     )  # fmt: skip
+    _finish(every, labels, limits)
+    save(every[0], out / "motion.png")
+
+
+def _finish(every, labels, limits) -> None:
+    """Label signals over time, drawn one below the other, each with its limit where it has one."""
     for axes, limit, label in zip(every, limits, labels, strict=True):
         prepared(axes)
         axes.set_ylabel(label)
@@ -39,8 +46,7 @@ def motion(joint: Joint, before, after, out: Path) -> None:
                 axes.axhline(side, color="black", linestyle="--", linewidth=1)
     every[0].legend(frameon=False, fontsize="small")
     every[-1].set_xlabel("time since the drive's start [s]")
-    drawn.align_ylabels(every)
-    drawn.savefig(out / "motion.png", dpi=150)
+    every[0].get_figure().align_ylabels(every)
 
 
 def sorts(joint: Joint, before, after, lane: int, out: Path) -> None:
@@ -65,23 +71,16 @@ def sorts(joint: Joint, before, after, lane: int, out: Path) -> None:
         for axes, signal in zip(every, signals, strict=True):
             axes.plot(time, signal, color=color, label=name)
     tip, torque = 1e3 * joint.config.tip_limit, joint.config.torque_limit
-    labels = ("peak force [N]", "tip deflection\n[mm]", "torque [N m]")
-    for axes, limit, label in zip(every, (None, tip, torque), labels, strict=True):
-        prepared(axes)
-        axes.set_ylabel(label.replace("peak ", ""))
-        if limit is not None:
-            for side in (-limit, limit):
-                axes.axhline(side, color="black", linestyle="--", linewidth=1)
+    _finish(
+        every, ("force [N]", "tip deflection\n[mm]", "torque [N m]"), (None, tip, torque)
+    )
     every[0].set_title(
         f"{number['mass']:g} kg, {1e3 * number['offset']:g} mm from the border", fontsize="small"
     )
-    every[0].legend(frameon=False, fontsize="small")
-    every[-1].set_xlabel("time since the drive's start [s]")
-    drawn.align_ylabels(every)
-    drawn.savefig(out / "sorts.png", dpi=150)
+    save(every[0], out / "sorts.png")
 
 
 def search(joint: Joint, optimum, out: Path) -> None:
     """The worst case, violation and residual at every evaluation."""
     axes = fj.plot.convergence(optimum.history, tolerance=joint.config.tolerance)[0]
-    axes.figure.savefig(out / "search.png", dpi=150)  # type: ignore[union-attr]
+    save(axes, out / "search.png")

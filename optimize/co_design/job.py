@@ -16,14 +16,12 @@ goes on where it was interrupted.
 import dataclasses
 import time
 
-import jax
 import numpy as np
 
-import fencejax as fj
-from fencejax.design import Journal, Optimum, Verification, minimize, verify
+from fencejax.design import Journal, Optimum, Verification, minimize, objectives, verify
+from fencejax.results import counted
 
-from ..common import command, designs
-from ..common.report import progress_line, write_json
+from ..common import command, designs, evaluations, report
 from .configuration import CoDesignConfig, configure
 from .problem import Joint
 
@@ -48,27 +46,14 @@ class Outcome:
         return self.optimum.feasible and ended and self.verified.confirmed
 
 
-def _key(config: CoDesignConfig) -> str:
-    """What decides the numbers of an evaluation."""
-    free = dict(
-        out=None, tolerance=1.0, feasibility=1.0, budget=1, verify="fast", agreement=1.0,
-        plots=False,
-    )  # fmt: skip
-    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
-    return repr(dataclasses.replace(config, **free)) + repr(ladder)
-
-
 def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     """Run the job, print what it does, and write its files into `config.out`."""
+    say = command.begin(quiet)
     begin = time.perf_counter()
-    jax.config.update("jax_enable_x64", True)
     config = CoDesignConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     config.out.mkdir(parents=True, exist_ok=True)
     joint = Joint(config)
-    journal = Journal(config.out / "evaluations.jsonl", _key(config))
-    if len(journal) or journal.torn:
-        say(str(journal))
+    journal = evaluations.journal(config, say)
     say(
         f"{joint.encounters.lanes} sorts, {len(joint.space.names)} variables: "
         f"{', '.join(joint.space.names)}; compiling ..."
@@ -81,7 +66,7 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
         feasibility=config.feasibility,
         budget=config.budget,
         journal=journal,
-        progress=lambda record: say(progress_line(record)),
+        progress=lambda record: say(report.progress_line(record)),
     )
     say(f"\nstopped: {optimum.stop.value} ({len(optimum.history)} evaluations)")
     measured = {
@@ -113,16 +98,9 @@ def _worst(outcome: Outcome, when: str) -> dict[str, float]:
 
 def _table(outcome: Outcome) -> str:
     config = outcome.config
-    lines = [f"{'design':<34}{'before':>16}{'after':>16}   bounds"]
-    for variable, old, new in zip(
-        outcome.joint.space.variables, outcome.before, outcome.after, strict=True
-    ):
-        title = f"{variable.name.replace('_', ' ')} [{variable.unit}]"
-        lines.append(
-            f"{title:<34}{old:>16.5g}{new:>16.5g}   {variable.lower:g} ... {variable.upper:g}"
-        )
+    lines = [report.design_table(outcome.joint.space, outcome.before, outcome.after)]
     title = f"worst of the sorts, {config.verify}"
-    lines.append(f"\n{title:<34}{'before':>16}{'after':>16}   limit")
+    lines.append(f"\n{title:<34}{'before':>22}{'after':>22}   limit")
     shown = (
         ("peak_force", 1.0, "N", None, np.max),
         ("tip_deflection", 1e3, "mm", config.tip_limit, np.max),
@@ -142,26 +120,16 @@ def _table(outcome: Outcome) -> str:
             values = outcome.measured[when][name]
             cells.append(factor * float(worst(np.abs(values) if drive else values)))
         bound = "" if limit is None else f"   {factor * limit:g}"
-        lines.append(f"{title:<34}{cells[0]:>16.5g}{cells[1]:>16.5g}{bound}")
+        lines.append(f"{title:<34}{cells[0]:>22.5g}{cells[1]:>22.5g}{bound}")
     return "\n".join(lines)
 
 
 def _verdict(outcome: Outcome) -> str:
     optimum, verified, config = outcome.optimum, outcome.verified, outcome.config
-    left = optimum.residual
-    text = (
-        f"KKT: stationarity {left.stationarity:.1e}, complementarity {left.complementarity:.1e}, "
-        f"violation {left.violation:.1e}\n"
-        f"{config.verify}: the optimiser's peak force is off by {100 * verified.error:+.2f} %, "
-        f"margins by up to {verified.margin_error:.3f}: "
-        f"{verified.text}\n"
-    )
+    text = report.conditions(optimum)
+    text += report.verdict(config.verify, objectives.PEAK_FORCE, verified) + "\n"
     if not optimum.feasible:
-        return text + (
-            "no feasible design found. The design above is the least-violating one of all that "
-            f"were tried: it breaks a limit by {100 * left.violation:.3g} %, reserve included. "
-            "Relax that limit, widen the bounds, or add variables."
-        )
+        return text + report.infeasible(optimum)
     old, new = (float(np.max(outcome.measured[w]["peak_force"])) for w in ("before", "after"))
     change = f"{100 * (new / old - 1):+.1f} %"
     text += f"the worst peak force goes from {old:.1f} to {new:.1f} N ({change})"
@@ -177,44 +145,22 @@ def _verdict(outcome: Outcome) -> str:
 def _write(outcome: Outcome, journal: Journal) -> None:
     config, joint, optimum = outcome.config, outcome.joint, outcome.optimum
     space = joint.space
-    counts = np.unique(outcome.measured["after"]["status"], return_counts=True)
     content = {
         "config": dataclasses.asdict(config),
         "succeeded": outcome.succeeded,
-        "stop": optimum.stop.value,
-        "converged": optimum.converged,
-        "feasible": optimum.feasible,
-        "residual": optimum.residual._asdict(),
-        "evaluations": len(optimum.history),
+        **report.ended(optimum),
         "recalled": journal.recalled,
         "design": {"before": space.named(outcome.before), "after": space.named(outcome.after)},
         "on_bounds": designs.on_bounds(space, outcome.after),
         "encounters": [joint.encounters.named(i) for i in range(joint.encounters.lanes)],
-        "verified": {
-            "fidelity": config.verify,
-            "confirmed": outcome.verified.confirmed,
-            "doubts": outcome.verified.doubts,
-            "error": outcome.verified.error,
-            "margin_error": outcome.verified.margin_error,
-            "violation": outcome.verified.violation,
-        },
-        "statuses": {
-            fj.Status(int(k)).name: int(n) for k, n in zip(*counts, strict=True)
-        },
+        "verified": report.verified(config.verify, outcome.verified),
+        "statuses": counted(outcome.measured["after"]["status"]),
         "measured": outcome.measured,
         "smallest_margins": {when: _worst(outcome, when) for when in ("before", "after")},
-        "history": [
-            {
-                "evaluation": r.evaluation, "peak_force": r.objective, "violation": r.violation,
-                "kkt": r.kkt, "status": fj.Status(r.status).name, "failed": r.failed,
-                "rungs": r.rungs,
-                "design": space.named(space.from_shares(r.point)),
-            }
-            for r in optimum.history
-        ],
+        "history": report.history_rows(space, optimum),
         "elapsed": outcome.elapsed,
-    }  # fmt: skip
-    write_json(config.out / "co_design.json", content)
+    }
+    report.write_json(config.out / "co_design.json", content)
     if config.plots:
         from . import figures
 

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Array
 
 import fencejax as fj
-from fencejax.design import LaneProgram, extremes, objectives, refined, ring_amplitude
+from fencejax.design import LaneProgram, extremes, objectives, ring_amplitude
+from fencejax.results import refined
 
 from ..common.encounters import Course, Encounter
 from .configuration import CoDesignConfig

@@ -1,11 +1,14 @@
 """A script run as a program: flags in, an exit status out."""
 
 import errno
+import functools
 import operator
 import os
 import sys
 from collections.abc import Callable
 from typing import TypeVar
+
+import jax
 
 import fencejax as fj
 
@@ -28,6 +31,13 @@ _REMEDIES = {
     errno.EPERM: "Name one that you may read and write.",
     errno.EROFS: "Name one that you may read and write.",
 }
+
+
+def begin(quiet: bool = False) -> Callable[..., None]:
+    """Set double precision, in which jobs compute, and return what one prints with: nothing where
+    `quiet`."""
+    jax.config.update("jax_enable_x64", True)
+    return (lambda *parts: None) if quiet else functools.partial(print, flush=True)
 
 
 def run(

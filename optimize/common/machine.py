@@ -57,6 +57,12 @@ def pairs(field: str, texts: tuple[str, ...]) -> dict[str, str]:
     return found
 
 
+def _path(sorter: str) -> Path:
+    """The sorter file of a name."""
+    path = Path(sorter)
+    return path if path.suffix or path.exists() else SORTERS / f"{sorter}.toml"
+
+
 def load(
     sorter: str, given: tuple[str, ...] = (), free: tuple[str, ...] = ()
 ) -> fj.Sorter:
@@ -65,9 +71,7 @@ def load(
     Raises `ValueError` and `TypeError` for what cannot be read, and for numbers that no such
     machine has.
     """
-    path = Path(sorter)
-    if not path.suffix and not path.exists():
-        path = SORTERS / f"{sorter}.toml"
+    path = _path(sorter)
     spans: dict[str, Any] = {name: span(text) for name, text in pairs("free", free).items()}
     values = {name: value(text) for name, text in pairs("set", given).items()}
     with warnings.catch_warnings():
@@ -154,14 +158,16 @@ def chosen(config: Any) -> fj.sorter.Machine | None:
                 "--sorter paper for the paper's machine."
             )
         return None
-    return _machine(config.sorter, config.set, config.free)
+    changed = _path(config.sorter).stat().st_mtime_ns
+    return _machine(config.sorter, config.set, config.free, changed)
 
 
 @functools.lru_cache(maxsize=16)
 def _machine(
-    sorter: str, given: tuple[str, ...], free: tuple[str, ...]
+    sorter: str, given: tuple[str, ...], free: tuple[str, ...], changed: int
 ) -> fj.sorter.Machine:
     """Read once: a job asks for it within programs, too, where its numbers must be plain ones."""
+    del changed
     return load(sorter, given, free).machine
 
 

@@ -3,11 +3,21 @@
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fencejax import plot
-from fencejax.design import DesignSpace, Evaluation, Limit, Optimum, Quantity, Record, objectives
+from fencejax.design import (
+    DesignSpace,
+    Evaluation,
+    Limit,
+    Optimum,
+    Quantity,
+    Record,
+    Verification,
+    objectives,
+)
 from fencejax.results import Status
 
 _FORCE = objectives.PEAK_FORCE
@@ -119,6 +129,60 @@ def elasticities(
     }
 
 
+def conditions(optimum: Optimum) -> str:
+    """The residuals of the conditions of Karush, Kuhn and Tucker at an optimum, a line."""
+    left = optimum.residual
+    return (
+        f"KKT: stationarity {left.stationarity:.1e}, complementarity {left.complementarity:.1e}, "
+        f"violation {left.violation:.1e}\n"
+    )
+
+
+def verdict(fidelity: str, objective: Quantity, found: Verification) -> str:
+    """What a finer fidelity says of an optimum, a line."""
+    return (
+        f"{fidelity}: the optimiser's {objective.name.replace('_', ' ')} is off by "
+        f"{100 * found.error:+.2f} %, margins by up to {found.margin_error:.3f}: {found.text}"
+    )
+
+
+def verified(fidelity: str, found: Verification) -> dict[str, Any]:
+    """The same for a JSON file."""
+    return {
+        "fidelity": fidelity,
+        "confirmed": found.confirmed,
+        "doubts": found.doubts,
+        "error": found.error,
+        "margin_error": found.margin_error,
+        "violation": found.violation,
+    }
+
+
+def infeasible(optimum: Optimum) -> str:
+    """What is said where no design holds the limits."""
+    return (
+        "no feasible design found. The design above is the least-violating one of all that were "
+        f"tried: it breaks a limit by {100 * optimum.residual.violation:.3g} %, reserve included. "
+        "Relax that limit, widen the bounds, or add variables."
+    )
+
+
+def ended(optimum: Optimum) -> dict[str, Any]:
+    """How a search ended, for a JSON file."""
+    return {
+        "stop": optimum.stop.value,
+        "converged": optimum.converged,
+        "feasible": optimum.feasible,
+        "evaluations": len(optimum.history),
+        "residual": optimum.residual._asdict(),
+    }
+
+
+def save(axes: Any, path: Path) -> None:
+    """Write the figure that some axes are part of."""
+    axes.get_figure(root=True).savefig(path, dpi=150)
+
+
 def _plain(value):
     """The same without arrays and without numbers that JSON does not know."""
     if isinstance(value, dict):
@@ -156,6 +220,7 @@ def history_rows(
                 None if record.residual is None else record.residual.complementarity,
             "status": Status(record.status).name,
             "failed": record.failed,
+            "rungs": record.rungs,
             "elapsed": record.elapsed,
         })  # fmt: skip
     return rows
@@ -179,6 +244,4 @@ def draw(
         "gradient": plot.gradient_bars(bars),
     }
     for name, axes in drawn.items():
-        figure = axes.get_figure(root=True)
-        assert figure is not None
-        figure.savefig(out / f"{name}.png", dpi=150)
+        save(axes, out / f"{name}.png")

@@ -12,6 +12,12 @@ from ..common import flags, machine
 class DesignConfig:
     """Every number of the job; `python -m optimize.design --help` says what each is."""
 
+    not_in_key = frozenset({
+        "out", "sorter", "set", "free", "tolerance", "feasibility", "budget", "check", "agreement",
+    })  # fmt: skip
+    """Fields that do not bear on the numbers of an evaluation: those kept hold for any. Bounds of
+    limits are addressed with the parcels."""
+
     out: Path = flags.field(
         Path("out"),
         "folder for design.json and evaluations.jsonl; a job that was interrupted goes on from "
@@ -42,12 +48,16 @@ class DesignConfig:
     def __post_init__(self):
         flags.check(self)
 
-    def machine(self) -> fj.Sorter:
+    @property
+    def machine(self) -> fj.sorter.Machine:
         """The sorter with what is set and freed.
 
         Raises `ValueError` and `TypeError` where it cannot be read.
         """
-        return machine.load(self.sorter, self.set, self.free)
+        found = machine.chosen(self)
+        if found is None:
+            raise ValueError("Argument `sorter` must name a sorter file, but is none.")
+        return found
 
     def quick(self) -> "DesignConfig":
         """A small version: few evaluations, the coarse and the fast fidelity."""

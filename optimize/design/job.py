@@ -14,14 +14,14 @@ import dataclasses
 import time
 from typing import Any
 
-import jax
 import numpy as np
 
 import fencejax as fj
 from fencejax.design import Journal
+from fencejax.results import counted
 from fencejax.sorter import Solution, SorterProblem, rigid, solve
 
-from ..common import command
+from ..common import command, evaluations
 from ..common.report import progress_line, write_json
 from . import words
 from .configuration import DesignConfig, configure
@@ -33,7 +33,6 @@ class Outcome:
     of a fence that does not bend, of the best one's shape."""
 
     config: DesignConfig
-    sorter: fj.Sorter
     problem: SorterProblem
     solutions: list[Solution]
     stiff: float
@@ -51,32 +50,16 @@ class Outcome:
         return self.best.feasible and (verified is None or verified.confirmed)
 
 
-def _key(config: DesignConfig, sorter: fj.Sorter) -> str:
-    """What decides the numbers of an evaluation, besides the design and the data."""
-    machine = sorter.machine
-    parts = (machine.belt, machine.fence, machine.drive, machine.fence_friction, machine.border)
-    numbers = [np.asarray(leaf).tolist() for leaf in jax.tree.leaves(parts)]
-    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()[: config.rungs]
-    rest = (machine.free, machine.choices, machine.duration, machine.objective, config.reserve)
-    named = [(row.name, row.sense) for row, _ in machine.bounds]
-    return repr([jax.tree.structure(parts), numbers, rest, named]) + repr(ladder)
-
-
 def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     """Run the job, print what it does, and write its files into `config.out`."""
+    say = command.begin(quiet)
     begin = time.perf_counter()
-    jax.config.update("jax_enable_x64", True)
     config = DesignConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
-    sorter = config.machine()
+    machine = config.machine
     config.out.mkdir(parents=True, exist_ok=True)
     fidelity, check = (getattr(fj.Fidelity, n)() for n in (config.fidelity, config.check))
-    problem = sorter.problem(fidelity, reserve=config.reserve, rungs=config.rungs)
-    journal = None
-    if problem.space is not None:
-        journal = Journal(config.out / "evaluations.jsonl", _key(config, sorter))
-        if len(journal) or journal.torn:
-            say(str(journal))
+    problem = SorterProblem(machine, fidelity, reserve=config.reserve, rungs=config.rungs)
+    journal = None if problem.space is None else evaluations.journal(config, say)
     say(
         f"{problem.machine.title or config.sorter}: {problem.machine.parcels.count} parcels and "
         f"places, free {', '.join(problem.variable_names) or 'nothing'}, "
@@ -96,7 +79,7 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     solutions.sort(key=lambda one: one.rank)
     best = solutions[0]
     stiff = float(np.max(rigid(problem, best, check).values[quantity.name]))
-    outcome = Outcome(config, sorter, problem, solutions, stiff, time.perf_counter() - begin)
+    outcome = Outcome(config, problem, solutions, stiff, time.perf_counter() - begin)
     say("\n" + told(outcome))
     _write(outcome, journal)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
@@ -143,7 +126,7 @@ def _write(outcome: Outcome, journal: Journal | None) -> None:
             },
             "improved": one.improved,
             "measured": one.after.measured.values,
-            "statuses": words.status_counts(one.after.measured.statuses),
+            "statuses": counted(one.after.measured.statuses),
             "limits": {
                 name: {
                     "bound": limit.bound,

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-import fencejax as fj
 from fencejax.design import Stop
 from fencejax.sorter import Look, Solution, SorterProblem
 
@@ -175,9 +174,3 @@ def doubts(one: Solution) -> str:
         f"at the finer fidelity the objective differs by {100 * one.verified.error:+.2f} %: "
         f"{one.verified.text}"
     )
-
-
-def status_counts(statuses) -> dict[str, int]:
-    """How often each status occurs, by name."""
-    kinds, counts = np.unique(statuses, return_counts=True)
-    return {fj.Status(int(k)).name: int(n) for k, n in zip(kinds, counts, strict=True)}

@@ -19,7 +19,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 
 import fencejax as fj
@@ -64,9 +63,8 @@ def _made(config: IdentifyConfig) -> Path:
 
 def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
     """Run the job, print what it finds, and write its files into `config.out`."""
+    say = command.begin(quiet)
     begin = time.perf_counter()
-    jax.config.update("jax_enable_x64", True)
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     searched = config.searched()
     config.out.mkdir(parents=True, exist_ok=True)
     paths = [_made(config)] if config.demo else [Path(path) for path in config.records]

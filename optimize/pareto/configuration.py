@@ -33,6 +33,12 @@ _BOUNDS = (("top_speed", 0.8, 4.0), ("cycle_time", 0.5, _DURATIONS["sorts"]))
 class ParetoConfig:
     """Every number of the job; `python -m optimize.pareto --help` says what each is."""
 
+    not_in_key = frozenset({
+        "out", "points", "starts", "together", "width", "tolerance", "budget", "feasibility",
+        "verify", "agreement", "plots",
+    })  # fmt: skip
+    """Fields that do not bear on the numbers of an evaluation: those kept hold for any."""
+
     out: Path = flags.field(
         Path("out"),
         "folder for front.json, evaluations.jsonl and the figures; a job that was interrupted "

@@ -18,15 +18,12 @@ goes on where it was interrupted.
 import dataclasses
 import time
 
-import jax
 import numpy as np
 
-import fencejax as fj
-from fencejax.design import Journal
 from fencejax.plot import non_dominated
 
-from ..common import command, designs
-from ..common.report import write_json
+from ..common import command, designs, evaluations
+from ..common.report import ended, verified, write_json
 from . import figures
 from .configuration import ParetoConfig, configure
 from .constant_force import blows
@@ -53,16 +50,6 @@ class Front:
         confirmed."""
         kept = [p for p, good in zip(self.points, self.on_front, strict=True) if good]
         return len(kept) >= 2 and all(p.sound for p in kept)
-
-
-def _key(config: ParetoConfig) -> str:
-    """What decides the numbers of an evaluation."""
-    free = dict(
-        out=None, points=3, starts=1, together=False, width=1, tolerance=1.0, budget=1,
-        feasibility=1.0, verify="none", agreement=1.0, plots=False,
-    )  # fmt: skip
-    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
-    return repr(dataclasses.replace(config, **free)) + repr(ladder)
 
 
 def _good(points: list[Point]) -> np.ndarray:
@@ -92,13 +79,9 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
         "bound": point.bound,
         "on_front": good,
         "constant_force_bound": least,
-        "feasible": optimum.feasible,
-        "converged": optimum.converged,
+        **ended(optimum),
         "sound": point.sound,
-        "stop": optimum.stop.value,
-        "residual": optimum.residual._asdict(),
         "smallest_margin": float(np.min(optimum.margins)),
-        "evaluations": len(optimum.history),
         "statuses": point.found.statuses,
         "measured": point.found.lanes,
     }
@@ -106,14 +89,9 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
         row["spacing"] = float(tradeoff.belt.speed) * point.other
         row["parcels_an_hour"] = 3600 / point.other
     if point.verified is not None and point.finer is not None:
-        row["verified"] = {
-            "fidelity": tradeoff.config.verify,
-            "confirmed": point.verified.confirmed,
-            "doubts": point.verified.doubts,
+        row["verified"] = verified(tradeoff.config.verify, point.verified) | {
             "peak_force": point.finer.force,
             tradeoff.quantity.name: point.finer.other,
-            "error": point.verified.error,
-            "violation": point.verified.violation,
             "statuses": point.finer.statuses,
         }
     return row
@@ -121,15 +99,12 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
 
 def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
     """Run the job, print what it does, and write its files into `config.out`."""
+    say = command.begin(quiet)
     begin = time.perf_counter()
-    jax.config.update("jax_enable_x64", True)
     config = ParetoConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     config.out.mkdir(parents=True, exist_ok=True)
     tradeoff = Tradeoff(config)
-    journal = Journal(config.out / "evaluations.jsonl", _key(config))
-    if len(journal) or journal.torn:
-        say(str(journal))
+    journal = evaluations.journal(config, say)
     say(
         f"peak force against {config.against.replace('_', ' ')}: {tradeoff.encounters.lanes} "
         f"{config.kind}, variables {', '.join(tradeoff.space.names)}"

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Array
 
 import fencejax as fj
-from fencejax.design import LaneProgram, objectives, refined
+from fencejax.design import LaneProgram, objectives
+from fencejax.results import counted, refined
 
 from ..common.encounters import Course, Encounter
 from .configuration import ParetoConfig
@@ -29,8 +30,7 @@ class Measured:
     @property
     def statuses(self) -> dict[str, int]:
         """How often each status occurred, by name."""
-        kinds, counts = np.unique(self.lanes["status"], return_counts=True)
-        return {fj.Status(int(k)).name: int(n) for k, n in zip(kinds, counts, strict=True)}
+        return counted(self.lanes["status"])
 
 
 class Tradeoff:

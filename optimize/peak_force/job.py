@@ -36,6 +36,7 @@ from fencejax.design import (
     Program,
     Quantity,
     minimize,
+    verify,
 )
 from fencejax.plot import Trace
 
@@ -138,10 +139,9 @@ class _Checks:
 
 def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outcome:
     """Run the job, print what it does, and write its files into `config.out`."""
+    say = command.begin(quiet)
     begin = time.perf_counter()
-    jax.config.update("jax_enable_x64", True)
     config = PeakForceConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     space, limits = config.space, config.limits
     impacts = batch.Impacts(
         config.distances, config.masses, config.drive_angle, config.duration, config.machine
@@ -187,24 +187,16 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
     say("\n" + report.table(rows, limits, impacts.lanes, stiff, config.quantity))
     confirmed = None
     if config.reference:
-        name = config.quantity.name
-        difference = float(np.max(new[name]) / np.max(found[name]) - 1)
-        least = min(float(np.min(v)) for v in batch.margins(limits, new).values())
-        # The reference must find the same force, and no limit broken.
-        status = fj.Status(int(np.max(new["status"])))
-        doubts = {
-            f"the force differs by more than {100 * config.agreement:g} %":
-                not abs(difference) <= config.agreement,
-            "a limit is broken": not least >= -config.feasibility,
-            f"{status.name}: {status.text}": status > fj.Status.LEFT_OVER_TIP,
-        }  # fmt: skip
-        why = [text for text, holds in doubts.items() if holds]
-        confirmed = not why
-        say(
-            f"reference: {name.replace('_', ' ')} {100 * difference:+.3f} % of the optimiser's, "
-            f"smallest margin {least:+.4f}, status {status.name}: "
-            f"{'confirmed' if confirmed else 'NOT confirmed, as ' + '; '.join(why)}"
+        rows = [np.zeros(0), *map(np.asarray, batch.margins(limits, new).values())]
+        at_reference = new[config.quantity.name], np.concatenate(rows), new["status"]
+        verified = verify(
+            lambda z: at_reference,
+            optimum,
+            agreement=config.agreement,
+            feasibility=config.feasibility,
         )
+        confirmed = verified.confirmed
+        say(report.verdict("reference", config.quantity, verified))
     stacked = checks.sorts(after)
     sorts = {} if stacked is None else {
         name: {k: v[i] for k, v in stacked.items()} for i, name in enumerate(_THREE)
@@ -248,17 +240,9 @@ def _drop(outcome: Outcome, paper: str) -> str:
 
 def _verdict(outcome: Outcome) -> str:
     optimum = outcome.optimum
-    left = optimum.residual
-    text = (
-        f"KKT: stationarity {left.stationarity:.1e}, complementarity {left.complementarity:.1e}, "
-        f"violation {left.violation:.1e}\n"
-    )
+    text = report.conditions(optimum)
     if not optimum.feasible:
-        return text + (
-            "no feasible design found. The design above is the least-violating one of all that "
-            f"were tried: it breaks a limit by {100 * left.violation:.3g} % (reserve included). "
-            "Relax that limit, widen the bounds, or add variables."
-        )
+        return text + report.infeasible(optimum)
     title = outcome.objective.name.replace("_", " ")
     text += (
         f"the worst {title} is {_drop(outcome, 'before')} the two-link fence's and "
@@ -322,14 +306,10 @@ def _write(config, outcome, impacts, signals) -> None:
     report.write_json(config.out / "history.json", rows)
     content = {
         "config": dataclasses.asdict(config),
-        "stop": optimum.stop.value,
-        "converged": optimum.converged,
-        "feasible": optimum.feasible,
+        **report.ended(optimum),
         "confirmed_by_reference": outcome.confirmed,
         "whole_sorts_diverted": outcome.sorted_out,
-        "evaluations": len(optimum.history),
         "elapsed": outcome.elapsed,
-        "residual": optimum.residual._asdict(),
         "design": {
             "before": space.named(outcome.before),
             "after": space.named(outcome.after),

@@ -102,9 +102,8 @@ def _sorts(
 
 def main(config: PaperConfig | None = None, *, quiet: bool = False) -> Outcome:
     """Run the job, print what it finds, and write its files into `config.out`."""
-    jax.config.update("jax_enable_x64", True)
+    say = command.begin(quiet)
     config = PaperConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     config.out.mkdir(parents=True, exist_ok=True)
     clock, fidelity = _Clock(say), config.knobs
     default = Setting(

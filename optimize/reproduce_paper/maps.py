@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import fencejax as fj
+from fencejax.results import counted
 from fencejax.study import in_chunks
 
 from .case import Case
@@ -45,8 +46,7 @@ class Maps(NamedTuple):
 
     def counts(self) -> dict[str, int]:
         """Number of lanes by the name of their status."""
-        found = np.unique(self.status, return_counts=True)
-        return {fj.Status(int(s)).name: int(n) for s, n in zip(*found, strict=True)}
+        return counted(self.status)
 
 
 class _Outcome(NamedTuple):

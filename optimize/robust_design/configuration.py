@@ -17,10 +17,26 @@ _DURATIONS = {"impacts": 0.20, "sorts": 1.4}
 Span = tuple[float, float]
 _SPAN: dict[str, Any] = {"nargs": 2, "metavar": ("FROM", "TO")}
 
+LOGARITHMIC = ("mass", "stiffness")
+"""Spans drawn evenly in the logarithm."""
+LINEAR = (
+    "length", "breadth", "offset", "angle", "front", "belt_friction", "fence_friction",
+    "distance", "drive_angle",
+)  # fmt: skip
+"""Spans drawn evenly."""
+
 
 @dataclasses.dataclass(frozen=True)
 class RobustConfig:
     """Every number of the job; `python -m optimize.robust_design --help` says what each is."""
+
+    not_in_key = frozenset({
+        "out", "method", "sample", "batch", "steps", "rate", "tolerance", "feasibility", "budget",
+        "fresh", "resamples", "confidence", "excluded_most", "chunk", "check_fidelity", "seed",
+        "plots", *LOGARITHMIC, *LINEAR,
+    })  # fmt: skip
+    """Fields that do not bear on the numbers of an evaluation: those kept hold for any.
+    Parcels are addressed by themselves."""
 
     out: Path = flags.field(
         Path("out"),
@@ -197,15 +213,6 @@ class RobustConfig:
             self, sample=96, batch=48, steps=12, budget=15, fresh=200, resamples=200,
             check_fidelity="fast",
         )  # fmt: skip
-
-
-LOGARITHMIC = ("mass", "stiffness")
-"""Spans drawn evenly in the logarithm."""
-LINEAR = (
-    "length", "breadth", "offset", "angle", "front", "belt_friction", "fence_friction",
-    "distance", "drive_angle",
-)  # fmt: skip
-"""Spans drawn evenly."""
 
 
 configure = flags.reader(

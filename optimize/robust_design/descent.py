@@ -1,5 +1,6 @@
 """The two ways to the robust design: a fixed sample, or fresh parcels at every step."""
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -12,7 +13,6 @@ from fencejax.design import (
     FirstOrder,
     Journal,
     Multipliers,
-    Numbers,
     Record,
     minimize,
 )
@@ -86,12 +86,8 @@ def by_batches(population: Population, journal: Journal, say: Callable[..., None
     descent, scale = None, 1.0
     for number in range(config.steps):
         encounters = jax.tree.map(np.asarray, draw(config, config.batch, 2 + number))
-        known = journal.find(point, (encounters,))
-        if known is None:
-            numbers = population.program(point, encounters)
-            journal.add(point, (encounters,), numbers)
-        else:
-            numbers = Numbers(*known)
+        compute = functools.partial(population.program, point, encounters)
+        numbers, _ = journal.numbers(point, (encounters,), compute)
         if descent is None:
             scale = float(np.max(np.abs(numbers.objectives))) or 1.0
             held = Multipliers(np.ones(1), np.zeros(numbers.margins.size))

@@ -6,6 +6,7 @@ import numpy as np
 
 from fencejax.plot import COLORS, figure, legend, prepared
 
+from ..common.report import save
 from .confidence import measure_of
 from .configuration import RobustConfig
 from .descent import Found
@@ -35,7 +36,7 @@ def exceedance(config: RobustConfig, before, after, good, out: Path) -> None:
     axes.set_ylabel("share of parcels hit harder [1]")
     axes.set_xlim(left=0)
     legend(axes)
-    axes.figure.savefig(out / "exceedance.png", dpi=150)  # type: ignore[union-attr]
+    save(axes, out / "exceedance.png")
 
 
 def by_mass(config: RobustConfig, masses, before, after, good, out: Path) -> None:
@@ -52,7 +53,7 @@ def by_mass(config: RobustConfig, masses, before, after, good, out: Path) -> Non
     axes.set_xlabel("parcel mass [kg]")
     axes.set_ylabel(_title(config))
     legend(axes)
-    axes.figure.savefig(out / "by_mass.png", dpi=150)  # type: ignore[union-attr]
+    save(axes, out / "by_mass.png")
 
 
 def search(config: RobustConfig, found: Found, out: Path) -> None:

@@ -22,14 +22,12 @@ import dataclasses
 import time
 from typing import Any
 
-import jax
 import numpy as np
 
-import fencejax as fj
 from fencejax.design import Journal
+from fencejax.results import counted
 
-from ..common import command, designs
-from ..common.report import write_json
+from ..common import command, designs, evaluations, report
 from . import confidence
 from .configuration import RobustConfig, configure
 from .descent import Found, by_batches, by_sample
@@ -75,16 +73,6 @@ class Outcome:
         return self.found.ended and self.held and few
 
 
-def _key(config: RobustConfig) -> str:
-    """What decides the numbers of an evaluation, besides the design and the parcels."""
-    names = (
-        "scenes", "severity", "measure", "level", "fraction", "tip_limit", "stress_limit",
-        "crossing", "limit", "drive", "taper", "variables", "bounds", "seconds", "fidelity",
-    )  # fmt: skip
-    ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
-    return repr([getattr(config, name) for name in names]) + repr(ladder)
-
-
 def _judgement(population: Population, read: dict[str, np.ndarray]) -> Judgement:
     config, good = population.config, read["valid"]
     if not np.any(good):
@@ -102,22 +90,18 @@ def _judgement(population: Population, read: dict[str, np.ndarray]) -> Judgement
         )
         for limit in population.limits
     }
-    kinds, counts = np.unique(read["status"], return_counts=True)
-    statuses = {fj.Status(int(k)).name: int(n) for k, n in zip(kinds, counts, strict=True)}
-    return Judgement(measures, shares, statuses, float(1 - np.mean(good)), read)
+    excluded = float(1 - np.mean(good))
+    return Judgement(measures, shares, counted(read["status"]), excluded, read)
 
 
 def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
     """Run the job, print what it does, and write its files into `config.out`."""
+    say = command.begin(quiet)
     begin = time.perf_counter()
-    jax.config.update("jax_enable_x64", True)
     config = RobustConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     config.out.mkdir(parents=True, exist_ok=True)
     population = Population(config)
-    journal = Journal(config.out / "evaluations.jsonl", _key(config))
-    if len(journal) or journal.torn:
-        say(str(journal))
+    journal = evaluations.journal(config, say)
     count = config.sample if config.method == "sample" else config.batch
     say(
         f"{count} {config.scenes} a step, variables {', '.join(population.space.names)}; "
@@ -231,7 +215,7 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
         "recalled": journal.recalled,
         "elapsed": outcome.elapsed,
     }
-    write_json(config.out / "robust.json", content)
+    report.write_json(config.out / "robust.json", content)
     columns = {f"parcel_{name}": np.asarray(part) for name, part in fresh._asdict().items()}
     for when, judgement in outcome.judged.items():
         columns |= {f"{when}_{name}": part for name, part in judgement.lanes.items()}

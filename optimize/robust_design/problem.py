@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Array, ArrayLike
 
 import fencejax as fj
-from fencejax.design import LaneProgram, objectives, refined, risk, shock
+from fencejax.design import LaneProgram, objectives, risk, shock
+from fencejax.results import refined
 
 from ..common.encounters import Course, Encounter
 from .configuration import RobustConfig

@@ -22,7 +22,6 @@ import dataclasses
 import time
 from typing import Any
 
-import jax
 import numpy as np
 
 import fencejax as fj
@@ -91,9 +90,8 @@ class _Clock:
 
 def main(config: SensitivityConfig | None = None, *, quiet: bool = False) -> Outcome:
     """Run the study, print what it finds, and write its files into `config.out`."""
-    jax.config.update("jax_enable_x64", True)
+    say = command.begin(quiet)
     config = SensitivityConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     config.check()
     scene = config.base()
     inputs, line = config.inputs(scene), config.line(scene)

@@ -27,6 +27,7 @@ import fencejax as fj
 from fencejax.study import in_chunks
 
 from ..common import command, flags
+from ..common.report import write_json
 from .picture import draw_axes, draw_pairs
 from .scenes import AXES, ORDINARY, impact
 
@@ -111,12 +112,10 @@ def verdicts(status, peak, true, promise: float) -> np.ndarray:
 
 def main(config: StabilityConfig, quiet: bool = False) -> bool:
     """Run the job; whether no point is off."""
-    jax.config.update("jax_enable_x64", True)
-    began = time.perf_counter()
+    said, began = command.begin(quiet), time.perf_counter()
 
     def say(text):
-        if not quiet:
-            print(f"{time.perf_counter() - began:6.1f} s  {text}", flush=True)
+        said(f"{time.perf_counter() - began:6.1f} s  {text}")
 
     config.out.mkdir(parents=True, exist_ok=True)
     rows = _rows(config)
@@ -157,7 +156,7 @@ def main(config: StabilityConfig, quiet: bool = False) -> bool:
     draw_axes(config.out / "stability_axes.png", axes, kinds)
     begin = len(AXES) * config.points
     draw_pairs(config.out / "stability_pairs.png", PAIRS, config.side, begin, kinds)
-    (config.out / "stability_map.json").write_text(json.dumps(report, indent=1))
+    write_json(config.out / "stability_map.json", report)
     say(f"written to {config.out}")
     return fine
 

@@ -81,10 +81,9 @@ def _clock(seconds: float) -> str:
 
 def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
     """Run the job, or what is missing of it, and write its files into `config.out`."""
-    jax.config.update("jax_enable_x64", True)
+    say = command.begin(quiet)
     begin = time.perf_counter()
     config = SweepConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     sweep = config.sweep()
     lanes = f"{sweep.samples.count} lanes of {config.scene} over {', '.join(sweep.samples.names)}"
     with _client(config) as client:

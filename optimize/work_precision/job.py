@@ -15,8 +15,6 @@ that of the discretisation by a converged run with the same smoothing.
 import functools
 import time
 
-import jax
-
 import fencejax as fj
 from fencejax.study import describe
 
@@ -224,10 +222,9 @@ class _Job:
 
 def main(config: WorkPrecisionConfig | None = None, *, quiet: bool = False) -> Report:
     """Run the measurement, print how far it is, and write its files into `config.out`."""
+    say = command.begin(quiet)
     begin = time.perf_counter()
-    jax.config.update("jax_enable_x64", True)
     config = WorkPrecisionConfig() if config is None else config
-    say = (lambda *parts: None) if quiet else (lambda *parts: print(*parts, flush=True))
     config.out.mkdir(parents=True, exist_ok=True)
     bench = Bench(config.threads, say)
     job = _Job(config, bench)

@@ -104,12 +104,13 @@ def cost_table(report: "Report") -> str:
         for kind, title in (("value", "one value"), ("gradient", "one value with its gradient")):
             owns = [(rung.cold or {}).get(kind, {}) for rung in report.rungs]
             rows.append([title, *(_milliseconds(own.get("run")) for own in owns)])
-            cells = [f"{own['compile [s]']:.1f} s" if own else "" for own in owns]
-            rows.append([f"{title}: tracing and compiling, cold", *cells])
-            cells = [f"{own['trace [s]']:.1f} s" if own else "" for own in owns]
-            rows.append([f"{title}: of this, tracing", *cells])
-            cells = [f"{own['cached compile [s]']:.1f} s" if own else "" for own in owns]
-            rows.append([f"{title}: tracing and compiling, from the cache", *cells])
+            for key, part in (
+                ("compile [s]", "tracing and compiling, cold"),
+                ("trace [s]", "of this, tracing"),
+                ("cached compile [s]", "tracing and compiling, from the cache"),
+            ):
+                cells = [f"{own[key]:.1f} s" if own else "" for own in owns]
+                rows.append([f"{title}: {part}", *cells])
             cells = [_megabytes(own.get("peak resident [B]")) for own in owns]
             rows.append([f"{title}: peak resident memory of the process", *cells])
     return _rows(["", *(rung.name for rung in report.rungs)], rows)

@@ -127,11 +127,10 @@ def test_a_conflict_is_named(outcome, tmp_path):
 
 def test_flags():
     config = configure(["--sorter", "parcel_hub", "--set", "belt.speed=2 m/s", "thickness=20 mm"])
-    sorter = config.machine()
-    assert float(sorter.belt.speed) == 2
-    assert "fence.thickness" not in sorter.machine.free
-    freed = configure(["--free", "fence.width=100mm:200mm"]).machine()
-    assert freed.machine.free["fence.width"][:2] == (0.1, 0.2)
+    assert float(config.machine.belt.speed) == 2
+    assert "fence.thickness" not in config.machine.free
+    freed = configure(["--free", "fence.width=100mm:200mm"]).machine
+    assert freed.free["fence.width"][:2] == (0.1, 0.2)
     for texts in (["belt.speed"], ["belt.speed="], ["belt.speed=1", "belt.speed=2"]):
         with pytest.raises(ValueError, match="`set` must hold each name once as NAME=VALUE"):
-            configure(["--set", *texts]).machine()
+            assert configure(["--set", *texts]).machine

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fencejax as fj
-from optimize.common import named
+from optimize.common import evaluations, named
 from optimize.peak_force import main
 
 MODULE = '''
@@ -135,8 +135,7 @@ def test_design_jobs_take_them(machine, job):
     assert config.limits[-1].name == "impulse"
     if job != "peak_force":
         # Evaluations on file are another machine's.
-        key = importlib.import_module(f"optimize.{job}.job")._key
-        keys = {key(configured(job, machine, text)) for text in ([], own[-2:], LIMITS)}
+        keys = {evaluations.key(configured(job, machine, text)) for text in ([], own[-2:], LIMITS)}
         assert len(keys) == 3
 
 

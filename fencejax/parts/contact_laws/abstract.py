@@ -34,7 +34,7 @@ class AbstractContactLaw(eqx.Module):
     A law gives N >= 0, N = 0 for D <= 0, and N continuous in D. Where N is also continuously
     differentiable at D = 0 the integrator keeps its order through the onset of a contact, and
     derivatives of a result are those of the equations. All its numbers are array fields, checked
-    against the `bounds` of the class by `fencejax._check.field`.
+    against the `bounds` of the class by `fencejax._check.fields`.
     """
 
     bounds: ClassVar[dict[str, Bounds]] = {}

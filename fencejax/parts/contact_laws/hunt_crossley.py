@@ -57,10 +57,10 @@ class HuntCrossley(AbstractContactLaw):
         `HuntCrossley(6.065e5, 0.4947)` meets a rigid wall at 2.426 m/s with 15 kg as the paper's
         parcel does: with a peak of 3294 N and a restitution of 0.439.
         """
-        self.secant_stiffness = _check.field(self, "secant_stiffness", secant_stiffness)
-        self.dissipation = _check.field(self, "dissipation", dissipation)
-        self.exponent = _check.field(self, "exponent", exponent)
-        self.reference_depth = _check.field(self, "reference_depth", reference_depth)
+        _check.fields(
+            self, secant_stiffness=secant_stiffness, dissipation=dissipation, exponent=exponent,
+            reference_depth=reference_depth,
+        )  # fmt: skip
 
     def viscosity(self, mass):
         """c = (3/2) a [s/m]; the law does not depend on the mass."""

@@ -37,8 +37,7 @@ class Kelvin(AbstractContactLaw):
         - `stiffness`: k_p [N/m^4], at least 0.
         - `damping`: b_p [N s kg^-0.4 m^-3], at least 0.
         """
-        self.stiffness = _check.field(self, "stiffness", stiffness)
-        self.damping = _check.field(self, "damping", damping)
+        _check.fields(self, stiffness=stiffness, damping=damping)
 
     def viscosity(self, mass):
         """b_p m_p^0.4 [N s / m^3], the coefficient of Ddot D^2 in the law."""

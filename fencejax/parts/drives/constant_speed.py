@@ -26,8 +26,7 @@ class ConstantSpeedDrive(AbstractDrive):
 
     def __init__(self, speed: ArrayLike = 1.53, end_angle: ArrayLike = 0.6623):
         """**Arguments:** `speed` [rad/s], above 0. `end_angle` [rad], above 0."""
-        self.speed = _check.field(self, "speed", speed)
-        self.end_angle = _check.field(self, "end_angle", end_angle)
+        _check.fields(self, speed=speed, end_angle=end_angle)
 
     def angle(self, time: Array) -> Array:
         return jnp.minimum(self.speed * time, self.end_angle)

@@ -28,8 +28,7 @@ class HarmonicDrive(AbstractDrive):
 
     def __init__(self, top_speed: ArrayLike = 1.53, cycle_time: ArrayLike = CYCLE_TIME):
         """**Arguments:** `top_speed`: alphadot_max [rad/s], at least 0. `cycle_time`: t_c [s]."""
-        self.top_speed = _check.field(self, "top_speed", top_speed)
-        self.cycle_time = _check.field(self, "cycle_time", cycle_time)
+        _check.fields(self, top_speed=top_speed, cycle_time=cycle_time)
 
     def angle(self, time: Array) -> Array:
         phase = within(time / self.cycle_time)

@@ -23,8 +23,7 @@ class HeldDrive(AbstractDrive):
 
     def __init__(self, held_angle: ArrayLike = 0.3, hold_time: ArrayLike = CYCLE_TIME):
         """**Arguments:** `held_angle` [rad]. `hold_time` [s]: how long a scene lasts by default."""
-        self.held_angle = _check.field(self, "held_angle", held_angle)
-        self.hold_time = _check.field(self, "hold_time", hold_time)
+        _check.fields(self, held_angle=held_angle, hold_time=hold_time)
 
     def angle(self, time: Array) -> Array:
         return self.held_angle + 0.0 * time

@@ -6,11 +6,10 @@ from jaxtyping import Array, ArrayLike
 
 from ... import _check
 from ..._check import Bounds
-from .abstract import AbstractDrive
-from .segments import ROUNDING, out_and_back
+from .segments import ROUNDING, AbstractSegmentDrive, out_and_back
 
 
-class SCurveDrive(AbstractDrive):
+class SCurveDrive(AbstractSegmentDrive):
     """The trapezoid with limited jerk: seven segments a stroke, a dwell, the same way back."""
 
     end_angle: Array
@@ -42,11 +41,10 @@ class SCurveDrive(AbstractDrive):
         - `jerk`: j [rad/s^3].
         - `dwell` [s] at the end of the stroke, at least 0.
         """
-        self.end_angle = _check.field(self, "end_angle", end_angle)
-        self.top_speed = _check.field(self, "top_speed", top_speed)
-        self.acceleration = _check.field(self, "acceleration", acceleration)
-        self.jerk = _check.field(self, "jerk", jerk)
-        self.dwell = _check.field(self, "dwell", dwell)
+        _check.fields(
+            self, end_angle=end_angle, top_speed=top_speed, acceleration=acceleration, jerk=jerk,
+            dwell=dwell,
+        )  # fmt: skip
         ramp, rise, cruise = self._segments
         _check.scalar(
             "top_speed / acceleration - acceleration / jerk", rise - ramp, least=0, unit="s",
@@ -84,11 +82,3 @@ class SCurveDrive(AbstractDrive):
         ramp_up = ((0.0, sixth), (ramp, -sixth), (rise, -sixth), (rise + ramp, sixth))
         ramp_down = tuple((cruise + knot, -weight) for knot, weight in ramp_up)
         return out_and_back(time, self.dwell, self._stroke, ramp_up + ramp_down, 3)
-
-    @property
-    def cycle(self) -> Array:
-        return 2 * self._stroke + self.dwell
-
-    @property
-    def turning_time(self) -> Array:
-        return self._stroke

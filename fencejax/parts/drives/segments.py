@@ -1,8 +1,33 @@
 """Motions made of polynomial segments, out and back, and the limits of a phase."""
 
+import abc
+
+import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import Array
+
+from .abstract import AbstractDrive
 
 ROUNDING = 1e-6
+
+
+class AbstractSegmentDrive(AbstractDrive):
+    """A stroke of polynomial segments, a dwell at its end, and the same way back."""
+
+    dwell: eqx.AbstractVar[Array]
+
+    @property
+    @abc.abstractmethod
+    def _stroke(self) -> Array:
+        """Time [s] of the way out."""
+
+    @property
+    def cycle(self) -> Array:
+        return 2 * self._stroke + self.dwell
+
+    @property
+    def turning_time(self) -> Array:
+        return self._stroke
 
 
 def out_and_back(time, dwell, stroke, impulses, power):

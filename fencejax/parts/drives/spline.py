@@ -42,8 +42,7 @@ class SplineDrive(AbstractDrive):
         """
         limits = self.bounds["control_angles"]._asdict()
         self.control_angles = _check.vector("control_angles", control_angles, **limits)
-        self.cycle_time = _check.field(self, "cycle_time", cycle_time)
-        self.turn = _check.field(self, "turn", turn)
+        _check.fields(self, cycle_time=cycle_time, turn=turn)
 
     def angle(self, time: Array) -> Array:
         padded = jnp.pad(self.control_angles, (3, 3))

@@ -6,11 +6,10 @@ from jaxtyping import Array, ArrayLike
 
 from ... import _check
 from ..._check import Bounds
-from .abstract import AbstractDrive
-from .segments import ROUNDING, out_and_back
+from .segments import ROUNDING, AbstractSegmentDrive, out_and_back
 
 
-class TrapezoidDrive(AbstractDrive):
+class TrapezoidDrive(AbstractSegmentDrive):
     """Constant acceleration, constant speed, constant deceleration; a dwell; the same way back.
 
     The acceleration jumps four times a stroke: use `SCurveDrive` where that must not be.
@@ -41,10 +40,9 @@ class TrapezoidDrive(AbstractDrive):
         - `top_speed` [rad/s], `acceleration` [rad/s^2], above 0.
         - `dwell` [s] at the end of the stroke, at least 0.
         """
-        self.end_angle = _check.field(self, "end_angle", end_angle)
-        self.top_speed = _check.field(self, "top_speed", top_speed)
-        self.acceleration = _check.field(self, "acceleration", acceleration)
-        self.dwell = _check.field(self, "dwell", dwell)
+        _check.fields(
+            self, end_angle=end_angle, top_speed=top_speed, acceleration=acceleration, dwell=dwell,
+        )  # fmt: skip
         _check.scalar(
             "end_angle - top_speed^2 / acceleration",
             self.end_angle - self.top_speed**2 / self.acceleration,
@@ -68,11 +66,3 @@ class TrapezoidDrive(AbstractDrive):
         half = 0.5 * self.acceleration
         impulses = ((0.0, half), (ramp, -half), (cruise, -half), (cruise + ramp, half))
         return out_and_back(time, self.dwell, self._stroke, impulses, 2)
-
-    @property
-    def cycle(self) -> Array:
-        return 2 * self._stroke + self.dwell
-
-    @property
-    def turning_time(self) -> Array:
-        return self._stroke

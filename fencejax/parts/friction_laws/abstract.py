@@ -27,7 +27,7 @@ class AbstractFriction(eqx.Module):
 
     A law is a property of a pair of surfaces. The force that follows from it, its direction and
     what is smoothed at rest over `Fidelity.slip_speed`, are the model's (`fencejax.model`). All its
-    numbers are array fields, checked against the `bounds` of the class by `fencejax._check.field`.
+    numbers are array fields, checked against the `bounds` of the class by `fencejax._check.fields`.
     """
 
     bounds: ClassVar[dict[str, Bounds]] = {}

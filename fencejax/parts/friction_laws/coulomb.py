@@ -28,8 +28,7 @@ class Friction(AbstractFriction):
 
     def __init__(self, kinetic: ArrayLike, static: ArrayLike):
         """**Arguments:** `kinetic`: mu_k [1], at least 0. `static`: mu_s [1], at least 0."""
-        self.kinetic = _check.field(self, "kinetic", kinetic)
-        self.static = _check.field(self, "static", static)
+        _check.fields(self, kinetic=kinetic, static=static)
 
     def coefficient(self, speed_squared, static_speed):
         scale = 1 / static_speed**2

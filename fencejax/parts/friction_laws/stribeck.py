@@ -48,10 +48,9 @@ class Stribeck(AbstractFriction):
         - `stribeck_speed`: v_S [m/s], above 0.
         - `viscous`: c [s/m], at least 0.
         """
-        self.kinetic = _check.field(self, "kinetic", kinetic)
-        self.static = _check.field(self, "static", static)
-        self.stribeck_speed = _check.field(self, "stribeck_speed", stribeck_speed)
-        self.viscous = _check.field(self, "viscous", viscous)
+        _check.fields(
+            self, kinetic=kinetic, static=static, stribeck_speed=stribeck_speed, viscous=viscous,
+        )  # fmt: skip
 
     def coefficient(self, speed_squared, static_speed):
         del static_speed

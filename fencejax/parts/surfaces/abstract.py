@@ -30,7 +30,7 @@ class AbstractSurface(eqx.Module):
 
     A surface is geometry, told by one function of a point, and the friction on it. Contact law,
     sliding speed and the end of a force beyond the surface's end are the model's. All its numbers
-    are array fields, checked against the `bounds` of the class by `fencejax._check.field`.
+    are array fields, checked against the `bounds` of the class by `fencejax._check.fields`.
     """
 
     friction: eqx.AbstractVar[AbstractFriction | None]

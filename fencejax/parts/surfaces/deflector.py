@@ -49,10 +49,7 @@ class Deflector(AbstractSurface):
         - `hinge_x`, `hinge_y`: the point O [m].
         - `friction`: default kinetic 0.35, static 0.5, as of the fence; `None` for none.
         """
-        self.angle = _check.field(self, "angle", angle)
-        self.length = _check.field(self, "length", length)
-        self.hinge_x = _check.field(self, "hinge_x", hinge_x)
-        self.hinge_y = _check.field(self, "hinge_y", hinge_y)
+        _check.fields(self, angle=angle, length=length, hinge_x=hinge_x, hinge_y=hinge_y)
         self.friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
 
     def at(self, x, y):

@@ -1,0 +1,131 @@
+"""The README's measured figures: one record, and the blocks of text that show them.
+
+    python tests/figures.py            # every figure, with the command that measures it again
+    python tests/figures.py --write    # writes the README's blocks anew
+
+`figures.json` is the record. A group holds figures, or the rows of a table, and the `command` that
+measures them; those of jobs are written by `headlines.py --record`, the others by hand from
+what their command says. `figures.md` holds the text of the blocks: `{group[name]}` is a figure,
+with a format such as `{group[name]:.0f}`, and with ` u` at the format's end its unit follows;
+`{group}` is a whole table. In the README a block stands between `<!-- figures: NAME -->` and
+`<!-- end of figures -->`; whoever changes its text changes it in `figures.md`.
+"""
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+ROOT = Path(__file__).parents[1]
+RECORD = Path(__file__).with_suffix(".json")
+TEXTS = Path(__file__).with_suffix(".md")
+_LISTS = {"figures", "rows"}
+BLOCK = re.compile(r"<!-- figures: (\w+) -->\n(.*?)\n<!-- end of figures -->", re.DOTALL)
+
+
+def _shown(value: Any, form: str = "") -> str:
+    """A value as text: nothing for what is not known, several with strokes between."""
+    if value is None or isinstance(value, str):
+        return value or ""
+    if isinstance(value, list):
+        return " / ".join(_shown(each, form) for each in value)
+    if form.endswith("%"):
+        return f"{100 * value:{form[:-1]}f} %"
+    return format(value, form or ",g")
+
+
+class Figure(NamedTuple):
+    """A number, several, or a text, and its unit."""
+
+    value: Any
+    unit: str
+
+    def __format__(self, spec: str) -> str:
+        form = spec.removesuffix(" u")
+        return _shown(self.value, form) + (f" {self.unit}" if form != spec else "")
+
+
+class Group:
+    """Figures by name, or a table, that one command measures."""
+
+    def __init__(self, content: dict[str, Any], used: set):
+        self._content, self._used = content, used
+
+    def __getitem__(self, name: str) -> Figure:
+        self._used.add((id(self._content), name))
+        return Figure(**self._content["figures"][name])
+
+    def __format__(self, spec: str) -> str:
+        self._used.add((id(self._content), None))
+        first, *columns = self._content["columns"]
+        lines = [f"| {' | '.join([first, *columns])} |", "| --- " * (1 + len(columns)) + "|"]
+        for name, row in self._content["rows"].items():
+            unit = f" {row['unit']}" if row["unit"] else ""
+            cells = [
+                _shown(value) + ("" if value is None or isinstance(value, str) else unit)
+                for value in row["values"]
+            ]
+            lines.append(f"| {' | '.join([name, *cells])} |")
+        return "\n".join(lines)
+
+
+def record() -> dict[str, dict[str, Any]]:
+    """The groups by name."""
+    return json.loads(RECORD.read_text())
+
+
+def write(groups: dict[str, dict[str, Any]]) -> None:
+    """Write the record, a line a figure."""
+    parts = []
+    for name, group in groups.items():
+        lines = [f" {_plain(name)}: {{"]
+        lines += [f"  {_plain(k)}: {_plain(v)}," for k, v in group.items() if k not in _LISTS]
+        (kind,) = group.keys() & _LISTS
+        figures = (f"   {_plain(k)}: {_plain(v)}" for k, v in group[kind].items())
+        parts.append("\n".join([*lines, f'  "{kind}": {{', ",\n".join(figures), "  }", " }"]))
+    RECORD.write_text("{\n" + ",\n".join(parts) + "\n}\n")
+
+
+def _plain(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def blocks() -> tuple[dict[str, str], list[str]]:
+    """The text of every block with its figures, and the figures on record that none shows."""
+    groups, used = record(), set()
+    known = {name: Group(content, used) for name, content in groups.items()}
+    texts = {name: text.format_map(known) for name, text in BLOCK.findall(TEXTS.read_text())}
+    unused = []
+    for group, content in groups.items():
+        names = content.get("figures") or {None: ...}
+        unused += [f"{group}: {n}" for n in names if (id(content), n) not in used]
+    return texts, unused
+
+
+def written(readme: str) -> str:
+    """The README's text with its blocks as they are to be."""
+    texts, _ = blocks()
+
+    def block(match: re.Match) -> str:
+        return f"<!-- figures: {match[1]} -->\n{texts[match[1]]}\n<!-- end of figures -->"
+
+    return BLOCK.sub(block, readme)
+
+
+def main(arguments) -> int:
+    if "--write" in arguments:
+        readme = ROOT / "README.md"
+        readme.write_text(written(readme.read_text()))
+        return 0
+    for name, group in record().items():
+        print(f"\n{name}: {group['command']}")
+        for title, figure in group.get("figures", {}).items():
+            print(f"    {title}: {Figure(**figure):.6g u}")
+        for title, row in group.get("rows", {}).items():
+            print(f"    {title} [{row['unit']}]: {' | '.join(map(_shown, row['values']))}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

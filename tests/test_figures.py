@@ -1,0 +1,98 @@
+"""The README's measured figures come from the record, all of them, each with its command."""
+
+import importlib.util
+import re
+import shlex
+
+import figures
+import headlines
+import pytest
+
+README = (figures.ROOT / "README.md").read_text()
+# What the text of the README may say outside its blocks: what was given, not what was measured.
+GIVEN = {"0.13 s"}
+MEASURED = re.compile(r"\d[\d.,]*\s?(?:%|ms|us|s|N|m|mm|kg|×|MB|GHz|minutes)(?!\w)")
+
+
+def test_readme_shows_the_record():
+    shown = figures.written(README)
+    assert shown == README, "run python tests/figures.py --write"
+    names = [name for name, _ in figures.BLOCK.findall(README)]
+    assert sorted(names) == sorted(figures.blocks()[0])
+
+
+def test_every_figure_is_shown():
+    assert figures.blocks()[1] == []
+
+
+def test_no_measured_number_stands_outside_the_blocks():
+    rest = re.sub(r"```.*?```", "", figures.BLOCK.sub("", README), flags=re.DOTALL)
+    assert {found for found in MEASURED.findall(rest) if found not in GIVEN} == set()
+
+
+def _exists(command: str) -> bool:
+    """Whether what a command runs is there."""
+    program, *arguments = shlex.split(command)
+    if program == "pytest":
+        return not arguments or (figures.ROOT / arguments[0]).exists()
+    if arguments[0] == "-m":
+        return importlib.util.find_spec(arguments[1]) is not None
+    return program == "python" and (figures.ROOT / arguments[0]).exists()
+
+
+@pytest.mark.parametrize("name", figures.record())
+def test_every_group_has_its_command(name):
+    commands = figures.record()[name]["command"]
+    if not commands.startswith("none: "):
+        assert all(_exists(part.removeprefix("errors: ")) for part in commands.split("; "))
+
+
+def test_a_figure_is_shown_with_format_and_unit():
+    figure = figures.Figure(1237.36, "N")
+    assert f"{figure:.0f u}, {figure:.1f}, {figure}" == "1237 N, 1237.4, 1,237.36"
+    assert f"{figures.Figure([0.02, 0.2], '%'): u}" == "0.02 / 0.2 %"
+    assert f"{figures.Figure('1.5 to 2', '1')}" == "1.5 to 2"
+
+
+def test_a_table_is_shown_with_its_units():
+    rows = {
+        "time": {"unit": "ms", "values": [0.29, [1, 2], None]},
+        "cost": {"unit": "", "values": [33000, "never", 5]},
+    }
+    table = figures.Group({"columns": ["", "a", "b", "c"], "rows": rows}, set())
+    assert f"{table}".splitlines() == [
+        "|  | a | b | c |", "| --- | --- | --- | --- |", "| time | 0.29 ms | 1 / 2 ms |  |",
+        "| cost | 33,000 | never | 5 |",
+    ]  # fmt: skip
+
+
+def test_the_record_is_written_as_it_is_read(tmp_path, monkeypatch):
+    text, groups = figures.RECORD.read_text(), figures.record()
+    monkeypatch.setattr(figures, "RECORD", tmp_path / "figures.json")
+    figures.write(groups)
+    assert figures.RECORD.read_text() == text
+
+
+# --- The jobs' figures -----------------------------------------------------------------------
+
+
+def test_jobs_on_record_have_their_figures():
+    for name, job in headlines.RUNS.items():
+        assert importlib.util.find_spec(f"optimize.{job.module}")
+        known = figures.record().get(name, {"figures": {}})["figures"]
+        assert {label: figure.unit for label, figure in job.figures.items()} == {
+            label: figure["unit"] for label, figure in known.items() if label in job.figures
+        }
+
+
+def test_a_figure_off_the_record_is_told():
+    known = figures.record()["pareto"]["figures"]
+    label, figure = next(iter(headlines.RUNS["pareto"].figures.items()))
+    value = known[label]["value"]
+    found = {"status": 0, "seconds": 1, label: value * (1 + 0.9 * figure.tolerance)}
+    assert headlines.differences("pareto", found, known) == []
+    found[label] = value * (1 + 1.1 * figure.tolerance)
+    assert len(headlines.differences("pareto", found, known)) == 1
+    assert len(headlines.differences("pareto", {**found, "status": 1}, known)) == 2
+    assert len(headlines.differences("pareto", {"status": 0}, known)) == 1
+    assert headlines.recorded("pareto", found)["figures"][label]["value"] == found[label]
