@@ -1,7 +1,8 @@
 """Differentiable simulation and design of flexible sorting fences, in JAX.
 
 `simulate(scenes.oblique_impact())` runs a scene; the rooms of the package are `parts`, `scenes`,
-`model`, `integrators`, `results`, `design`, `plot` and `study`, each with a page on what it holds.
+`model`, `integrators`, `results`, `design`, `plot`, `study` and `sorter`, each with a page on what
+it holds.
 """
 
 from importlib import metadata as _metadata

@@ -57,7 +57,7 @@ class LimitRow:
     name: str
     quantity: Quantity
     sense: str = "at most"
-    usual: Callable[[Bounding, DataSheet], Any] = lambda sorter, sheet: None
+    usual: Callable[[Bounding, DataSheet], Any] | None = None
     scale: float | None = None
 
     def __post_init__(self):
@@ -163,7 +163,8 @@ def settled(
     """The limits by name with their bounds for a material; what has no bound is left out."""
     found = []
     for row, given in bounds:
-        bound = row.usual(sorter, sheet) if given is None else given
+        usual = None if row.usual is None else row.usual(sorter, sheet)
+        bound = usual if given is None else given
         if bound is not None:
             found.append((row.name, Limit(row.quantity, float(bound), row.sense, row.scale)))
     return tuple(found)

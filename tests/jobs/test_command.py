@@ -182,7 +182,7 @@ def as_flags(name, value):
 @pytest.mark.parametrize(
     ("job", "switch"),
     [
-        ("co_design", "quick"), ("identify", "quick"), ("pareto", "quick"),
+        ("co_design", "quick"), ("design", "quick"), ("identify", "quick"), ("pareto", "quick"),
         ("peak_force", "worst_case"), ("reproduce_paper", "quick"), ("robust_design", "quick"),
         ("sensitivity", "quick"), ("stability_map", "quick"), ("sweep", "quick"),
         ("work_precision", "quick"),
