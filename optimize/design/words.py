@@ -11,7 +11,7 @@ _SHOWN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa")}
 def shown(value: float, unit: str, digits: int = 4) -> str:
     """A number in the unit that a designer reads it in."""
     factor, title = _SHOWN.get(unit, (1.0, unit))
-    scaled = 0.0 if abs(value) < 1e-12 else factor * value
+    scaled = 0.0 if abs(value) < 1e-9 else factor * value
     # Whole numbers where there are more digits than asked for.
     text = f"{scaled:.0f}" if 10**digits <= abs(scaled) < 1e7 else f"{scaled:.{digits}g}"
     return text + ("" if title == "1" else f" {title}")
@@ -110,7 +110,7 @@ def decides(problem: SorterProblem, one: Solution) -> str:
     quantity = problem.machine.objective.quantity
     optimum = one.optimum
     if optimum is None or not one.prices:
-        return "No limit and no bound decides."
+        return "No limit decides, and no bound that could give way."
     lines = []
     for price in one.prices[:6]:
         where = f" ({'; '.join(price.parcels[:3])})" if price.parcels else ""
