@@ -83,7 +83,7 @@ class Fidelity:
     geometry: str = "arc"
     load: str = "consistent"
     step: float = 2.5e-4
-    step_tolerance: float | None = 5e-4
+    step_tolerance: float | None = None
     halvings: int = 6
     longest_stride: int | None = None
     stride_tolerance: float = 5e-3
@@ -206,7 +206,7 @@ class Fidelity:
         gradient, as elasticities and relative to its norm, by 1.8 % in 95 % of them; in the worst
         by 0.12 % and 6 %. A third of the cost of `standard` in a batch.
         """
-        settings = dict(modes=2, step=1e-3, step_tolerance=1e-2, slip_speed=1e-3, static_speed=5e-3)
+        settings = dict(modes=2, step=1e-3, slip_speed=1e-3, static_speed=5e-3)
         return cls(**{**settings, **changes})
 
     @classmethod
@@ -217,7 +217,7 @@ class Fidelity:
         the worst by 0.06 % and 6 %, where friction turns round near the peak. Six tenths of the
         cost of `standard`.
         """
-        return cls(**{"step": 5e-4, "step_tolerance": 2e-3, **changes})
+        return cls(**{"step": 5e-4, **changes})
 
     @classmethod
     def standard(cls, **changes) -> "Fidelity":
@@ -238,7 +238,7 @@ class Fidelity:
         Thirty times the cost of `standard`.
         """
         settings = dict(
-            modes=12, geometry="chord", step=2.5e-5, step_tolerance=None, longest_stride=1,
+            modes=12, geometry="chord", step=2.5e-5, longest_stride=1,
             slip_speed=5e-5, static_speed=2.5e-4,
         )
         return cls(**{**settings, **changes})
