@@ -53,7 +53,7 @@ class Memory(NamedTuple):
     `fence` holds the vibration, its modal forces, the rates of the loads that the modes left out
     carry and their residual mode, and nothing else; `before` is the acceleration and
     `normals_before` the forces one step back, for the first guess alone;
-    `drifts` is how much faster [m/s] each corner's foot moves along the fence than the corner slides;
+    `drifts` is how much faster [m/s] each corner's foot moves along the fence than the corner does;
     `held` is the acceleration by the frictions that hold a corner, by the weights `sticking`, both
     absent without friction; `gone` is 1 for a corner that has left over the tip. Where the tip may
     carry a contact, `leans` say how each corner loads the fence.

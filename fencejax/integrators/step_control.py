@@ -1,9 +1,10 @@
 """Error control: a step whose defect is too large is taken again, shorter; the next one follows.
 
-The defect of a step (`step_defect`) is held against what is allowed of a contact's force: a share of
-the largest one so far, `Fidelity.step_tolerance`, or what changes the speed of approach by a tenth
-of that share, whichever is more: at the first touch there is no force yet to compare with. So one
-number bounds what each step may add, and a search for large errors finds them in proportion to it.
+The defect of a step (`step_defect`) is held against what is allowed of a contact's force: a share
+of the largest one so far, `Fidelity.step_tolerance`, or what changes the speed of approach by a
+tenth of that share, whichever is more: at the first touch there is no force yet to compare with. So
+one number bounds what each step may add, and a search for large errors finds them in proportion to
+it (`tests/robustness/search.py`).
 """
 
 from typing import NamedTuple

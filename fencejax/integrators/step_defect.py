@@ -7,8 +7,8 @@ order. So the error that a step adds is made by what the contact law says inside
     d = max over theta of |law(D(theta), Ddot(theta)) - (N_0 + theta (N_1 - N_0))|.
 
 D(theta) is the step's own dense output: the modes and the residual mode advance exactly to theta h
-under the linear force, and the rest of the gap is smooth. Two inner points, a quarter and a half of the step, see deviations of
-even and of odd shape; their maps are those of shorter steps.
+under the linear force, and the rest of the gap is smooth. Two inner points, a quarter and a half of
+the step, see deviations of even and of odd shape; their maps are those of shorter steps.
 """
 
 from typing import NamedTuple
@@ -117,8 +117,8 @@ def defects(
 ) -> list[Array]:
     """The defect of each contact [N], of a step of the `length` [s] from `was` to `now`.
 
-    `pair` is what meets; `strides` are the steps that lead to the points of `INNER`; the fence, if any, goes from the
-    state `before` to the state `after`.
+    `pair` is what meets; `strides` are the steps that lead to the points of `INNER`; the fence, if
+    any, goes from the state `before` to the state `after`.
     """
     first = last = []
     inside: list[list[_Ringing]] = [[] for _ in INNER]

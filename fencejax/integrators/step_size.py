@@ -35,8 +35,8 @@ class Stride(NamedTuple):
 
 
 class Clock(eqx.Module):
-    """The start time [s] on the drive's clock, the strides, one a row of a `table` (one lookup a step
-    finds all their numbers), and the most Newton iterations.
+    """The start time [s] on the drive's clock, the strides, one a row of a `table` (one lookup a
+    step finds all their numbers), and the most Newton iterations.
 
     `counts` is how many steps [1] each stride stands for: none, one and, where the fidelity allows
     longer ones, the powers of two up to the longest. Under error control a step is the shortest

@@ -130,7 +130,7 @@ def _unpacked(rows: Array, like):
     return jax.tree.unflatten(structure, parts)
 
 
-# Trials for each sample, rejected ones and shorter steps included, that reverse mode keeps room for.
+# Trials for each sample that reverse mode keeps room for, with rejected ones and shorter steps.
 _TRIALS = 8
 
 
