@@ -1,7 +1,8 @@
 """Differentiable simulation and design of flexible sorting fences, in JAX.
 
 `simulate(scenes.oblique_impact())` runs a scene; the rooms of the package are `parts`, `scenes`,
-`model`, `integrators`, `results`, `design`, `plot` and `study`, each with a page on what it holds.
+`model`, `integrators`, `results`, `design`, `plot`, `study` and `sorter`, each with a page on what
+it holds.
 """
 
 from importlib import metadata as _metadata
@@ -14,6 +15,7 @@ from . import (
     plot as plot,
     results as results,
     scenes as scenes,
+    sorter as sorter,
     study as study,
 )
 from ._xla import tune_compiler as tune_compiler
@@ -51,6 +53,7 @@ from .parts import (
     HarmonicDrive as HarmonicDrive,
     HeldDrive as HeldDrive,
     Material as Material,
+    Motor as Motor,
     Parcel as Parcel,
     PowerTaper as PowerTaper,
     ProfileTaper as ProfileTaper,
@@ -61,6 +64,7 @@ from .parts import (
     Uniform as Uniform,
     contact_laws as contact_laws,
     friction_laws as friction_laws,
+    materials as materials,
     surfaces as surfaces,
 )
 from .results import (
@@ -76,6 +80,7 @@ from .results import (
 )
 from .scenes import NormalScene as NormalScene, Scene as Scene
 from .simulate import simulate as simulate
+from .sorter import Sorter as Sorter
 from .study import (
     Choice as Choice,
     NoFidelityError as NoFidelityError,
@@ -121,6 +126,7 @@ __all__ = [
     "Limit",
     "Material",
     "Measure",
+    "Motor",
     "NoFidelityError",
     "NormalScene",
     "OBJECTIVES",
@@ -136,6 +142,7 @@ __all__ = [
     "SCurveDrive",
     "Scene",
     "SceneFamily",
+    "Sorter",
     "SplineDrive",
     "Status",
     "SteppedTaper",
@@ -155,6 +162,7 @@ __all__ = [
     "holds",
     "identify",
     "integrators",
+    "materials",
     "minimize",
     "minimize_many",
     "model",
@@ -172,6 +180,7 @@ __all__ = [
     "shock",
     "simulate",
     "simulate_many",
+    "sorter",
     "study",
     "surfaces",
     "tune_compiler",

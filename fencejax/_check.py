@@ -184,3 +184,18 @@ def flag(name: str, value: object) -> bool:
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(f"Argument `{name}` must be True or False, but is {value!r}.")
     return bool(value)
+
+
+def part(name: str, value, kind: type | tuple[type, ...], example: str):
+    """Check that a part is one, of a `kind`; `example` says what to write instead.
+
+    Raises `TypeError` otherwise; a class in place of an instance is told so.
+    """
+    if isinstance(value, kind):
+        return value
+    wanted = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
+    what = f"the class {value.__name__}, not made yet" if isinstance(value, type) else repr(value)
+    raise TypeError(
+        f"Argument `{name}` must be an instance of {wanted}, but is {what}. Write, for example, "
+        f"{example}."
+    )

@@ -46,7 +46,16 @@ from .program import (
     Numbers as Numbers,
     Program as Program,
 )
+from .ring_down import (
+    RING_AMPLITUDE as RING_AMPLITUDE,
+    ring_amplitude as ring_amplitude,
+)
 from .risk import quantile as quantile
+from .shadow_prices import (
+    ShadowPrices as ShadowPrices,
+    conflict as conflict,
+    shadow_prices as shadow_prices,
+)
 from .spline_motion import (
     extremes as extremes,
 )

@@ -32,7 +32,7 @@ def _share(level: float) -> float:
 
 def risk(
     values: ArrayLike, measure: str = "cvar", level: float = 0.95,
-    valid: ArrayLike | None = None,
+    valid: ArrayLike | None = None, weights: ArrayLike | None = None,
 ) -> Array:
     """A measure of the large values of a sample (n,): of a force, say.
 
@@ -44,12 +44,15 @@ def risk(
 
     Differentiable: the derivative is that of the values at their present ranks, a subgradient
     where two of them are equal. `valid` (n,) leaves values out, which may then be anything, not a
-    number included; NaN where none is left.
+    number included; NaN where none is left. `weights` (n,), at least 0, say how often each value
+    comes; by default all alike.
 
     Raises `ValueError` for an unknown measure or a level not in (0, 1).
     """
     _check.choice("measure", measure, MEASURES)
     level = _share(level)
+    if weights is not None:
+        return _weighted(jnp.asarray(values), measure, level, valid, jnp.asarray(weights))
     falling, rank, count = _sorted(jnp.asarray(values), valid)
     if measure == "mean":
         return jnp.sum(falling) / jnp.where(count > 0, count, jnp.nan)
@@ -59,6 +62,26 @@ def risk(
     top = jnp.maximum((1 - level) * count, jnp.minimum(count, 1.0))
     weights = jnp.clip(top - rank, 0.0, 1.0)
     return jnp.sum(weights * falling) / jnp.where(count > 0, top, jnp.nan)
+
+
+def _weighted(
+    values: Array, measure: str, level: float, valid: ArrayLike | None, weights: Array
+) -> Array:
+    """`risk` of values that come with different frequencies: of the largest share 1 - `level` of
+    all weight, each counts with its own."""
+    good = weights > 0
+    good = good if valid is None else good & jnp.asarray(valid)
+    safe, own = jnp.where(good, values, 0.0), jnp.where(good, weights, 0.0)
+    total = jnp.sum(own)
+    if measure == "mean":
+        return jnp.sum(own * safe) / jnp.where(total > 0, total, jnp.nan)
+    if measure == "worst":
+        return jnp.where(total > 0, jnp.max(jnp.where(good, values, -jnp.inf)), jnp.nan)
+    order = jnp.argsort(jax.lax.stop_gradient(jnp.where(good, -values, jnp.inf)))
+    falling, own = safe[order], own[order]
+    top = (1 - level) * total
+    counted = jnp.clip(top - (jnp.cumsum(own) - own), 0.0, own)
+    return jnp.sum(counted * falling) / jnp.where(total > 0, top, jnp.nan)
 
 
 def quantile(values: ArrayLike, level: float, valid: ArrayLike | None = None) -> Array:

@@ -12,6 +12,7 @@ in a file of its own, exported by its folder; every number in it is an array fie
 from . import (
     contact_laws as contact_laws,
     friction_laws as friction_laws,
+    materials as materials,
     surfaces as surfaces,
 )
 from .belt import (
@@ -24,6 +25,7 @@ from .contact_laws import (
 )
 from .drives import (
     CYCLE_TIME as CYCLE_TIME,
+    DRIVES as DRIVES,
     AbstractDrive as AbstractDrive,
     ConstantSpeedDrive as ConstantSpeedDrive,
     DriveMotion as DriveMotion,
@@ -37,12 +39,19 @@ from .fence import (
     Fence as Fence,
 )
 from .friction_laws import (
+    FRICTIONS as FRICTIONS,
     AbstractFriction as AbstractFriction,
     Friction as Friction,
     FrictionScales as FrictionScales,
 )
 from .material import (
     Material as Material,
+)
+from .materials import (
+    DataSheet as DataSheet,
+)
+from .motor import (
+    Motor as Motor,
 )
 from .parcel import (
     SIDES as SIDES,
@@ -57,6 +66,7 @@ from .surfaces import (
     SurfacePoint as SurfacePoint,
 )
 from .taper import (
+    TAPERS as TAPERS,
     AbstractTaper as AbstractTaper,
     ConstantStrength as ConstantStrength,
     PowerTaper as PowerTaper,

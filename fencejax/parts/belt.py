@@ -39,5 +39,7 @@ class Belt(eqx.Module):
         - `gravity`: g [m/s^2], at least 0.
         """
         _check.fields(self, speed=speed, width=width)
-        self.friction = Friction(kinetic=0.65, static=0.85) if friction is None else friction
+        friction = Friction(kinetic=0.65, static=0.85) if friction is None else friction
+        example = "friction=fj.Friction(kinetic=0.65, static=0.85)"
+        self.friction = _check.part("friction", friction, AbstractFriction, example)
         self.gravity = _check.field(self, "gravity", gravity)

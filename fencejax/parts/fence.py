@@ -55,8 +55,11 @@ class Fence(eqx.Module):
             self, rigid_length=rigid_length, flexible_length=flexible_length, width=width,
             thickness=thickness,
         )  # fmt: skip
-        self.material = Material() if material is None else material
-        self.taper = ConstantStrength() if taper is None else taper
+        material = Material() if material is None else material
+        taper = ConstantStrength() if taper is None else taper
+        example = "material=fj.materials.named('POM').material"
+        self.material = _check.part("material", material, Material, example)
+        self.taper = _check.part("taper", taper, AbstractTaper, "taper=fj.Uniform()")
 
     @classmethod
     def one_link(cls, **changes) -> "Fence":

@@ -83,6 +83,9 @@ class Parcel(eqx.Module):
             )
         self.given_inertia = None if inertia is None else _check.field(self, "inertia", inertia)
         self.stiffness = self.damping = None
+        if contact is not None:
+            example = "contact=fj.contact_laws.Kelvin(1.72e9, 3.3e5)"
+            contact = _check.part("contact", contact, AbstractContactLaw, example)
         self.contact = contact
         if contact is None:
             law = Kelvin()

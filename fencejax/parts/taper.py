@@ -1,6 +1,7 @@
 """The thickness of the flexible link along its length, h(x) = h_1 g(x / l_p)."""
 
 import abc
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -94,3 +95,12 @@ class SteppedTaper(AbstractTaper):
         step = np.minimum(np.floor(position * self.steps), self.steps - 1)
         middle = (step + 0.5) / self.steps
         return self.profile(middle, 1 - middle)
+
+
+TAPERS: Mapping[str, type[AbstractTaper]] = {
+    "constant_strength": ConstantStrength,
+    "uniform": Uniform,
+    "power": PowerTaper,
+    "profile": ProfileTaper,
+}
+"""The profiles by name."""

@@ -14,8 +14,10 @@ from ..parts import (
     AbstractFriction,
     AbstractSurface,
     Belt,
+    Border,
     Fence,
     Friction,
+    HarmonicDrive,
     Parcel,
     turned,
 )
@@ -37,11 +39,40 @@ def corners_of(name: str, corners: tuple[int, ...]) -> tuple[int, ...]:
 def fence_friction_of(
     friction: AbstractFriction | None | Default,
 ) -> AbstractFriction | None:
-    return Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
+    if friction is None:
+        return None
+    friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
+    example = "fence_friction=fj.Friction(kinetic=0.35, static=0.5)"
+    return _check.part("fence_friction", friction, AbstractFriction, example)
+
+
+def fence_of(fence: Fence | None) -> Fence:
+    fence = Fence() if fence is None else fence
+    return _check.part("fence", fence, Fence, "fence=fj.Fence(thickness=0.045)")
+
+
+def drive_of(drive: AbstractDrive | None) -> AbstractDrive:
+    drive = HarmonicDrive() if drive is None else drive
+    return _check.part("drive", drive, AbstractDrive, "drive=fj.HarmonicDrive(top_speed=1.53)")
+
+
+def parcel_of(parcel: Parcel | None) -> Parcel:
+    parcel = Parcel() if parcel is None else parcel
+    return _check.part("parcel", parcel, Parcel, "parcel=fj.Parcel(mass=15.0)")
+
+
+def border_of(border: Border | None | Default) -> Border | None:
+    if border is None:
+        return None
+    border = Border() if border == "default" else border
+    return _check.part("border", border, Border, "border=fj.Border()")
 
 
 def belt_of(belt: Belt | None | Default) -> Belt | None:
-    return Belt() if belt == "default" else belt
+    if belt is None:
+        return None
+    belt = Belt() if belt == "default" else belt
+    return _check.part("belt", belt, Belt, "belt=fj.Belt(speed=2.0)")
 
 
 def place_of(distance: ArrayLike, fence: Fence) -> Array:

@@ -5,7 +5,7 @@ from jaxtyping import ArrayLike
 
 from .. import _check
 from ..parts import Fence, Parcel
-from .arguments import duration_of, place_of
+from .arguments import duration_of, fence_of, parcel_of, place_of
 from .scene import NormalScene
 
 
@@ -28,11 +28,11 @@ def normal_impact(
 
     Raises `ValueError` where the distance is out of the fence's reach.
     """
-    fence = Fence() if fence is None else fence
+    fence = fence_of(fence)
     if distance is None:
         distance = fence.reach - 0.2 * fence.flexible_length
     return NormalScene(
-        Parcel() if parcel is None else parcel,
+        parcel_of(parcel),
         _check.scalar("speed", speed, size=1.0, unit="m/s"),
         fence,
         place_of(distance, fence),
@@ -48,7 +48,7 @@ def rigid_wall(
     `speed` is the normal approach speed v_n [m/s]; `duration` [s] is static, default 0.1.
     """
     return NormalScene(
-        Parcel() if parcel is None else parcel,
+        parcel_of(parcel),
         _check.scalar("speed", speed, size=1.0, unit="m/s"),
         None,
         None,

@@ -19,13 +19,17 @@ from ..parts import (
 from .arguments import (
     Default,
     belt_of,
+    border_of,
     check_clear_of_fence,
     check_clear_of_surfaces,
     check_motion,
     corners_of,
     cycle_of,
+    drive_of,
     duration_of,
     fence_friction_of,
+    fence_of,
+    parcel_of,
     surfaces_of,
     traced,
 )
@@ -68,9 +72,9 @@ def free_motion(
     motion = Body(
         *(_check.scalar(k, value, size=10.0, unit=unit) for k, (value, unit) in numbers.items())
     )
-    if fence is not None and drive is None:
-        drive = HarmonicDrive()
-    parcel = Parcel() if parcel is None else parcel
+    if fence is not None:
+        fence, drive = fence_of(fence), drive_of(drive)
+    parcel = parcel_of(parcel)
     surfaces = surfaces_of(surfaces)
     corners = corners_of("surface_corners", surface_corners) if surfaces else ()
     remedy = "Change `position` or `angle`."
@@ -132,12 +136,13 @@ def whole_sort(
       of the chute. `Result.peak_surface_force` is theirs.
     - `duration` [s], static, by default the drive's cycle.
     """
-    fence = Fence() if fence is None else fence
+    fence = fence_of(fence)
     if drive is None:
         drive, duration = HarmonicDrive(), CYCLE_TIME if duration is None else duration
+    drive = drive_of(drive)
     start = _on_belt(front, offset, angle)
-    border = Border() if border == "default" else border
-    parcel = Parcel() if parcel is None else parcel
+    border = border_of(border)
+    parcel = parcel_of(parcel)
     surfaces = surfaces_of(surfaces)
     surface_corners = corners_of("surface_corners", surface_corners) if surfaces else ()
     check_motion(drive)
@@ -195,13 +200,13 @@ def passive_sort(
     """
     surfaces = surfaces_of(surfaces)
     start = _on_belt(front, offset, angle)
-    parcel = Parcel() if parcel is None else parcel
+    parcel = parcel_of(parcel)
     corners = corners_of("surface_corners", surface_corners)
     if not traced(parcel, start, surfaces):
         body = start.body(parcel, None, None)
         remedy = "Lower `front`, or move the surface."
         check_clear_of_surfaces(parcel, body[:2], body.angle, surfaces, corners, remedy)
-    border = Border() if border == "default" else border
+    border = border_of(border)
     return Scene(
         parcel,
         start,

@@ -12,18 +12,21 @@ from ..parts import (
     Belt,
     Border,
     Fence,
-    HarmonicDrive,
     Parcel,
     turned,
 )
 from .arguments import (
     Default,
     belt_of,
+    border_of,
     check_clear_of_fence,
     corners_of,
     drive_angle_of,
+    drive_of,
     duration_of,
     fence_friction_of,
+    fence_of,
+    parcel_of,
     place_of,
     traced,
 )
@@ -69,8 +72,8 @@ def oblique_impact(
 
     Paper: (2.25), (2.26). There the end of the stage; what comes before is in the model.
     """
-    fence = Fence() if fence is None else fence
-    drive = HarmonicDrive() if drive is None else drive
+    fence = fence_of(fence)
+    drive = drive_of(drive)
     if parcel_angle is not None:
         parcel_angle = _check.scalar("parcel_angle", parcel_angle, size=10.0, unit="rad")
     moving = None
@@ -78,7 +81,7 @@ def oblique_impact(
         x, y, spin = (_check.scalar("velocity", v, size=1.0, unit="m/s") for v in velocity)
         moving = (x, y, spin)
     (number,) = corners_of("corner", (corner,))
-    parcel = Parcel() if parcel is None else parcel
+    parcel = parcel_of(parcel)
     start = AtTouch(
         place_of(distance, fence), drive_angle_of(drive_angle, drive), parcel_angle, moving, number
     )
@@ -140,11 +143,11 @@ def along_fence(
 
     Paper: (2.27)-(2.30). There phi is the fence's slope, and one force acts at the foot of C_s.
     """
-    fence = Fence() if fence is None else fence
-    drive = HarmonicDrive() if drive is None else drive
+    fence = fence_of(fence)
+    drive = drive_of(drive)
     start = FlushOnFence(place_of(distance, fence), drive_angle_of(drive_angle, drive))
     return Scene(
-        Parcel() if parcel is None else parcel,
+        parcel_of(parcel),
         start,
         belt_of(belt),
         fence,
@@ -180,9 +183,9 @@ def border_and_fence(
 
     Raises `ValueError` where the two corners are closer together than the fence is high there.
     """
-    fence = Fence() if fence is None else fence
-    drive = HarmonicDrive() if drive is None else drive
-    parcel = Parcel() if parcel is None else parcel
+    fence = fence_of(fence)
+    drive = drive_of(drive)
+    parcel = parcel_of(parcel)
     (first,) = corners_of("fence_corner", (fence_corner,))
     (second,) = corners_of("border_corner", (border_corner,))
     if first == second:
@@ -206,7 +209,7 @@ def border_and_fence(
         fence,
         drive,
         fence_friction_of(fence_friction),
-        Border() if border is None else border,
+        border_of("default" if border is None else border),
         (first,),
         (second,),
         duration_of(duration, 0.25),

@@ -42,6 +42,9 @@ from .fit_signals import (
 from .identify import (
     fit as fit,
 )
+from .measured_lanes import (
+    measured as measured,
+)
 from .recording import (
     SIGNALS as SIGNALS,
     Recording as Recording,

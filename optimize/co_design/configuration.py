@@ -3,12 +3,13 @@
 import dataclasses
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 
 import fencejax as fj
 from fencejax.design import Limit, objectives
 
-from ..common import designs, flags, named
+from ..common import designs, flags, machine, named
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,6 +26,9 @@ class CoDesignConfig:
         "folder for co_design.json, evaluations.jsonl and the figures; a job that was "
         "interrupted goes on from there",
     )
+    sorter: str = machine.sorter_field()
+    set: tuple[str, ...] = machine.set_field()
+    free: tuple[str, ...] = machine.free_field()
     masses: tuple[float, ...] = flags.field((5.0, 20.0), "parcel masses [kg]")
     offsets: tuple[float, ...] = flags.field(
         (0.05, 0.20), "Delta s, from the border to the parcel [m]"
@@ -85,6 +89,27 @@ class CoDesignConfig:
 
     def __post_init__(self):
         flags.check(self)
+        machine.only_without(
+            self, "masses", "offsets", "front", "taper", "tip_limit", "stress_limit", "crossing",
+            "torque_limit",
+        )  # fmt: skip
+
+    @property
+    def machine(self) -> fj.sorter.Machine | None:
+        """The sorter that is named, if any."""
+        return machine.chosen(self)
+
+    @property
+    def seconds(self) -> float:
+        """From one sort to the next [s]: the sorter's own where it says so."""
+        given = None if self.machine is None else self.machine.period
+        return self.period if given is None else given
+
+    @property
+    def ring_bound(self) -> float:
+        """Largest amplitude at the period's end [m]: the sorter's own where it says so."""
+        bounds = {} if self.machine is None else {r.name: b for r, b in self.machine.bounds}
+        return bounds.get("ring") or self.ring_limit
 
     @property
     def limits(self) -> tuple[Limit, ...]:
@@ -95,24 +120,25 @@ class CoDesignConfig:
             objectives.diverted_limit(self.crossing),
             Limit(objectives.PEAK_TORQUE, self.torque_limit),
         )
+        limits = machine.limits(limits, self.machine, ("ring", "cycle"))
         return named.limits(limits, self.limit)
 
     @property
     def space(self) -> fj.DesignSpace:
-        """The variables over the paper's fence and a spline as near as can be to its drive."""
-        cycle = min(fj.HarmonicDrive().cycle_time.item(), 0.95 * self.period)
-        paper = fj.HarmonicDrive(cycle_time=cycle)
+        """The variables over the fence and a spline as near as can be to its drive."""
+        own = fj.HarmonicDrive() if self.machine is None else self.machine.drive
+        cycle = min(float(own.cycle), 0.95 * self.seconds)
+        paper = own if self.machine is not None else fj.HarmonicDrive(cycle_time=cycle)
         units = np.eye(self.controls)
         time = np.linspace(0, cycle, 400)
-        columns = [np.asarray(fj.SplineDrive(row, cycle).angle(time)) for row in units]
+        columns = [np.asarray(fj.SplineDrive(row, cycle).angle(jnp.asarray(time))) for row in units]
         angles, *_ = np.linalg.lstsq(
-            np.stack(columns, axis=1), np.asarray(paper.angle(time)), rcond=None
+            np.stack(columns, axis=1), np.asarray(paper.angle(jnp.asarray(time))), rcond=None
         )
         drive = fj.SplineDrive(np.maximum(angles, 0.0), cycle)
         # No angle below 0: the fence does not go through the border.
-        spans = (("control_angles", -1e-3, 1.2), ("cycle_time", 0.6 * self.period, self.period))
-        fence = fj.Fence(taper=named.taper(self.taper))
-        return designs.space(self.variables, self.bounds, fence, drive, spans)
+        spans = (("control_angles", -1e-3, 1.2), ("cycle_time", 0.6 * self.seconds, self.seconds))
+        return machine.space(self, self.machine, drive, spans)
 
     def quick(self) -> "CoDesignConfig":
         """A small version: two sorts, few control angles, the fast fidelity throughout."""

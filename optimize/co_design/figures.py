@@ -51,7 +51,9 @@ def _finish(every, labels, limits) -> None:
 
 def sorts(joint: Joint, before, after, lane: int, out: Path) -> None:
     """Force, tip deflection and torque over the sort that is hardest after."""
-    course = Course("sorts", joint.config.period, fj.Fidelity.fast())
+    course = Course(
+        "sorts", joint.config.seconds, fj.Fidelity.fast(), machine=joint.config.machine
+    )
     number = joint.encounters.named(lane)
 
     @jax.jit

@@ -6,23 +6,11 @@ import numpy as np
 from jaxtyping import Array
 
 import fencejax as fj
-from fencejax.design import LaneProgram, extremes, objectives
-from fencejax.model import FlexibleLink
+from fencejax.design import LaneProgram, extremes, objectives, ring_amplitude
 from fencejax.results import refined
 
 from ..common.encounters import Course, Encounter
 from .configuration import CoDesignConfig
-
-
-def ring_amplitude(energy: Array, fence: fj.Fence) -> Array:
-    """The tip's amplitude [m] if all of an energy [J] were that of the first mode: with
-    m_0 omega_1^2 eta^2 / 2 = E, a = phi_1(tip) eta. Higher modes move the tip less."""
-    link = FlexibleLink(fence, fj.Fidelity(modes=1, static_correction=False))
-    (square,) = link.frequency_squared
-    tip = link.tip_deflection((jnp.ones_like(square),), (), ())
-    # 1e-18 J: far below what matters, so that the root has a derivative.
-    eta = jnp.sqrt(2 * (jnp.maximum(energy, 0.0) + 1e-18) / (link.mass_scale * square))
-    return jnp.abs(tip) * eta
 
 
 class Joint:
@@ -30,9 +18,12 @@ class Joint:
 
     def __init__(self, config: CoDesignConfig):
         self.config, self.space, self.limits = config, config.space, config.limits
-        self.encounters = Encounter.grid(
-            offset=config.offsets, mass=config.masses, front=(config.front,)
-        )
+        if config.machine is None:
+            self.encounters = Encounter.grid(
+                offset=config.offsets, mass=config.masses, front=(config.front,)
+            )
+        else:
+            self.encounters = Encounter.of(config.machine)
         quantities = (objectives.PEAK_FORCE, *(x.quantity for x in self.limits))
         self._quantities = (*quantities, objectives.RING_ENERGY)
         base = self.space.values_of(self.space.fence, self.space.drive)
@@ -52,7 +43,7 @@ class Joint:
     def sorts(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity):
         """Every quantity by name and the statuses, one number a sort."""
         fence, drive = self.space.apply(self.space.from_shares(z))
-        course = Course("sorts", self.config.period, fidelity)
+        course = Course("sorts", self.config.seconds, fidelity, machine=self.config.machine)
         found = course.measure(fence, drive, encounters, self._quantities)
         return found, found.pop("status")
 
@@ -73,7 +64,7 @@ class Joint:
         """Margins [1] by the limits' names: one a sort, or one a span or knot of the motion."""
         config = self.config
         rows = {limit.name: limit.margin_of(read[limit.name]) for limit in self.limits}
-        rows["ring_amplitude"] = 1 - read["ring_amplitude"] / config.ring_limit
+        rows["ring_amplitude"] = 1 - read["ring_amplitude"] / config.ring_bound
         for name in ("speed", "acceleration", "jerk"):
             rows[name] = 1 - jnp.abs(read[name]) / getattr(config, f"{name}_limit")
         return rows

@@ -1,15 +1,4 @@
-"""Names with numbers in the texts of flags: `name=value`, `name=lower:upper`."""
-
-
-def value(field: str, text: str, form: str) -> tuple[str, float]:
-    """`"distance=0.9"` as a name and a number.
-
-    Raises `ValueError` where it is none: that the `field` must `form`.
-    """
-    try:
-        return _pair(text)
-    except ValueError as error:
-        raise refusal(field, text, form) from error
+"""Names with numbers in the texts of flags: `name=value,...`, `name=lower:upper`."""
 
 
 def values(field: str, text: str, form: str) -> dict[str, float]:

@@ -4,13 +4,15 @@ import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
 import fencejax as fj
-from fencejax.design import Quantity, objectives
+from fencejax.design import Quantity
+from fencejax.parts import AbstractFriction
+from fencejax.sorter import Machine
+from fencejax.study import measured
 
 KINDS = ("sorts", "impacts")
 # The kind of scene of each, and which numbers of an encounter it has not.
@@ -63,6 +65,26 @@ class Encounter(NamedTuple):
         lanes = {name: values.ravel() for name, values in zip(columns, mesh, strict=True)}
         return cls(**lanes).wide()
 
+    @classmethod
+    def of(cls, machine: Machine, **columns: Sequence[float]) -> "Encounter":
+        """Every parcel of a machine at its place, with every combination of other values."""
+        parcels = machine.parcels
+        numbers = {path.rpartition(".")[2]: values for path, values in parcels.columns.items()}
+        unknown = set(numbers) - set(cls._fields)
+        if unknown:
+            raise ValueError(
+                f"Argument `parcels` must give {', '.join(cls._fields[:5])} and places alone for "
+                f"this job, but gives {', '.join(sorted(unknown))}."
+            )
+        for name, law in (
+            ("belt_friction", machine.belt.friction), ("fence_friction", machine.fence_friction),
+        ):  # fmt: skip
+            numbers[name] = np.full(parcels.count, _kinetic(law))
+        mesh = np.meshgrid(np.arange(parcels.count), *columns.values(), indexing="ij")
+        lane, *others = (part.ravel() for part in mesh)
+        lanes = {name: values[lane] for name, values in numbers.items()}
+        return cls(**lanes, **dict(zip(columns, others, strict=True))).wide()
+
     def wide(self) -> "Encounter":
         """Every field as an array with the lanes as its first axis."""
         return Encounter(*(part.copy() for part in np.broadcast_arrays(*map(np.asarray, self))))
@@ -80,28 +102,46 @@ class Encounter(NamedTuple):
 @dataclasses.dataclass(frozen=True)
 class Course:
     """How encounters are run: `kind` (`"sorts"` or `"impacts"`), their `duration` [s], the
-    `fidelity`, and how many go through one vectorised call (`chunk`)."""
+    `fidelity`, how many go through one vectorised call (`chunk`), and the `machine` whose belt,
+    border and frictions they meet; `None` for the paper's."""
 
     kind: str
     duration: float
     fidelity: fj.Fidelity
     chunk: int = 64
+    machine: Machine | None = None
 
     def scene(
         self, fence: fj.Fence, drive: fj.AbstractDrive, encounter: Encounter
     ) -> fj.Scene:
         """The scene of one encounter."""
         numbers = encounter._asdict()
-        for part, ratio in (("belt", _BELT_RATIO), ("fence", _FENCE_RATIO)):
-            kinetic = jnp.asarray(numbers.pop(f"{part}_friction"))
-            numbers[f"{part}_kinetic_friction"] = kinetic
-            numbers[f"{part}_static_friction"] = kinetic * ratio
+        for part, usual in (("belt", _BELT_RATIO), ("fence", _FENCE_RATIO)):
+            kinetic, ratio = jnp.asarray(numbers.pop(f"{part}_friction")), self._ratio(part, usual)
+            if ratio is not None:
+                numbers[f"{part}_kinetic_friction"] = kinetic
+                numbers[f"{part}_static_friction"] = kinetic * ratio
         kind, others = _SCENES[self.kind]
         given = {name: value for name, value in numbers.items() if name not in others}
-        family = fj.SceneFamily(
-            kind, tuple(given), fence=fence, drive=drive, duration=self.duration
-        )
+        if self.machine is None:
+            family = fj.SceneFamily(
+                kind, tuple(given), fence=fence, drive=drive, duration=self.duration
+            )
+        else:
+            machine = dataclasses.replace(self.machine, fence=fence, drive=drive)
+            family = machine.family(tuple(given), kind=kind, duration=self.duration)
         return family.scene(jnp.stack([jnp.asarray(value, float) for value in given.values()]))
+
+    def _ratio(self, part: str, usual: float) -> float | None:
+        """Static over kinetic friction of `"belt"` or `"fence"`; `None` without friction there."""
+        if self.machine is None:
+            return usual
+        law = self.machine.belt.friction if part == "belt" else self.machine.fence_friction
+        kinetic = _kinetic(law)
+        if law is None:
+            return None
+        assert isinstance(law, (fj.Friction, fj.friction_laws.Stribeck))
+        return float(law.static) / kinetic if kinetic else 1.0
 
     def measure(
         self,
@@ -111,27 +151,15 @@ class Course:
         quantities: Sequence[Quantity],
     ) -> dict[str, Array]:
         """The quantities by name and `status`, one number a lane. Differentiable."""
-        only = objectives.fields(quantities)
+        return measured(
+            lambda encounter: self.scene(fence, drive, encounter), encounters, quantities,
+            self.fidelity, self.chunk,
+        )  # fmt: skip
 
-        def one(encounter: Encounter) -> dict[str, Array]:
-            scene = self.scene(fence, drive, encounter)
-            result = fj.simulate(scene, fidelity=self.fidelity, history=False, only=only)
-            read = {q.name: q(result, scene) for q in quantities}
-            read["status"] = result.status
-            return read
 
-        numbers = jax.tree.map(jnp.asarray, encounters)
-        lanes = numbers.mass.shape[0]
-        if lanes <= self.chunk:
-            return jax.vmap(one)(numbers)
-        # Chunks of one size, filled up with the first lane: one program for all of them.
-        count = -(-lanes // self.chunk)
-        size = -(-lanes // count)
-        spare = count * size - lanes
-
-        def chunked(part):
-            filled = jnp.concatenate([part, jnp.broadcast_to(part[:1], (spare,))])
-            return filled.reshape(count, size)
-
-        found = jax.lax.map(jax.vmap(one), jax.tree.map(chunked, numbers))
-        return jax.tree.map(lambda part: part.reshape(-1)[:lanes], found)
+def _kinetic(law: AbstractFriction | None) -> float:
+    """The kinetic coefficient of a law of friction."""
+    if law is None:
+        return 0.0
+    assert isinstance(law, (fj.Friction, fj.friction_laws.Stribeck))
+    return float(law.kinetic)

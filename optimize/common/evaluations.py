@@ -6,14 +6,17 @@ from typing import Any
 
 import fencejax as fj
 from fencejax.design import Journal
+from fencejax.sorter import Machine
 
 
 def key(config: Any) -> str:
     """What decides the numbers of an evaluation at a design: every field of a configuration but
-    those that its class names in `not_in_key`, and the fidelities."""
+    those that its class names in `not_in_key`, what its sorter file says, and the fidelities."""
     fields = (f.name for f in dataclasses.fields(config) if f.name not in config.not_in_key)
     ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
-    return repr({name: getattr(config, name) for name in fields}) + repr(ladder)
+    machine = getattr(config, "machine", None)
+    said = machine.signature if isinstance(machine, Machine) else ""
+    return repr({name: getattr(config, name) for name in fields}) + repr(ladder) + said
 
 
 def journal(config: Any, say: Callable[..., None]) -> Journal:

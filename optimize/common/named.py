@@ -6,22 +6,15 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import fencejax as fj
+from fencejax import parts
 from fencejax.design import LIMITS, OBJECTIVES, Limit, Quantity
 
 from . import flags
 
 _T = TypeVar("_T")
-DRIVES: Mapping[str, type[fj.AbstractDrive]] = {
-    "harmonic": fj.HarmonicDrive,
-    "held": fj.HeldDrive,
-    "constant_speed": fj.ConstantSpeedDrive,
-    "trapezoid": fj.TrapezoidDrive,
-    "s_curve": fj.SCurveDrive,
-}
-TAPERS: Mapping[str, type[fj.AbstractTaper]] = {
-    "constant_strength": fj.ConstantStrength,
-    "uniform": fj.Uniform,
-}
+# Those that can be made without arguments.
+DRIVES = {name: law for name, law in parts.DRIVES.items() if law is not fj.SplineDrive}
+TAPERS = {name: parts.TAPERS[name] for name in ("constant_strength", "uniform")}
 OWN = "or your own as module:Name"
 
 

@@ -7,7 +7,7 @@ import fencejax as fj
 from fencejax.scenes import AnyScene, numbers as scene_numbers
 from fencejax.study import OFFSET, PARAMETERS, SIGNALS, Recording
 
-from ..common import assignments, flags
+from ..common import assignments, flags, machine
 
 SCENES = ("oblique_impact", "normal_impact")
 # The longest impact that a recording in seconds would hold [s].
@@ -35,10 +35,11 @@ class IdentifyConfig:
     scene: str = flags.field(
         "oblique_impact", "what was recorded, with the paper's numbers", choices=SCENES
     )
-    known: tuple[str, ...] = flags.field(
+    sorter: str = machine.sorter_field()
+    set: tuple[str, ...] = flags.field(
         (),
-        "numbers of the setting that differ from the paper's, as name=value[,name=value ...] "
-        "[SI]: one for all records, or one a record",
+        "numbers of the setting that differ, as NAME=VALUE[,NAME=VALUE ...] (SI or a unit): one "
+        "text for all records, or one a record",
         nargs="*",
         metavar="NAME=VALUE",
     )
@@ -92,10 +93,10 @@ class IdentifyConfig:
                 "Argument `scene` must be 'oblique_impact' for the demonstration, which also looks "
                 "for friction, but is 'normal_impact'."
             )
-        if self.known and len(self.known) not in (1, len(self.records)):
+        if self.set and len(self.set) not in (1, len(self.records)):
             raise ValueError(
-                f"Argument `known` must hold one set of numbers, or one for each of the "
-                f"{len(self.records)} records, but holds {len(self.known)}."
+                f"Argument `set` must hold one set of numbers, or one for each of the "
+                f"{len(self.records)} records, but holds {len(self.set)}."
             )
 
     @property
@@ -125,10 +126,9 @@ class IdentifyConfig:
 
     def numbers(self, index: int) -> dict[str, float]:
         """What is known of the setting of a record, by name [SI]."""
-        if not self.known:
+        if not self.set:
             return {}
-        text = self.known[index if len(self.known) > 1 else 0]
-        return assignments.values("known", text, _PAIRS)
+        return machine.numbers("set", self.set[index if len(self.set) > 1 else 0])
 
     def scales(self) -> dict[str, float] | None:
         """The noise by signal, if it is given."""
@@ -138,8 +138,11 @@ class IdentifyConfig:
         return {name: value for one in found for name, value in one.items()}
 
     def base(self, numbers: dict[str, float], duration: float) -> AnyScene:
-        """A scene with the paper's numbers but for some that are known."""
-        scene = getattr(fj.scenes, self.scene)(duration=duration)
+        """A scene with the paper's numbers, or a sorter's, but for some that are known."""
+        if self.sorter == machine.NONE:
+            scene = getattr(fj.scenes, self.scene)(duration=duration)
+        else:
+            scene = machine.scene(self.sorter, self.scene, duration)
         for name, value in numbers.items():
             scene_numbers.check(scene, name, value)
         if not numbers:

@@ -1,6 +1,6 @@
 """What are the fence and the parcel made of? Parameters from recordings of impacts.
 
-    python -m optimize.identify --records impact.csv --known distance=0.9,mass=12 --out out
+    python -m optimize.identify --records impact.csv --set distance=0.9,mass=12 --out out
     python -m optimize.identify --demo --out out
 
 fits Young's modulus, the damping ratio, the parcel's stiffness and damping, and friction to the

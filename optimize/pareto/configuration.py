@@ -6,7 +6,7 @@ from pathlib import Path
 import fencejax as fj
 from fencejax.design import Limit, Quantity, objectives
 
-from ..common import designs, flags, named
+from ..common import designs, flags, machine, named
 from ..common.encounters import KINDS
 
 AGAINST = {
@@ -49,6 +49,9 @@ class ParetoConfig:
         f"what the peak force is weighed against: {', '.join(AGAINST)}, {named.OWN} of a Quantity",
         metavar="QUANTITY",
     )
+    sorter: str = machine.sorter_field()
+    set: tuple[str, ...] = machine.set_field()
+    free: tuple[str, ...] = machine.free_field()
     scenes: str = flags.field(
         "auto",
         "impacts, sorts, or auto: sorts for cycle_time and drive_torque",
@@ -116,18 +119,30 @@ class ParetoConfig:
     def __post_init__(self):
         flags.check(self)
         named.quantity("against", self.against, AGAINST)
+        machine.only_without(
+            self, "masses", "offsets", "front", "drive", "taper", "tip_limit", "stress_limit",
+            "crossing",
+        )  # fmt: skip
+
+    @property
+    def machine(self) -> fj.sorter.Machine | None:
+        """The sorter that is named, if any."""
+        return machine.chosen(self)
 
     @property
     def kind(self) -> str:
         """What a parcel goes through: drive and throughput are seen in whole sorts only."""
         if self.scenes != "auto":
             return self.scenes
+        if self.machine is not None:
+            return "sorts"
         return "sorts" if self.against in ("cycle_time", "drive_torque") else "impacts"
 
     @property
     def length(self) -> float:
         """Duration of each scene [s]."""
-        return self.duration or _DURATIONS[self.kind]
+        given = None if self.machine is None or self.kind != "sorts" else self.machine.duration
+        return self.duration or given or _DURATIONS[self.kind]
 
     @property
     def designed(self) -> tuple[str, ...]:
@@ -137,8 +152,8 @@ class ParetoConfig:
     @property
     def space(self) -> fj.DesignSpace:
         """The variables with their bounds."""
-        fence, drive = fj.Fence(taper=named.taper(self.taper)), named.drive(self.drive)
-        return designs.space(self.designed, self.bounds, fence, drive, _BOUNDS)
+        designed = dataclasses.replace(self, variables=self.designed)
+        return machine.space(designed, self.machine, default=_BOUNDS)
 
     @property
     def quantity(self) -> Quantity:
@@ -155,7 +170,7 @@ class ParetoConfig:
         )
         if self.kind == "impacts":
             limits = (*limits, objectives.tip_clearance_limit(self.tip_clearance))
-        return named.limits(limits, self.limit)
+        return named.limits(machine.limits(limits, self.machine), self.limit)
 
     def quick(self) -> "ParetoConfig":
         """A small version: few parcels and points, the fast fidelity throughout."""

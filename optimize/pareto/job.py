@@ -20,7 +20,6 @@ import time
 
 import numpy as np
 
-import fencejax as fj
 from fencejax.plot import non_dominated
 
 from ..common import command, designs, evaluations
@@ -87,7 +86,7 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
         "measured": point.found.lanes,
     }
     if tradeoff.quantity.name == "cycle_time":
-        row["spacing"] = float(fj.Belt().speed) * point.other
+        row["spacing"] = float(tradeoff.belt.speed) * point.other
         row["parcels_an_hour"] = 3600 / point.other
     if point.verified is not None and point.finer is not None:
         row["verified"] = verified(tradeoff.config.verify, point.verified) | {

@@ -39,9 +39,12 @@ class Tradeoff:
     def __init__(self, config: ParetoConfig):
         self.config, self.space = config, config.space
         self.quantity, self.limits = config.quantity, config.limits
-        if config.kind == "impacts":
-            lanes = dict(distance=config.distances, mass=config.masses)
-            self.encounters = Encounter.grid(**lanes, drive_angle=(config.drive_angle,))
+        impacts = dict(distance=config.distances, drive_angle=(config.drive_angle,))
+        if config.machine is not None:
+            others = impacts if config.kind == "impacts" else {}
+            self.encounters = Encounter.of(config.machine, **others)
+        elif config.kind == "impacts":
+            self.encounters = Encounter.grid(mass=config.masses, **impacts)
         else:
             lanes = dict(offset=config.offsets, mass=config.masses)
             self.encounters = Encounter.grid(**lanes, front=(config.front,))
@@ -61,9 +64,14 @@ class Tradeoff:
         self.loose = 1e6
         self._measure = {}
 
+    @property
+    def belt(self) -> fj.Belt:
+        """The belt of all encounters."""
+        return fj.Belt() if self.config.machine is None else self.config.machine.belt
+
     def course(self, fidelity: fj.Fidelity) -> Course:
         """How the encounters are run at a fidelity."""
-        return Course(self.config.kind, self.config.length, fidelity)
+        return Course(self.config.kind, self.config.length, fidelity, machine=self.config.machine)
 
     def _read(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity, quantities):
         """The quantities by name and the statuses, one number an encounter."""

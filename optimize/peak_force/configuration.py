@@ -6,7 +6,7 @@ from pathlib import Path
 import fencejax as fj
 from fencejax.design import VARIABLES, objectives
 
-from ..common import designs, flags, named
+from ..common import designs, flags, machine, named
 
 
 @dataclasses.dataclass(frozen=True)
@@ -14,6 +14,9 @@ class PeakForceConfig:
     """Every number of the job; `python -m optimize.peak_force --help` says what each is."""
 
     out: Path = flags.field(Path("out"), "folder for history.json, result.json and the figures")
+    sorter: str = machine.sorter_field()
+    set: tuple[str, ...] = machine.set_field()
+    free: tuple[str, ...] = machine.free_field()
     distances: tuple[float, ...] = flags.field(
         (0.8, 0.9, 1.0), "arc coordinates of the first touch [m]"
     )
@@ -78,6 +81,27 @@ class PeakForceConfig:
 
     def __post_init__(self):
         flags.check(self)
+        machine.only_without(self, "drive", "taper", "tip_limit", "stress_limit", "crossing")
+
+    @property
+    def machine(self) -> fj.sorter.Machine | None:
+        """The sorter that is named, if any."""
+        return machine.chosen(self)
+
+    @property
+    def belt(self) -> fj.Belt:
+        """The belt of all impacts."""
+        return fj.Belt() if self.machine is None else self.machine.belt
+
+    @property
+    def one_link(self) -> fj.Fence:
+        """The paper's one-link fence, or the machine's fence without its rigid link."""
+        if self.machine is None:
+            return fj.Fence.one_link(taper=named.taper(self.taper))
+        fence = self.machine.fence
+        return fj.Fence(
+            0.0, fence.reach, fence.width, fence.thickness, fence.material, fence.taper
+        )
 
     @property
     def limits(self) -> tuple[objectives.Limit, ...]:
@@ -88,7 +112,7 @@ class PeakForceConfig:
             objectives.diverted_limit(self.crossing),
             objectives.tip_clearance_limit(self.tip_clearance),
         )
-        return named.limits(limits, self.limit)
+        return named.limits(machine.limits(limits, self.machine), self.limit)
 
     @property
     def quantity(self) -> fj.Quantity:
@@ -98,8 +122,7 @@ class PeakForceConfig:
     @property
     def space(self) -> fj.DesignSpace:
         """The variables with their bounds."""
-        fence = fj.Fence(taper=named.taper(self.taper))
-        return designs.space(self.variables, self.bounds, fence, named.drive(self.drive))
+        return machine.space(self, self.machine)
 
     def worst_case(self) -> "PeakForceConfig":
         """The paper's worst case alone: its parcel of 15 kg, met near the tip."""

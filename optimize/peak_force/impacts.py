@@ -10,19 +10,22 @@ from jaxtyping import Array
 import fencejax as fj
 from fencejax.design import DesignSpace, Limit, Quantity, objectives
 from fencejax.plot import Trace
+from fencejax.sorter import Machine
 
 
 @dataclasses.dataclass(frozen=True)
 class Impacts:
     """Oblique impacts at several distances [m], each by parcels of several masses [kg].
 
-    `duration` [s] of each is long enough to see whether the parcel is diverted.
+    `duration` [s] of each is long enough to see whether the parcel is diverted. `machine`: whose
+    belt, frictions and parcels' sizes these are; `None` for the paper's.
     """
 
     distances: tuple[float, ...]
     masses: tuple[float, ...]
     drive_angle: float
     duration: float
+    machine: Machine | None = None
 
     @property
     def lanes(self) -> tuple[tuple[float, float], ...]:
@@ -31,6 +34,13 @@ class Impacts:
 
     def scene(self, fence: fj.Fence, drive: fj.AbstractDrive, distance, mass) -> fj.Scene:
         """One of the impacts."""
+        if self.machine is not None:
+            machine = dataclasses.replace(self.machine, fence=fence, drive=drive)
+            fixed = {"drive_angle": self.drive_angle}
+            family = machine.family(
+                ("distance", "mass"), kind="oblique_impact", fixed=fixed, duration=self.duration
+            )
+            return family.scene(jnp.stack([jnp.asarray(distance), jnp.asarray(mass)]))
         return fj.scenes.oblique_impact(
             fence=fence,
             drive=drive,
@@ -110,14 +120,21 @@ def whole_sorts(
     front: float,
     masses: tuple[float, ...],
     duration: float,
+    machine: Machine | None = None,
 ) -> Measurement:
     """How far beyond the belt's edge whole sorts carry parcels [m], their peak forces [N] and
     statuses, one a mass; a check without derivatives."""
 
     def one(mass):
-        scene = fj.scenes.whole_sort(
-            front=front, fence=fence, drive=drive, parcel=fj.Parcel(mass=mass), duration=duration
-        )
+        if machine is None:
+            scene = fj.scenes.whole_sort(
+                front=front, fence=fence, drive=drive, parcel=fj.Parcel(mass=mass),
+                duration=duration,
+            )  # fmt: skip
+        else:
+            own = dataclasses.replace(machine, fence=fence, drive=drive)
+            family = own.family(("mass",), fixed={"front": front}, duration=duration)
+            scene = family.scene(jnp.asarray(mass)[None])
         result = fj.simulate(scene, history=False)
         return {
             "crossing": objectives.CROSSING(result, scene),

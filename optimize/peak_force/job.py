@@ -104,10 +104,10 @@ class _Checks:
 
         def sort(fence, drive):
             return batch.whole_sorts(
-                fence, drive, config.sort_front, config.sort_masses, cycle
+                fence, drive, config.sort_front, config.sort_masses, cycle, config.machine
             )
 
-        self._space = space
+        self._space, self._config = space, config
         shapes = self._stacked(space.values_of(space.fence, space.drive))
         pool = concurrent.futures.ThreadPoolExecutor(max_workers=1)
 
@@ -121,7 +121,7 @@ class _Checks:
     def _stacked(self, after):
         """Fences and drives of all three, each leaf with the fence as its first axis."""
         space = self._space
-        one_link = fj.Fence.one_link(taper=space.fence.taper)
+        one_link = self._config.one_link
         paper = (space.fence, space.drive), (one_link, space.drive)
         three = (paper[0], space.apply(after), paper[1])
         return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *three)
@@ -144,7 +144,7 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     config = PeakForceConfig() if config is None else config
     space, limits = config.space, config.limits
     impacts = batch.Impacts(
-        config.distances, config.masses, config.drive_angle, config.duration
+        config.distances, config.masses, config.drive_angle, config.duration, config.machine
     )
     config.out.mkdir(parents=True, exist_ok=True)
     fidelity = getattr(fj.Fidelity, config.fidelity)()
@@ -175,7 +175,7 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
     stacked, signals = checks.impacts(after)
     old, new, other = ({k: v[i] for k, v in stacked.items()} for i in range(3))
     found = _measured(config, optimum, optimum.last)
-    stiff = batch.stiff_forces(impacts, space.drive, float(fj.Belt().speed))
+    stiff = batch.stiff_forces(impacts, space.drive, float(config.belt.speed))
     label = "reference" if config.reference else config.fidelity
     rows = {
         f"two-link, {label}": old,
@@ -260,12 +260,12 @@ def _verdict(outcome: Outcome) -> str:
     return text
 
 
-def _side_by_side(outcome: Outcome) -> dict[str, dict[str, float | None]]:
+def _side_by_side(outcome: Outcome, one_link: fj.Fence) -> dict[str, dict[str, float | None]]:
     """The three fences [SI] and the worst of each number over the impacts."""
     space = outcome.space
     fences = {
         "before": space.fence,
-        "one_link": fj.Fence.one_link(taper=space.fence.taper),
+        "one_link": one_link,
         "after": space.apply(outcome.after)[0],
     }
     rows = {}
@@ -328,7 +328,7 @@ def _write(config, outcome, impacts, signals) -> None:
         "rigid_obstacle": outcome.stiff,
         "whole_sorts": outcome.sorts,
         "margins": batch.margins(config.limits, outcome.measured["after"]),
-        "side_by_side": _side_by_side(outcome),
+        "side_by_side": _side_by_side(outcome, config.one_link),
         "elasticities": bars,
     }
     report.write_json(config.out / "result.json", content)

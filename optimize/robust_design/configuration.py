@@ -7,7 +7,7 @@ from typing import Any
 import fencejax as fj
 from fencejax.design import Limit, objectives, risk
 
-from ..common import designs, flags, named
+from ..common import designs, flags, machine, named
 from ..common.encounters import KINDS
 
 SEVERITIES = {"force": "N", "g_load": "1", "drop_height": "m"}
@@ -43,6 +43,9 @@ class RobustConfig:
         "folder for robust.json, evaluations.jsonl, fresh.npz and the figures; a job that was "
         "interrupted goes on from there",
     )
+    sorter: str = machine.sorter_field()
+    set: tuple[str, ...] = machine.set_field()
+    free: tuple[str, ...] = machine.free_field()
     scenes: str = flags.field("sorts", "whole sorts, or single impacts", choices=KINDS)
     severity: str = flags.field(
         "force",
@@ -154,6 +157,16 @@ class RobustConfig:
 
     def __post_init__(self):
         flags.check(self)
+        machine.only_without(
+            self, "mass", "length", "breadth", "stiffness", "offset", "angle", "front",
+            "belt_friction", "fence_friction", "drive", "taper", "tip_limit", "stress_limit",
+            "crossing",
+        )  # fmt: skip
+        if self.sorter != machine.NONE and self.scenes != "sorts":
+            raise ValueError(
+                "Argument `scenes` must be 'sorts' where a sorter file is given, but is "
+                f"{self.scenes!r}."
+            )
         positive = ("mass", "length", "breadth", "stiffness")
         for name in (*positive, *LINEAR):
             low, high = getattr(self, name)
@@ -164,9 +177,15 @@ class RobustConfig:
                 )
 
     @property
+    def machine(self) -> fj.sorter.Machine | None:
+        """The sorter that is named, if any."""
+        return machine.chosen(self)
+
+    @property
     def seconds(self) -> float:
         """Duration of each scene [s]."""
-        return self.duration or _DURATIONS[self.scenes]
+        given = None if self.machine is None else self.machine.duration
+        return self.duration or given or _DURATIONS[self.scenes]
 
     @property
     def unit(self) -> str:
@@ -181,13 +200,12 @@ class RobustConfig:
             objectives.stress_limit(self.stress_limit),
             objectives.diverted_limit(self.crossing),
         )
-        return named.limits(limits, self.limit)
+        return named.limits(machine.limits(limits, self.machine), self.limit)
 
     @property
     def space(self) -> fj.DesignSpace:
         """The variables with their bounds."""
-        fence = fj.Fence(taper=named.taper(self.taper))
-        return designs.space(self.variables, self.bounds, fence, named.drive(self.drive))
+        return machine.space(self, self.machine)
 
     def quick(self) -> "RobustConfig":
         """A small version: few parcels, the fast fidelity throughout."""

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.stats import qmc
 
+from ..common import machine
 from ..common.encounters import Encounter
 from .configuration import LINEAR, LOGARITHMIC, RobustConfig
 
@@ -18,6 +19,8 @@ def draw(config: RobustConfig, count: int, stream: int) -> Encounter:
     The sample and the batches are scrambled Sobol points, which cover the spans more evenly; the
     fresh sample is drawn at random, so that its intervals are those of independent parcels.
     """
+    if config.machine is not None:
+        return _of_sorter(config, count, stream)
     names = (*LOGARITHMIC, *LINEAR)
     generator = np.random.default_rng((config.seed, stream))
     if stream == FRESH:
@@ -34,3 +37,18 @@ def draw(config: RobustConfig, count: int, stream: int) -> Encounter:
         )
     columns["damping"] = _DAMPING * (columns["stiffness"] / _STIFFNESS) ** 0.6
     return Encounter(**columns).wide()
+
+
+def _of_sorter(config: RobustConfig, count: int, stream: int) -> Encounter:
+    """`count` parcels of a sorter file, drawn anew from its distributions."""
+    sizes = (f"parcels.count={count}", f"parcels.seed={1000 * config.seed + stream}")
+    given = tuple(t for t in config.set if not t.startswith(("parcels.count=", "parcels.seed=")))
+    found = machine.load(config.sorter, (*given, *sizes), config.free).machine
+    if found.parcels.count != count:
+        raise ValueError(
+            "Argument `parcels` of the sorter file must be distributions, with one place or places "
+            f"that are distributed, too, but describes {found.parcels.count} parcels for each "
+            f"{count} that are drawn. Write, for example, mass = {{distribution = \"lognormal\", "
+            'median = "4 kg", spread = 0.8, upper = "30 kg"}.'
+        )
+    return Encounter.of(found)

@@ -35,7 +35,7 @@ class Population:
     def _lanes(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity):
         """The quantities by name and the statuses, one number a parcel."""
         config = self.config
-        course = Course(config.scenes, config.seconds, fidelity, config.chunk)
+        course = Course(config.scenes, config.seconds, fidelity, config.chunk, config.machine)
         fence, drive = self.space.apply(self.space.from_shares(z))
         read = course.measure(fence, drive, encounters, self._quantities)
         return read, read.pop("status")

@@ -8,7 +8,7 @@ import fencejax as fj
 from fencejax.scenes import AnyScene, numbers as scene_numbers
 from fencejax.study import quantities_of
 
-from ..common import assignments, flags, named
+from ..common import assignments, flags, machine, named
 
 SCENES = (
     "oblique_impact", "along_fence", "border_and_fence", "whole_sort", "normal_impact",
@@ -68,10 +68,12 @@ class SensitivityConfig:
         nargs="*",
         metavar="NAME=LOWER:UPPER",
     )
-    points: tuple[str, ...] = flags.field(
+    sorter: str = machine.sorter_field()
+    set: tuple[str, ...] = flags.field(
         (),
-        "where the local study is made, each as name=value[,name=value ...] [SI]; other "
-        "numbers are the scene's. By default two distances, if the scene has one",
+        "numbers that differ, each text as NAME=VALUE[,NAME=VALUE ...] (SI or a unit); of several "
+        "each is a point at which the local study is made. By default two distances, if the scene "
+        "has one",
         nargs="*",
         type=str,
         metavar="NAME=VALUE",
@@ -104,6 +106,7 @@ class SensitivityConfig:
                     f"Argument `{name}` must be a power of 2, at which Sobol' points are balanced, "
                     f"but is {value}."
                 )
+        machine.only_without(self, "drive", "taper")
         if self.gradients > self.samples:
             raise ValueError(
                 f"Argument `gradients` must be at most `samples` = {self.samples}, whose points it "
@@ -117,6 +120,8 @@ class SensitivityConfig:
 
     def base(self) -> AnyScene:
         """The scene with the paper's numbers."""
+        if self.sorter != machine.NONE:
+            return machine.scene(self.sorter, self.scene, self.duration or None)
         make = getattr(fj.scenes, self.scene)
         parts = {
             "fence": fj.Fence(taper=named.taper(self.taper)),
@@ -166,13 +171,12 @@ class SensitivityConfig:
 
         By default two distances or, where the scene has none, the scene as it is.
         """
-        texts = self.points
+        texts = self.set
         if not texts:
             texts = DISTANCES if "distance" in _present(scene) else ("",)
         found = {}
         for text in texts:
-            form = "hold numbers as name=value"
-            numbers = assignments.values("points", text, form) if text else {}
+            numbers = machine.numbers("set", text, scene) if text else {}
             for name, value in numbers.items():
                 scene_numbers.check(scene, name, value)
             if numbers:

@@ -8,7 +8,7 @@ import fencejax as fj
 from fencejax.design import DesignVariable
 from fencejax.study import KINDS, OUTPUTS, VARIABLES, Samples, SceneFamily, Sweep, sampling
 
-from ..common import assignments, flags, named
+from ..common import assignments, flags, machine, named
 
 # Cores that a machine may have.
 _MOST_ON_A_MACHINE = 1024
@@ -43,12 +43,8 @@ class SweepConfig:
         4096, "points of a Latin hypercube or, a power of two, of a Sobol sequence", least=1
     )
     seed: int = flags.field(0, "of their random numbers")
-    fixed: tuple[str, ...] = flags.field(
-        (),
-        "other numbers that are not the default ones, as name=value [SI]",
-        nargs="*",
-        metavar="NAME=VALUE",
-    )
+    sorter: str = machine.sorter_field()
+    set: tuple[str, ...] = machine.set_field()
     fence: str = flags.field(
         "two_link", f"the fence that is changed: {', '.join(_FENCES)}", choices=tuple(_FENCES)
     )
@@ -98,6 +94,7 @@ class SweepConfig:
                 "Argument `workers` starts a Dask cluster on this machine and must be 0 where "
                 f"`scheduler` names another one, but is {self.workers}. Leave one of them out."
             )
+        machine.only_without(self, "fence", "drive", "taper")
         if not 0 <= self.tolerated <= 1:
             raise ValueError(
                 f"Argument `tolerated` must be within 0 ... 1 [1], but is {self.tolerated:g}."
@@ -128,14 +125,19 @@ class SweepConfig:
         Raises `ValueError` for names and bounds that the scene does not have.
         """
         samples = self.samples()
-        family = SceneFamily(
-            self.scene,
-            samples.names,
-            fixed=dict(assignments.value("fixed", text, "read name=value") for text in self.fixed),
-            fence=_FENCES[self.fence](taper=named.taper(self.taper)),
-            drive=named.drive(self.drive),
-            duration=self.duration or None,
-        )
+        duration = self.duration or None
+        if self.sorter != machine.NONE:
+            family = machine.family(self.sorter, self.scene, samples.names, self.set, duration)
+        else:
+            fixed = [machine.numbers("set", text) for text in self.set]
+            family = SceneFamily(
+                self.scene,
+                samples.names,
+                fixed={name: number for one in fixed for name, number in one.items()},
+                fence=_FENCES[self.fence](taper=named.taper(self.taper)),
+                drive=named.drive(self.drive),
+                duration=duration,
+            )
         texts = (*self.outputs, *(() if self.gradient == "none" else (self.gradient,)))
         own = {text: named.measure("outputs", text) for text in texts if ":" in text}
         names = [own[text].name if text in own else text for text in texts]

@@ -8,10 +8,9 @@ import pytest
 from pictures import shows_data
 
 import fencejax as fj
-from fencejax.design import LaneProgram, extremes
+from fencejax.design import LaneProgram, extremes, ring_amplitude
 from optimize.co_design import main, problem
 from optimize.co_design.configuration import CoDesignConfig, configure
-from optimize.co_design.problem import ring_amplitude
 
 _SMALL = CoDesignConfig(
     masses=(15.0,), offsets=(0.1,), controls=4, budget=14, fidelity="coarse", verify="coarse",

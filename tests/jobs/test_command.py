@@ -185,7 +185,7 @@ def as_flags(name, value):
 @pytest.mark.parametrize(
     ("job", "switch"),
     [
-        ("co_design", "quick"), ("identify", "quick"), ("pareto", "quick"),
+        ("co_design", "quick"), ("design", "quick"), ("identify", "quick"), ("pareto", "quick"),
         ("peak_force", "worst_case"), ("reproduce_paper", "quick"), ("robust_design", "quick"),
         ("sensitivity", "quick"), ("stability_map", "quick"), ("sweep", "quick"),
         ("work_precision", "quick"),
@@ -205,8 +205,7 @@ def test_flags_of_every_job_win_over_its_switch(job, switch):
 
 
 def test_names_with_numbers():
-    assert assignments.value("fixed", "mass=2", "") == ("mass", 2.0)
-    assert assignments.values("known", "mass=2, distance=0.9", "") == {"mass": 2, "distance": 0.9}
+    assert assignments.values("noise", "mass=2, distance=0.9", "") == {"mass": 2, "distance": 0.9}
     assert assignments.span("vary", "mass=1:30", "") == ("mass", 1, 30, [])
     assert assignments.span("vary", "mass=1:30:7:linear", "")[3] == ["7", "linear"]
 
@@ -214,8 +213,8 @@ def test_names_with_numbers():
 @pytest.mark.parametrize(
     ("read", "text"),
     [
-        (assignments.value, "mass"),
-        (assignments.value, "mass=heavy"),
+        (assignments.values, "mass"),
+        (assignments.values, "mass=heavy"),
         (assignments.values, "mass=2,"),
         (assignments.span, "mass=1"),
         (assignments.span, "mass=1:b"),

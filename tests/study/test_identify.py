@@ -330,7 +330,7 @@ def test_script_reads_what_it_wrote(demonstration, tmp_path):
     outcome, out = demonstration
     config = configure([
         "--records", str(out / "demo.csv"), "--fidelity", "fast", "--starts", "1", "--no-plots",
-        "--out", str(tmp_path), "--known", "distance=1.0",
+        "--out", str(tmp_path), "--set", "distance=1.0",
     ])  # fmt: skip
     again = main(config, quiet=True)
     assert again.fit.values == pytest.approx(outcome.fit.values, rel=1e-6)
@@ -346,7 +346,7 @@ def test_script_reads_what_it_wrote(demonstration, tmp_path):
         ({"demo": True, "scene": "normal_impact"}, "oblique_impact"),
         ({"demo": True, "starts": 0}, "starts"),
         ({"demo": True, "signals": ("load",)}, "signals"),
-        ({"records": ("a", "b", "c"), "known": ("mass=1", "mass=2")}, "known"),
+        ({"records": ("a", "b", "c"), "set": ("mass=1", "mass=2")}, "set"),
     ],
 )
 def test_configurations_that_cannot_be(changes, text):
@@ -367,6 +367,6 @@ def test_flags_that_cannot_be(tmp_path):
     ):
         with pytest.raises(ValueError, match=text):
             main(configure([*base, *extra]), quiet=True)
-    config = configure([*base, "--known", "mass=heavy"])
-    with pytest.raises(ValueError, match="name=value"):
+    config = configure([*base, "--set", "mass=heavy"])
+    with pytest.raises(ValueError, match="`mass` .* with or without a unit"):
         config.numbers(0)

@@ -258,7 +258,7 @@ def test_script_writes_its_files_and_says_whether_it_succeeded(whole, tmp_path, 
 def test_flags():
     assert configure([]) == SweepConfig()
     config = configure([
-        "--vary", "mass", "thickness=0.02:0.06:7:linear", "--fixed", "distance=0.9",
+        "--vary", "mass", "thickness=0.02:0.06:7:linear", "--set", "distance=900 mm",
         "--gradient", "impulse",
     ])  # fmt: skip
     samples = config.samples()
@@ -284,7 +284,7 @@ def test_help_names_every_default(capsys):
         ({"vary": ("mass=1",)}, "`vary` must read name"),
         ({"vary": ("mass=a:b",)}, "`vary` must read name"),
         ({"vary": ("mass=1:2:3",), "sampling": "sobol"}, "must not give points a variable"),
-        ({"fixed": ("distance",)}, "`fixed` must read name=value"),
+        ({"set": ("distance",)}, "`set` must hold each name once as NAME=VALUE"),
         ({"workers": 2, "scheduler": "tcp://host:8786"}, "`workers` starts a Dask cluster on this"),
         ({"workers": 10**6}, "`workers` must be at most 1024"),
         ({"devices": 10**6}, "`devices` must be at most 1024"),

@@ -4,6 +4,7 @@ from typing import Literal
 
 import jax.numpy as jnp
 
+from ... import _check
 from ..friction_laws import AbstractFriction, Friction
 from .abstract import AbstractSurface, SurfacePoint
 
@@ -18,7 +19,11 @@ class Border(AbstractSurface):
 
     def __init__(self, friction: AbstractFriction | None | Literal["default"] = "default"):
         """**Arguments:** `friction`: default kinetic 0.35, static 0.5; `None` for none."""
-        self.friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
+        friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
+        if friction is not None:
+            example = "friction=fj.Friction(kinetic=0.35, static=0.5)"
+            friction = _check.part("friction", friction, AbstractFriction, example)
+        self.friction = friction
 
     def at(self, x, y):
         return SurfacePoint(-y, x, (jnp.zeros_like(x), jnp.ones_like(x)), None)

@@ -1,0 +1,31 @@
+"""What the fence still swings by when a sort ends."""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..fidelity import Fidelity
+from ..model import FlexibleLink
+from ..parts import Fence
+from .objectives import RING_ENERGY, Quantity
+
+
+def ring_amplitude(energy: Array, fence: Fence) -> Array:
+    """The tip's amplitude [m] if all of an energy [J] were that of the first mode: with
+    m_0 omega_1^2 eta^2 / 2 = E, a = phi_1(tip) eta. Higher modes move the tip less."""
+    link = FlexibleLink(fence, Fidelity(modes=1, static_correction=False))
+    (square,) = link.frequency_squared
+    tip = link.tip_deflection((jnp.ones_like(square),), (), ())
+    # 1e-18 J: far below what matters, so that the root has a derivative.
+    eta = jnp.sqrt(2 * (jnp.maximum(energy, 0.0) + 1e-18) / (link.mass_scale * square))
+    return jnp.abs(tip) * eta
+
+
+RING_AMPLITUDE = Quantity(
+    "ring_amplitude",
+    "m",
+    "amplitude of the tip at the end, all that the fence then holds taken for its first mode",
+    lambda result, scene: ring_amplitude(RING_ENERGY(result, scene), scene.fence),
+    needs=("fence",),
+    fields=RING_ENERGY.fields,
+)
+"""Ring-down as a quantity: of a scene that ends where the next parcel comes."""

@@ -1,0 +1,67 @@
+"""What each limit and each bound costs: the multipliers of a design that ends on them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linprog
+
+from .lagrangian import Evaluation, Multipliers, Vector, slope
+from .optimizer import Optimum
+
+# A share this near to 0 or 1 is on its bound; and the step in which a conflict is looked at.
+_ON_BOUND, _STEP = 1e-3, 0.05
+
+
+class ShadowPrices(NamedTuple):
+    """Rates at which what is minimised falls as limits and bounds give way.
+
+    **Fields:**
+
+    - `margins`: of each margin (m,): by how much it falls for each unit by which that margin may be
+      smaller.
+    - `lower`, `upper`: of the lower and upper bounds of the shares z (n,), by which they may be
+      passed.
+    """
+
+    margins: Vector
+    lower: Vector
+    upper: Vector
+
+
+def shadow_prices(optimum: Optimum) -> ShadowPrices:
+    """The prices at an optimum, in the objective's own unit: its multipliers, and the Lagrangian's
+    slope at the bounds that hold it up."""
+    at = optimum.last
+    gradient = slope(at, Multipliers(optimum.weights, optimum.multipliers))
+    lower = np.where(at.point <= _ON_BOUND, np.maximum(gradient, 0.0), 0.0)
+    upper = np.where(at.point >= 1 - _ON_BOUND, np.maximum(-gradient, 0.0), 0.0)
+    # A margin that no variable moves is worth nothing, whatever its multiplier.
+    margins = np.where(np.any(at.margin_rows != 0, axis=1), optimum.multipliers, 0.0)
+    return ShadowPrices(*(optimum.scale * part for part in (margins, lower, upper)))
+
+
+def conflict(at: Evaluation) -> ShadowPrices:
+    """The prices of the largest violation at a point from which it cannot be lowered, so that they
+    say which limits fight: the multipliers, which sum to 1 over the margins, of
+
+        min t over steps d and t, subject to -g_j - (dg_j/dz) d <= t, 0 <= z + d <= 1
+
+    with no component of d above a twentieth of the range, within which margins that are nearly as
+    violated as the worst one count, too.
+    """
+    size, count = at.point.size, at.margins.size
+    low, high = np.maximum(-at.point, -_STEP), np.minimum(1 - at.point, _STEP)
+    solved = linprog(
+        np.append(np.zeros(size), 1.0),
+        np.column_stack([-at.margin_rows, -np.ones(count)]),
+        at.margins,
+        bounds=[*zip(low, high, strict=True), (None, None)],
+    )
+    if solved.status != 0:
+        return ShadowPrices(np.zeros(count), np.zeros(size), np.zeros(size))
+    lower, upper = solved.lower.marginals[:size], -solved.upper.marginals[:size]
+    return ShadowPrices(
+        -solved.ineqlin.marginals,
+        np.where(at.point < _STEP, lower, 0.0),
+        np.where(at.point > 1 - _STEP, upper, 0.0),
+    )

@@ -1,0 +1,215 @@
+"""Materials that fences are made of: elasticity, density, damping and strengths, by name.
+
+The numbers are typical of the class of product named, at the temperature and moisture stated, and
+stand for a first design: put those of the supplier's own data sheet in their place
+(`DataSheet(...)`, or a table of numbers in a sorter file) before anything is built. By rule:
+
+- the allowed static stress is half the yield stress, or a third of the strength of what breaks
+  without yielding;
+- the fatigue strength is the amplitude of a fully reversed bending stress that 1e7 cycles do not
+  break. Where no measured curve is named it is a quarter of the yield stress, the lower end of what
+  plastics hold (a third to a quarter of the static strength: DIC, PPS technical information
+  TSD-1003, 2008);
+- the damping ratio is half the loss factor tan delta, of the material alone, at some 10 Hz. A
+  bolted fence damps more: joints add 0.01 to 0.05.
+"""
+
+import difflib
+import re
+from collections.abc import Callable, Mapping
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, ArrayLike
+
+from .. import _check
+from .._check import Bounds
+from .material import Material
+
+
+class DataSheet(eqx.Module):
+    """A material with what it bears, and under which conditions."""
+
+    name: str = eqx.field(static=True)
+    material: Material
+    allowed_stress: Array | None
+    fatigue_strength: Array | None
+    conditions: str = eqx.field(static=True)
+
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "allowed_stress": Bounds("Pa", above=0, size=1e7),
+        "fatigue_strength": Bounds("Pa", above=0, size=1e7),
+    }
+
+    def __init__(
+        self,
+        name: str,
+        material: Material,
+        allowed_stress: ArrayLike | None = None,
+        fatigue_strength: ArrayLike | None = None,
+        conditions: str = "",
+    ):
+        """**Arguments:**
+
+        - `name`: what it is called.
+        - `material`: Young's modulus, density and damping ratio, differentiable.
+        - `allowed_stress` [Pa]: the largest static bending stress, above 0.
+        - `fatigue_strength` [Pa]: amplitude of a reversed bending stress that 1e7 cycles do not
+          break, above 0. Both may be `None`, not known.
+        - `conditions`: temperature and moisture for which the numbers hold.
+        """
+        self.name = name
+        self.material = _check.part("material", material, Material, "material=fj.Material()")
+        self.allowed_stress = self.fatigue_strength = None
+        if allowed_stress is not None:
+            self.allowed_stress = _check.field(self, "allowed_stress", allowed_stress)
+        if fatigue_strength is not None:
+            self.fatigue_strength = _check.field(self, "fatigue_strength", fatigue_strength)
+        self.conditions = conditions
+
+
+def pa6_dry() -> DataSheet:
+    """Polyamide PA6, cast or extruded, as dry as moulded (below 0.2 % of water), 23 C.
+
+    E 3.0 GPa, yield 80 MPa, 1130 kg/m^3: data sheets of semi-finished PA6. Fatigue: 19 MPa at 1e7
+    cycles, reversed plane bending of nylon 6 at 60 % humidity (Toray, Amilan CM1017, technical
+    data): a dry part holds more, but does not stay dry.
+    """
+    return DataSheet("PA6 dry", Material(3.0e9, 1130.0, 0.012), 40e6, 19e6, "23 C, dry")
+
+
+def pa6_conditioned() -> DataSheet:
+    """Polyamide PA6 in equilibrium with air of 50 % humidity (about 3 % of water), 23 C.
+
+    E 1.3 GPa, yield 45 MPa, 1140 kg/m^3: data sheets of PA6, conditioned by ISO 1110. Fatigue:
+    19 MPa at 1e7 cycles (Toray, Amilan CM1017, technical data, 60 % humidity).
+    """
+    conditions = "23 C, 50 % humidity"
+    return DataSheet("PA6 conditioned", Material(1.3e9, 1140.0, 0.05), 22e6, 19e6, conditions)
+
+
+def pa66_gf30() -> DataSheet:
+    """Polyamide PA66 with 30 % of glass fibre, conditioned, 23 C.
+
+    E 7.0 GPa, strength 125 MPa, 1370 kg/m^3: data sheets of conditioned PA66-GF30. Fatigue:
+    41 MPa at 1e7 cycles, ASTM D671 (Plasco, Fatigue endurance of reinforced thermoplastics).
+    """
+    conditions = "23 C, 50 % humidity"
+    return DataSheet("PA66-GF30", Material(7.0e9, 1370.0, 0.015), 41e6, 41e6, conditions)
+
+
+def pom_c() -> DataSheet:
+    """Polyacetal copolymer POM-C, extruded, 23 C; takes up hardly any water.
+
+    E 2.8 GPa, yield 67 MPa, 1410 kg/m^3: data sheets of semi-finished POM-C. Fatigue: 17 MPa, a
+    quarter of the yield stress.
+    """
+    return DataSheet("POM", Material(2.8e9, 1410.0, 0.01), 33e6, 17e6, "23 C, any moisture")
+
+
+def uhmw_pe() -> DataSheet:
+    """Polyethylene of ultra-high molecular weight (PE 1000), pressed, 23 C; takes up no water.
+
+    E 0.75 GPa, yield 20 MPa, 930 kg/m^3: data sheets of PE 1000. Fatigue: 5 MPa, a quarter of the
+    yield stress. It creeps: keep lasting loads far lower.
+    """
+    return DataSheet("UHMW-PE", Material(0.75e9, 930.0, 0.04), 10e6, 5e6, "23 C, any moisture")
+
+
+def pet() -> DataSheet:
+    """Polyester PET, semi-crystalline, 23 C; takes up hardly any water.
+
+    E 3.1 GPa, yield 85 MPa, 1390 kg/m^3: data sheets of semi-finished PET. Fatigue: 21 MPa, a
+    quarter of the yield stress.
+    """
+    return DataSheet("PET", Material(3.1e9, 1390.0, 0.006), 42e6, 21e6, "23 C, any moisture")
+
+
+def polycarbonate() -> DataSheet:
+    """Polycarbonate PC, unfilled, 23 C; takes up hardly any water.
+
+    E 2.35 GPa, yield 63 MPa, 1200 kg/m^3: data sheets of PC sheet. Fatigue: 5.5 MPa at 1e7 cycles,
+    ASTM D671 (Plasco, Fatigue endurance of reinforced thermoplastics): tough, but not for long.
+    """
+    return DataSheet("PC", Material(2.35e9, 1200.0, 0.005), 31e6, 5.5e6, "23 C, any moisture")
+
+
+def cast_pur() -> DataSheet:
+    """Cast polyurethane elastomer of Shore hardness 75 D, 23 C, dry.
+
+    E 0.55 GPa, tensile strength 45 MPa, yield about 25 MPa, 1200 kg/m^3: data sheets of cast
+    polyether PUR of 70 to 75 D. Fatigue: 6 MPa, a quarter of the yield stress. Stiffness falls fast
+    with temperature.
+    """
+    return DataSheet("cast PUR", Material(0.55e9, 1200.0, 0.05), 12e6, 6e6, "23 C, dry")
+
+
+def gfrp() -> DataSheet:
+    """Glass fibre in polyester, pultruded, along the fibres, 23 C.
+
+    E 23 GPa and bending strength 240 MPa are the least that EN 13706 asks of the class E23;
+    1850 kg/m^3. Fatigue: 55 MPa, 23 % of that strength, as unidirectional E-glass laminates hold.
+    """
+    return DataSheet("GFRP", Material(23e9, 1850.0, 0.005), 80e6, 55e6, "23 C, any moisture")
+
+
+def spring_steel() -> DataSheet:
+    """Spring steel 51CrV4 (1.8159), quenched and tempered, 20 C.
+
+    E 206 GPa, 7850 kg/m^3, yield 1200 MPa, strength 1350 MPa: EN 10089. Fatigue: 500 MPa, 0.37 of
+    the strength, ground and without decarburised skin.
+    """
+    material = Material(206e9, 7850.0, 0.001)
+    return DataSheet("spring steel", material, 600e6, 500e6, "20 C, kept from corrosion")
+
+
+def aluminium() -> DataSheet:
+    """Aluminium EN AW-7075 T6, 20 C.
+
+    E 71 GPa, 2810 kg/m^3, yield 480 MPa: EN 485-2. Fatigue: 159 MPa at 5e8 cycles (ASM Handbook,
+    vol. 2), below what it holds for 1e7.
+    """
+    material = Material(71e9, 2810.0, 0.001)
+    return DataSheet("aluminium", material, 240e6, 159e6, "20 C, kept from corrosion")
+
+
+# A function each: arrays are made where a material is asked for, in the precision set then.
+MATERIALS: Mapping[str, Callable[[], DataSheet]] = {
+    "PA6 dry": pa6_dry,
+    "PA6 conditioned": pa6_conditioned,
+    "PA66-GF30": pa66_gf30,
+    "POM": pom_c,
+    "UHMW-PE": uhmw_pe,
+    "PET": pet,
+    "PC": polycarbonate,
+    "cast PUR": cast_pur,
+    "GFRP": gfrp,
+    "spring steel": spring_steel,
+    "aluminium": aluminium,
+}
+"""What makes each of the materials, by its name."""
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s_-]+", "", name).lower()
+
+
+def known(name: str) -> bool:
+    """Whether there is a material of a name."""
+    return _plain(name) in {_plain(each) for each in MATERIALS}
+
+
+def named(name: str) -> DataSheet:
+    """A material by its name, whatever its capitals, spaces, hyphens and underscores.
+
+    Raises `ValueError` for a name that there is not, with the nearest one.
+    """
+    known = {_plain(each): make for each, make in MATERIALS.items()}
+    if isinstance(name, str) and _plain(name) in known:
+        return known[_plain(name)]()
+    titles = {_plain(each): each for each in MATERIALS}
+    near = difflib.get_close_matches(_plain(str(name)), titles, 1, 0.3)
+    meant = f" Did you mean {titles[near[0]]!r}?" if near else ""
+    raise ValueError(
+        f"Argument `material` must name one of {', '.join(MATERIALS)}, but is {name!r}.{meant}"
+    )

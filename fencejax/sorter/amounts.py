@@ -1,0 +1,109 @@
+"""Numbers written with a unit, and names that are none: what a sorter file is read with."""
+
+import difflib
+import functools
+import math
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..parts import dimension
+
+_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.DOTALL)
+_OUNCE = 1e-9
+
+
+@functools.cache
+def _registry():
+    """The units of the library `pint`, read when a unit is first met."""
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def _exponents(unit) -> tuple[float, float, float] | None:
+    """Powers of mass, length and time; `None` where there are others, too."""
+    found = {name.strip("[]"): float(power) for name, power in unit.dimensionality.items()}
+    mass, length, time = (found.pop(name, 0.0) for name in ("mass", "length", "time"))
+    return None if found else (mass, length, time)
+
+
+def amount(name: str, value: Any, unit: str) -> float:
+    """A number in `unit` [SI] from a plain number, which is taken to be in that unit already, or
+    from text such as `"45 mm"`, `"3 GPa"`, `"400 N m"`, `"60 deg"`.
+
+    Raises `ValueError` for text that is none or whose unit has another dimension, and `TypeError`
+    for what is neither number nor text.
+    """
+    if not isinstance(value, str):
+        plain = isinstance(value, (int, float)) or hasattr(value, "dtype")
+        if not plain or isinstance(value, bool) or np.ndim(value):
+            raise TypeError(
+                f"Argument `{name}` [{unit}] must be a number, or text with a unit such as "
+                f'"{_example(unit)}", but is {value!r}.'
+            )
+        return _finite(name, float(value), unit)
+    text = value.strip()
+    match = _NUMBER.fullmatch(text)
+    if match is None or "," in text:
+        comma = " Write a decimal point." if "," in text else ""
+        raise ValueError(
+            f"Argument `{name}` [{unit}] must be a number with or without a unit, such as "
+            f'"{_example(unit)}", but is {value!r}.{comma}'
+        )
+    number, written = float(match[1]), match[2].strip()
+    if not written:
+        return _finite(name, number, unit)
+    # "Nm" is no unit of its own; a library may read it as something else.
+    written = re.sub(r"\b([kM]?N)(m|mm)\b", r"\1 \2", written)
+    try:
+        parsed = _registry().parse_units(written)
+        powers, wanted = _exponents(parsed), dimension(unit)
+        size = float((_registry().Quantity(1.0, parsed)).to_base_units().magnitude)
+    except Exception as error:
+        # The library raises errors of many kinds for text that it cannot read.
+        raise ValueError(
+            f"Argument `{name}` must be in {unit} or a unit like it, such as "
+            f'"{_example(unit)}", but is {value!r}: {written!r} is no unit.'
+        ) from error
+    if powers is None or any(abs(a - b) > _OUNCE for a, b in zip(powers, wanted, strict=True)):
+        raise ValueError(
+            f"Argument `{name}` must be in {unit} or a unit like it, such as "
+            f'"{_example(unit)}", but is {value!r}, of another dimension.'
+        )
+    return _finite(name, number * size, unit)
+
+
+def _finite(name: str, value: float, unit: str) -> float:
+    if not math.isfinite(value):
+        raise ValueError(f"Argument `{name}` must be finite [{unit}], but is {value}.")
+    return value
+
+
+_EXAMPLES = {
+    "m": "45 mm", "Pa": "3 GPa", "rad": "30 deg", "m/s": "2.5 m/s", "kg/m^3": "1130 kg/m^3",
+    "N m": "400 N m", "s": "1.4 s", "kg": "15 kg", "1": "0.35", "N": "300 N", "rad/s": "1.5 rad/s",
+}  # fmt: skip
+
+
+def _example(unit: str) -> str:
+    return _EXAMPLES.get(unit, f"2 {unit}")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """`" Did you mean ...?"` with the known name nearest to one that is none, or nothing."""
+    found = difflib.get_close_matches(name, list(known), 1, 0.5)
+    return f" Did you mean `{found[0]}`?" if found else ""
+
+
+def refuse_unknown(where: str, table: Mapping[str, Any], known: Iterable[str]) -> None:
+    """Raise `ValueError` for a key of a table that is none of those known, with the nearest."""
+    known = list(known)
+    for key in table:
+        if key not in known:
+            raise ValueError(
+                f"`{where}` holds the unknown key `{key}`.{nearest(str(key), known)} It may hold "
+                f"{', '.join(known)}."
+            )

@@ -1,0 +1,297 @@
+"""A sorter as parts: what its tables say, read and checked."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .. import _check
+from .._check import Bounds
+from ..design import OBJECTIVES, Quantity, risk
+from ..parts import (
+    AbstractDrive,
+    AbstractFriction,
+    Belt,
+    Border,
+    DataSheet,
+    Fence,
+    Motor,
+    Parcel,
+)
+from ..scenes import Scene, numbers as scene_numbers
+from ..study import SceneFamily
+from . import limits as limit_table, parcels as parcel_table, plausibility, reading
+from .amounts import amount, nearest, refuse_unknown
+from .parcels import Parcels
+from .reading import Reading, Span, Table
+
+SECTIONS = (
+    "title", "period", "belt", "parcels", "fence", "drive", "motor", "border", "fence_friction",
+    "limits", "objective",
+)  # fmt: skip
+"""The keys of a sorter file."""
+
+
+class Objective(eqx.Module):
+    """What is minimised: a quantity, over the parcels at its `"worst"`, `"mean"` or `"cvar"` (the
+    mean of the worst, beyond the share `level`)."""
+
+    quantity: Quantity = eqx.field(static=True)
+    over: str = eqx.field(static=True, default="worst")
+    level: float = eqx.field(static=True, default=0.95)
+
+
+class _Parts(eqx.Module):
+    """The parts whose numbers are named, under the names that a scene has for them."""
+
+    belt: Belt
+    fence: Fence
+    drive: AbstractDrive
+    fence_friction: AbstractFriction | None
+    border: Border | None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Machine:
+    """A sorter's parts, its parcels, what is free, and what is asked of it.
+
+    **Fields:**
+
+    - `title`: what it is called.
+    - `belt`, `fence`, `drive`, `motor`, `fence_friction`, `border`: the parts; free numbers where
+      they start, the fence of the first material.
+    - `materials`: those the fence may be made of.
+    - `parcels`: those that are sorted, with their places.
+    - `period` [s]: from one parcel to the next; `None` where it is not given.
+    - `free`: lower and upper bounds [SI] by path; `choices`: what there is to choose from [SI].
+    - `bounds`: the rows of the table of limits, with the bounds that are given.
+    - `objective`: what is minimised.
+    """
+
+    title: str
+    belt: Belt
+    fence: Fence
+    drive: AbstractDrive
+    motor: Motor
+    fence_friction: AbstractFriction | None
+    border: Border | None
+    materials: tuple[DataSheet, ...]
+    parcels: Parcels
+    period: float | None
+    free: Mapping[str, Span]
+    choices: Mapping[str, tuple[float, ...]]
+    bounds: tuple[limit_table.Bound, ...]
+    objective: Objective
+
+    @property
+    def duration(self) -> float:
+        """How long a sort is followed [s]: the period, or the drive's cycle."""
+        return float(self.drive.cycle) if self.period is None else self.period
+
+    @property
+    def signature(self) -> str:
+        """All numbers and choices but the parcels', as text: what tells machines apart."""
+        parts = (self.belt, self.fence, self.drive, self.fence_friction, self.border, self.motor)
+        leaves, structure = jax.tree.flatten((parts, self.materials))
+        rest = (dict(self.free), dict(self.choices), self.duration)
+        bounds = [(row.name, row.quantity.name, row.sense, bound) for row, bound in self.bounds]
+        objective = (self.objective.quantity.name, self.objective.over, self.objective.level)
+        numbers = [np.asarray(leaf).tolist() for leaf in leaves]
+        return repr([str(structure), numbers, rest, bounds, objective])
+
+    @property
+    def drive_varies(self) -> bool:
+        """Whether numbers of the drive are free or chosen."""
+        return any(path.startswith("drive.") for path in (*self.free, *self.choices))
+
+    def family(
+        self,
+        names: Sequence[str] = (),
+        *,
+        kind: str = "whole_sort",
+        fixed: Mapping[str, float] | None = None,
+        material: DataSheet | None = None,
+        duration: float | None = None,
+    ) -> SceneFamily:
+        """Scenes of this machine in which some numbers vary by name: for problems, sweeps and
+        studies. Its first parcel, at its place, where neither `names` nor `fixed` say otherwise."""
+        fence = self.fence
+        if material is not None:
+            fence = eqx.tree_at(lambda f: f.material, fence, material.material)
+        whole = kind == "whole_sort"
+        first = {path: float(values[0]) for path, values in self.parcels.columns.items()}
+        numbers: dict[str, Any] = {
+            path.removeprefix("parcel.").replace("given_", ""): value
+            for path, value in first.items()
+            if path.startswith("parcel.")
+        }
+        parcel = Parcel(**numbers)
+        given = {*names, *(fixed or {})}
+        places = {
+            f"start.{name}": first[f"start.{name}"]
+            for name in parcel_table.PLACES
+            if whole and not given & {name, f"start.{name}"}
+        }
+        return SceneFamily(
+            kind,
+            names,
+            fixed={**places, **(fixed or {})},
+            fence=fence,
+            drive=self.drive,
+            parcel=parcel,
+            belt=self.belt,
+            fence_friction=self.fence_friction,
+            border=self.border,
+            duration=self.duration if whole and duration is None else duration,
+            options={"fence_corners": self.parcels.corners} if whole else {},
+        )
+
+    def scene(self, lane: int = 0, material: DataSheet | None = None) -> Scene:
+        """The sort of one parcel, free numbers where they start.
+
+        Raises `ValueError` where there is no such parcel or no such scene.
+        """
+        if not 0 <= lane < self.parcels.count:
+            raise ValueError(
+                f"Argument `lane` must be within 0 ... {self.parcels.count - 1}, but is {lane}."
+            )
+        names = tuple(self.parcels.columns)
+        values = [column[lane] for column in self.parcels.columns.values()]
+        try:
+            return self.family(names, material=material).scene(jnp.asarray(values))
+        except ValueError as error:
+            raise ValueError(f"parcel {self.parcels.text(lane)}: {error}") from error
+
+    def scenes(self, material: DataSheet | None = None) -> Scene:
+        """The sorts of all parcels as one batch, each leaf with the lanes first."""
+        names = tuple(self.parcels.columns)
+        family = self.family(names, material=material)
+        self.scene(0, material)
+        rows = jnp.asarray(np.stack(list(self.parcels.columns.values()), axis=1))
+        return jax.vmap(family.scene)(rows)
+
+    def doubts(self) -> tuple[str, ...]:
+        """What no such machine has: a line a number, with what it is probably meant to be."""
+        parts = _Parts(self.belt, self.fence, self.drive, self.fence_friction, self.border)
+        names = scene_numbers.names(parts)
+        found = [
+            (name, float(value), scene_numbers.number(parts, name).unit)
+            for name, value in zip(names, scene_numbers.read(parts, names), strict=True)
+            # What is free or chosen is told by its bounds.
+            if name not in (*self.free, *self.choices)
+        ]
+        for sheet in self.materials:
+            for key, bounds in {**sheet.material.bounds, **sheet.bounds}.items():
+                value = getattr(sheet.material, key, getattr(sheet, key, None))
+                if value is not None:
+                    found.append((f"fence.material.{key}", float(value), bounds.unit))
+        for path, column in self.parcels.columns.items():
+            unit = parcel_table.FIELDS[path.rpartition(".")[2].replace("given_", "")].unit
+            found += [(path, float(end), unit) for end in (np.min(column), np.max(column))]
+        for path, values in (*self.choices.items(), *((p, s[:2]) for p, s in self.free.items())):
+            name = scene_numbers.elements(parts, scene_path(path))[0]
+            unit = scene_numbers.number(parts, name).unit
+            found += [(path, float(value), unit) for value in values]
+        if self.motor.torque is not None:
+            found.append(("motor.torque", float(self.motor.torque), "N m"))
+        if self.period is not None:
+            found.append(("period", self.period, "s"))
+        found += [
+            (f"limits.{row.name}", bound, row.quantity.unit)
+            for row, bound in self.bounds
+            if bound is not None
+        ]
+        return plausibility.doubts(found)
+
+
+def scene_path(path: str) -> str:
+    """The path or name that a scene has for a number of a sorter file."""
+    return {"fence.reach": "reach", "fence.length_ratio": "length_ratio"}.get(path, path)
+
+
+def read(tables: Table, folder: Path) -> Machine:
+    """The machine that some tables describe; the files they name are in `folder`.
+
+    Raises `ValueError` and `TypeError` where they cannot be read, naming the field.
+    """
+    refuse_unknown("a sorter", tables, SECTIONS)
+    found = Reading()
+    fence, sheets = reading.fence(tables.get("fence", {}), found)
+    drive = reading.drive(tables.get("drive", {}), found)
+    belt = reading.belt(tables.get("belt", {}), found)
+    border = reading.border(tables.get("border", {}), found)
+    friction = reading.friction(
+        "fence_friction", tables.get("fence_friction", {"kinetic": 0.35, "static": 0.5}), found
+    )
+    for path in (*found.spans, *found.choices):
+        if path.partition(".")[0] not in ("fence", "drive"):
+            raise ValueError(
+                f"Argument `{path}` must be one number, but is free or a list: what is designed "
+                "are numbers of the fence and of the drive."
+            )
+    period = tables.get("period")
+    if period is not None:
+        period = amount("period", period, "s")
+        _check.scalar("period", period, above=0, unit="s")
+    moved = [path for path in (*found.spans, *found.choices) if path.startswith("drive.")]
+    if moved and period is None:
+        raise ValueError(
+            f"Argument `period` [s] must be given where {', '.join(moved)} of the drive are free: "
+            'how long a sort is followed. Write, for example, period = "1.5 s".'
+        )
+    return Machine(
+        str(tables.get("title", "")),
+        belt,
+        fence,
+        drive,
+        _motor(tables.get("motor", {})),
+        friction,
+        border,
+        sheets,
+        parcel_table.read(tables.get("parcels", {}), folder),
+        period,
+        found.spans,
+        found.choices,
+        limit_table.read(tables.get("limits", {})),
+        _objective(tables.get("objective", {})),
+    )
+
+
+def _motor(raw: Any) -> Motor:
+    if isinstance(raw, Motor):
+        return raw
+    if not isinstance(raw, Mapping):
+        _check.part("motor", raw, Motor, "motor=fj.Motor(torque=400.0)")
+    refuse_unknown("motor", raw, Motor.bounds)
+    return Motor(**{
+        name: amount(f"motor.{name}", value, Motor.bounds[name].unit)
+        for name, value in raw.items()
+    })  # fmt: skip
+
+
+_OBJECTIVE = ("minimize", "over", "level")
+
+
+def _objective(raw: Any) -> Objective:
+    table = raw if isinstance(raw, Mapping) else {"minimize": raw}
+    refuse_unknown("objective", table, _OBJECTIVE)
+    wanted = table.get("minimize", "peak_force")
+    if isinstance(wanted, str):
+        if wanted not in OBJECTIVES:
+            raise ValueError(
+                f"Argument `objective.minimize` must be one of {', '.join(OBJECTIVES)}, but is "
+                f"{wanted!r}.{nearest(wanted, OBJECTIVES)}"
+            )
+        wanted = OBJECTIVES[wanted]
+    wanted = _check.part("objective", wanted, Quantity, "objective='peak_force'")
+    over = _check.choice("objective.over", table.get("over", "worst"), risk.MEASURES)
+    level = amount("objective.level", table.get("level", 0.95), "1")
+    _check.scalar("objective.level", level, **Bounds(above=0, most=1)._asdict())
+    return Objective(wanted, over, level)
+
+

@@ -1,0 +1,149 @@
+"""Numbers of a sorter's tables set and freed by their paths."""
+
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+
+from ..parts import Fence
+from ..scenes import DERIVED, PATHS, names
+from . import parcels
+from .amounts import amount, nearest
+from .machine import SECTIONS, scene_path
+from .reading import VECTORS, Table, as_table
+
+_PAIRS = (("rigid_length", "flexible_length"), ("reach", "length_ratio"))
+
+
+def value(text: str) -> Any:
+    """What a text after `=` stands for: a number, a list, a table or a truth value as TOML has
+    them, and else the text itself, such as `45 mm` or `POM`."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()
+
+
+def span(text: str) -> Any:
+    """`"4 mm:90 mm"`, with `:linear` or `:logarithmic` behind if wanted, as a table; a text without
+    a colon is a value, which is then fixed."""
+    lower, *rest = text.split(":")
+    if not rest:
+        return value(text)
+    ends = {"lower": value(lower), "upper": value(rest[0])}
+    return ends | ({"scaling": rest[1]} if len(rest) > 1 else {})
+
+
+def path_of(name: str) -> tuple[str, ...]:
+    """The path of a number in the tables, from that path, from the one that a scene has for it, or
+    from its short name: `"thickness"` is `fence.thickness`, `"mass"` is `parcels.mass`.
+
+    Raises `ValueError` where there is none.
+    """
+    if name in DERIVED:
+        name = f"fence.{name}"
+    for full in PATHS.get(name, ()):
+        if full.partition(".")[0] in (*SECTIONS, "parcel", "start"):
+            name = full
+    first, *rest = name.split(".")
+    if first in ("parcel", "start"):
+        first, rest = "parcels", [part.replace("given_", "") for part in rest]
+    if first not in SECTIONS:
+        known = (*SECTIONS, *PATHS, *parcels.FIELDS)
+        raise ValueError(
+            f"Argument `set` must name a number of the sorter, such as fence.thickness, but names "
+            f"{name!r}.{nearest(name, known)}"
+        )
+    return first, *rest
+
+
+def replaced(tables: Table, name: str, new: Any) -> dict[str, Any]:
+    """The tables with the value at a path replaced."""
+    path = path_of(name)
+    result = {**tables}
+    if len(path) == 1:
+        result[path[0]] = new
+        return result
+    table: dict[str, Any] = result
+    for part in path[:-1]:
+        inner = table.get(part)
+        if isinstance(inner, eqx.Module):
+            inner = as_table(inner)
+        elif isinstance(inner, Mapping):
+            inner = dict(inner)
+        elif isinstance(inner, str):
+            inner = {"name" if part == "material" else "law": inner}
+        elif inner is None or isinstance(inner, bool):
+            inner = {}
+        else:
+            raise ValueError(
+                f"Argument `set` must name a number of the sorter, but {name!r} goes through "
+                f"`{part}`, which is {inner!r}."
+            )
+        table[part] = inner
+        table = inner
+    if path[0] == "fence" and len(path) == 2:
+        _paired(table, path[1])
+    table[path[-1]] = new
+    return result
+
+
+def _paired(fence: dict[str, Any], name: str) -> None:
+    """Have a fence's two lengths given by the pair that a name belongs to."""
+    for pair, other in (_PAIRS, _PAIRS[::-1]):
+        if name not in pair or not set(fence) & set(other):
+            continue
+        usual = Fence()
+        given = {
+            key: amount(f"fence.{key}", fence[key], "1" if key == "length_ratio" else "m")
+            for key in (*pair, *other)
+            if key in fence and key != name and not isinstance(fence[key], (Mapping, list, tuple))
+        }
+        if any(key in fence and key not in given and key != name for key in (*pair, *other)):
+            return
+        rigid = given.get("rigid_length", float(usual.rigid_length))
+        flexible = given.get("flexible_length", float(usual.flexible_length))
+        reach = given.get("reach", rigid + flexible)
+        if "rigid_length" in given:
+            ratio = rigid / (reach - rigid) if "reach" in given else rigid / flexible
+        else:
+            ratio = given.get("length_ratio", rigid / flexible)
+        for key in other:
+            fence.pop(key, None)
+        if pair[0] == "reach":
+            fence |= {"reach": reach, "length_ratio": ratio}
+        else:
+            fence |= {
+                "rigid_length": reach * ratio / (1 + ratio), "flexible_length": reach / (1 + ratio),
+            }  # fmt: skip
+
+
+def freed(tables: Table, name: str, new: Any) -> dict[str, Any]:
+    """The tables with a number free within a span, beginning where it is or at the nearer bound."""
+    path = path_of(name)
+    if isinstance(new, Mapping) and "start" not in new:
+        start = _present(tables, path)
+        known = names.known(scene_path(".".join(path)))
+        if isinstance(start, list):
+            new = {**new, "start": start}
+        elif start is not None and known is not None:
+            lower, upper = (amount(f"{name}.{end}", new[end], known.unit) for end in _ENDS)
+            new = {**new, "start": min(max(amount(name, start, known.unit), lower), upper)}
+    return replaced(tables, name, new)
+
+
+_ENDS = ("lower", "upper")
+
+
+def _present(tables: Table, path: tuple[str, ...]) -> Any:
+    """A number of the tables as it is: a value, or a vector's list; `None` if they have none."""
+    found: Any = tables
+    for part in path:
+        found = as_table(found) if isinstance(found, eqx.Module) else found
+        found = found.get(part) if isinstance(found, Mapping) else None
+    if isinstance(found, Mapping):
+        found = found.get("start")
+    if isinstance(found, (list, tuple)):
+        return list(found) if path[-1] in VECTORS else None
+    return found

@@ -1,0 +1,242 @@
+"""The parcels of a sorter and the places where they come: lists, files and distributions."""
+
+import csv
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+from scipy.stats import qmc
+
+from .. import _check
+from .._check import Bounds
+from ..parts import Parcel
+from .amounts import amount, refuse_unknown
+from .reading import Table
+
+PLACES: Mapping[str, Bounds] = {
+    "front": Bounds("m", size=1.0),
+    "offset": Bounds("m", least=0, size=1.0),
+    "angle": Bounds("rad", size=10.0),
+}
+"""Where a parcel is when the drive starts: see `fencejax.scenes.whole_sort`."""
+FIELDS: Mapping[str, Bounds] = {**Parcel.bounds, **PLACES}
+"""Every number of a parcel and its place."""
+_START = {"front": 0.1, "offset": 0.0, "angle": 0.0}
+_WEIGHT = Bounds(least=0, size=1.0)
+_SETTINGS = ("list", "file", "count", "seed", "corners")
+_PATHS = {
+    **{name: f"parcel.{name}" for name in Parcel.bounds},
+    "inertia": "parcel.given_inertia",
+    **{name: f"start.{name}" for name in PLACES},
+}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Parcels:
+    """The parcels that are sorted, one a lane.
+
+    **Fields:**
+
+    - `columns`: of each number that is given its values [SI], of shape (P,), by the path that a
+      scene has for it.
+    - `weights`: how often each comes, of shape (P,), with the sum 1.
+    - `corners`: the parcel's corners that can touch the fence.
+    """
+
+    columns: dict[str, np.ndarray]
+    weights: np.ndarray
+    corners: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return self.weights.size
+
+    def text(self, lane: int) -> str:
+        """A parcel by the numbers in which it differs from others: `"30 kg, offset 0.2 m"`."""
+        told = []
+        for path, values in self.columns.items():
+            name = path.rpartition(".")[2]
+            if name == "mass" or np.ptp(values) > 0:
+                unit = FIELDS["inertia" if name == "given_inertia" else name].unit
+                title = "" if name == "mass" else f"{name} "
+                told.append(f"{title}{values[lane]:.4g} {unit}")
+        return ", ".join(told)
+
+
+# ---- distributions, each with its numbers: True where they have the unit of what is distributed
+
+_KINDS: Mapping[str, Mapping[str, bool]] = {
+    "uniform": {"lower": True, "upper": True},
+    "logarithmic": {"lower": True, "upper": True},
+    "normal": {"mean": True, "deviation": True, "lower": True, "upper": True},
+    "lognormal": {"median": True, "spread": False, "lower": True, "upper": True},
+}
+_OPTIONAL = {"normal": ("lower", "upper"), "lognormal": ("lower", "upper")}
+
+
+def _quantiles(path: str, table: Table, bounds: Bounds, shares: np.ndarray) -> np.ndarray:
+    """Values of a distribution at shares of its population.
+
+    `uniform` and `logarithmic` are even over a span, or over that of the logarithm; `normal` has a
+    mean and a standard deviation, `lognormal` a median and the standard deviation `spread` of the
+    natural logarithm; both may be cut off at `lower` and `upper`.
+    """
+    kind = str(table.get("distribution"))
+    if kind not in _KINDS:
+        refuse_unknown(f"{path}.distribution", {kind: 0}, _KINDS)
+    fields = _KINDS[kind]
+    refuse_unknown(path, table, ("distribution", *fields))
+    numbers = {}
+    for name, dimensional in fields.items():
+        if name in table:
+            unit = bounds.unit if dimensional else "1"
+            numbers[name] = amount(f"{path}.{name}", table[name], unit)
+        elif name not in _OPTIONAL.get(kind, ()):
+            raise ValueError(f"Argument `{path}` must give `{name}` of its {kind} distribution.")
+    low, high = numbers.get("lower", -math.inf), numbers.get("upper", math.inf)
+    if low > high:
+        raise ValueError(
+            f"Argument `{path}.lower` must be at most `upper` = {high:g}, but is {low:g}."
+        )
+    for name in ("deviation", "spread", *(("lower",) if kind == "logarithmic" else ())):
+        if name in numbers:
+            _check.scalar(f"{path}.{name}", numbers[name], above=0)
+    if kind == "uniform":
+        return low + (high - low) * shares
+    if kind == "logarithmic":
+        return low * (high / low) ** shares
+    if kind == "normal":
+        law = stats.norm(numbers["mean"], numbers["deviation"])
+    else:
+        law = stats.lognorm(numbers["spread"], scale=numbers["median"])
+    first, last = law.cdf(low), law.cdf(high)
+    return np.clip(law.ppf(first + (last - first) * shares), low, high)
+
+
+# ---- reading
+
+
+def read(table: Table, folder: Path) -> Parcels:
+    """The parcels that a table describes; a file is looked for in `folder`.
+
+    Raises `ValueError` and `TypeError` for keys and values that cannot be.
+    """
+    refuse_unknown("parcels", table, (*FIELDS, *_SETTINGS))
+    if "list" in table and "file" in table:
+        raise ValueError("Argument `parcels` must give a `list` or a `file`, but gives both.")
+    rows = _file(folder / str(table["file"])) if "file" in table else None
+    rows = _rows(table["list"]) if "list" in table else rows
+    drawn = {k: v for k, v in table.items() if k in FIELDS and isinstance(v, Mapping)}
+    lists = {k: v for k, v in table.items() if k in FIELDS and k not in drawn}
+    for name in rows or {}:
+        if name in drawn or name in lists:
+            raise ValueError(
+                f"Argument `parcels.{name}` must be given once, but the list of parcels has it too."
+            )
+    # Every combination of a row of the list, of the values of each number, and of a draw.
+    grids: list[dict[str, np.ndarray]] = [] if rows is None else [rows]
+    for name, raw in lists.items():
+        values = raw if isinstance(raw, (list, tuple)) else [raw]
+        if not values:
+            raise ValueError(f"Argument `parcels.{name}` must hold one at least, but is empty.")
+        grids.append({name: np.array([_number(name, value) for value in values])})
+    if drawn:
+        grids.append(_draw(drawn, table))
+    sizes = [next(iter(grid.values())).size for grid in grids]
+    places = np.indices(sizes).reshape(len(sizes), -1) if sizes else np.zeros((0, 1), int)
+    columns = {
+        name: values[at] for grid, at in zip(grids, places, strict=True)
+        for name, values in grid.items()
+    }  # fmt: skip
+    total = places.shape[1]
+    weights = columns.pop("weight", np.ones(total))
+    if not np.sum(weights) > 0:
+        raise ValueError("Argument `parcels.weight` must be above 0 for one parcel at least.")
+    for name, value in _START.items():
+        columns.setdefault(name, np.full(total, value))
+    columns.setdefault("mass", np.full(total, float(Parcel().mass)))
+    order = [name for name in FIELDS if name in columns]
+    corners = table.get("corners", (1, 2))
+    if not isinstance(corners, (list, tuple)):
+        raise TypeError(f"Argument `parcels.corners` must be a list, but is {corners!r}.")
+    return Parcels(
+        {_PATHS[name]: columns[name] for name in order}, weights / np.sum(weights), tuple(corners)
+    )
+
+
+def _number(name: str, raw: Any, where: str = "parcels") -> float:
+    bounds = _WEIGHT if name == "weight" else FIELDS[name]
+    found = amount(f"{where}.{name}", raw, bounds.unit)
+    _check.scalar(f"{where}.{name}", found, **bounds._asdict())
+    return found
+
+
+def _rows(raw: Any) -> dict[str, np.ndarray]:
+    """The columns of a list of parcels, each a table of the same numbers."""
+    if not isinstance(raw, (list, tuple)) or not raw:
+        raise TypeError(
+            f"Argument `parcels.list` must be a list of tables, such as "
+            f'[{{mass = "2 kg"}}, {{mass = "30 kg"}}], but is {raw!r}.'
+        )
+    names: tuple[str, ...] = ()
+    read_rows = []
+    for index, row in enumerate(raw):
+        where = f"parcels.list[{index}]"
+        if not isinstance(row, Mapping):
+            raise TypeError(f"Argument `{where}` must be a table, but is {row!r}.")
+        refuse_unknown(where, row, (*FIELDS, "weight"))
+        names = names or tuple(row)
+        if set(row) != set(names):
+            raise ValueError(
+                f"Argument `{where}` must give the same numbers as the first, "
+                f"{', '.join(names)}, but gives {', '.join(row)}."
+            )
+        read_rows.append([_number(name, row[name], where) for name in names])
+    return {name: np.array(column) for name, column in zip(names, zip(*read_rows, strict=True),
+            strict=True)}  # fmt: skip
+
+
+def _file(path: Path) -> dict[str, np.ndarray]:
+    """The columns of a CSV file: titles such as `mass [kg]` or `length [mm]`, then a row a parcel;
+    `weight` says how often it comes. Columns may be set apart by semicolons, and numbers then have
+    decimal commas."""
+    text = path.read_text(encoding="utf-8-sig")
+    semicolons = ";" in text.partition("\n")[0]
+    lines = list(csv.reader(text.splitlines(), delimiter=";" if semicolons else ","))
+    lines = [line for line in lines if any(cell.strip() for cell in line)]
+    if len(lines) < 2:
+        raise ValueError(f"{path} must hold a line of titles and one parcel at least.")
+    names, units = [], []
+    for title in lines[0]:
+        name, _, unit = title.partition("[")
+        names.append(name.strip())
+        units.append(unit.strip(" ]"))
+    refuse_unknown(str(path), dict.fromkeys(names), (*FIELDS, "weight"))
+    columns: dict[str, list[float]] = {name: [] for name in names}
+    for number, line in enumerate(lines[1:], start=2):
+        where = f"{path}:{number}"
+        if len(line) != len(names):
+            raise ValueError(f"{where} must hold {len(names)} cells, but holds {len(line)}.")
+        for name, unit, cell in zip(names, units, line, strict=True):
+            plain = cell.strip().replace(",", ".") if semicolons else cell.strip()
+            columns[name].append(_number(name, f"{plain} {unit}", where))
+    return {name: np.array(values) for name, values in columns.items()}
+
+
+def _draw(drawn: Mapping[str, Table], table: Table) -> dict[str, np.ndarray]:
+    """A sample of some distributed numbers, independent of each other: scrambled Sobol' points."""
+    count = _check.count("parcels.count", table.get("count", 64), least=1)
+    seed = _check.count("parcels.seed", table.get("seed", 0))
+    engine = qmc.Sobol(len(drawn), seed=np.random.default_rng(seed))  # pyright: ignore
+    power = int(np.ceil(np.log2(max(count, 2))))
+    shares = engine.random_base2(power)[:count]
+    columns = {}
+    for (name, raw), share in zip(drawn.items(), shares.T, strict=True):
+        values = _quantiles(f"parcels.{name}", raw, FIELDS[name], share)
+        columns[name] = np.array([_number(name, float(value)) for value in values])
+    return columns

@@ -1,0 +1,315 @@
+"""A sorter's design problem: one compiled program for all of its materials and choices."""
+
+import itertools
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike
+
+from .. import _check
+from ..design import DesignSpace, LaneProgram, Limit, Quantity, risk, variable
+from ..fidelity import Fidelity
+from ..parts import DataSheet
+from ..results import Status, refined
+from ..scenes import consistent
+from ..study import measured
+from . import limits as limit_table
+from .machine import Machine, scene_path
+
+_MATERIAL = ("youngs_modulus", "density", "damping_ratio")
+
+
+class Candidate(NamedTuple):
+    """One of the choices: a material, and numbers [SI] by path, of those there are lists of."""
+
+    material: DataSheet
+    numbers: Mapping[str, float]
+
+    @property
+    def name(self) -> str:
+        """`"POM, thickness 0.02"`."""
+        chosen = [f"{path.rpartition('.')[2]} {value:g}" for path, value in self.numbers.items()]
+        return ", ".join([self.material.name, *chosen])
+
+
+class Measured(NamedTuple):
+    """A design's quantities by name, one number a lane, with each lane's `Status` and the rung of
+    its fidelity."""
+
+    values: dict[str, np.ndarray]
+    statuses: np.ndarray
+    rungs: np.ndarray
+
+
+class SorterProblem:
+    """The least objective over a sorter's parcels, within its limits.
+
+        problem = sorter.problem()
+        for candidate in problem.candidates:
+            optimum = fj.minimize(problem.program, problem.start, data=problem.data(candidate))
+
+    z are the shares of the free numbers' ranges, `problem.space`. The material, the numbers chosen
+    from lists and the bounds are data: one compiled program serves all candidates. Where a sorter
+    has no free number, `space` is `None` and z is empty.
+
+    **Fields:**
+
+    - `candidates`: every combination of a material with numbers from the lists.
+    - `limit_names`: of the limits, in the order of their margins.
+    - `program`: for `fencejax.minimize`.
+    - `start`: z where the free numbers start.
+    """
+
+    def __init__(
+        self, machine: Machine, fidelity: Fidelity | None = None, *, reserve: float = 0.005,
+        rungs: int = 2, chunk: int = 64,
+    ):
+        """**Arguments:**
+
+        - `machine`: the sorter's parts.
+        - `fidelity`: default `Fidelity.fast()`.
+        - `reserve` [1]: kept in hand of each margin that a sort is run for.
+        - `rungs`: of the fidelity's ladder, at which the program computes lanes in doubt. The
+          third, at the steps of `reference`, costs as much as all others together; what a search
+          ends with is looked at again in any case (`measure`).
+        - `chunk`: how many sorts at most go through one vectorised call.
+
+        Raises `ValueError` where a parcel's sort cannot be.
+        """
+        self.machine, self.reserve = machine, _check.number("reserve", reserve)
+        self.fidelity = Fidelity.fast() if fidelity is None else fidelity
+        self.chunk = _check.count("chunk", chunk, least=1)
+        self.space = self._space()
+        self.candidates = tuple(
+            Candidate(sheet, dict(zip(machine.choices, numbers, strict=True)))
+            for sheet in machine.materials
+            for numbers in itertools.product(*machine.choices.values())
+        )
+        self._limits = {c.name: self._limits_of(c) for c in self.candidates}
+        first = self.limits(self.candidates[0])
+        self.limit_names = tuple(name for name, _ in first)
+        self._quantities = {name: limit.quantity for name, limit in first}
+        self._signs = {name: 1.0 if x.sense == "at most" else -1.0 for name, x in first}
+        self._columns = self._material_columns()
+        self._names = (*self._free_names, *machine.parcels.columns, *self._columns)
+        self._family = machine.family(self._names)
+        self._check_scenes()
+        self.start = np.zeros(0)
+        if self.space is not None:
+            base = self.space.values_of(machine.fence, machine.drive)
+            self.start = np.asarray(self.space.to_shares(base))
+        ladder = self.fidelity.ladder()[: _check.count("rungs", rungs, least=1)]
+        self.program = LaneProgram(self._read, self._combined, ladder)
+        self._measures: dict[Fidelity, Any] = {}
+
+    # ---- what varies
+
+    def _space(self) -> DesignSpace | None:
+        machine = self.machine
+        if not machine.free:
+            return None
+        chosen = [
+            variable(scene_path(path), span.lower, span.upper, None, span.scaling)
+            for path, span in machine.free.items()
+        ]
+        return DesignSpace(chosen, machine.fence, machine.drive)
+
+    @property
+    def _free_names(self) -> tuple[str, ...]:
+        return () if self.space is None else self.space.names
+
+    @property
+    def variable_names(self) -> tuple[str, ...]:
+        """The free numbers, by the names that a sorter file has for them."""
+        paths = {scene_path(path): path for path in self.machine.free}
+        return tuple(paths.get(name, name) for name in self._free_names)
+
+    def _material_columns(self) -> tuple[str, ...]:
+        """Paths of what differs from candidate to candidate."""
+        several = len(self.machine.materials) > 1
+        material = [f"fence.material.{name}" for name in _MATERIAL] if several else []
+        return (*material, *(scene_path(path) for path in self.machine.choices))
+
+    def _limits_of(self, candidate: Candidate) -> tuple[tuple[str, Limit], ...]:
+        return limit_table.settled(self.machine.bounds, self.machine, candidate.material)
+
+    def limits(self, candidate: Candidate) -> tuple[tuple[str, Limit], ...]:
+        """The limits by name, with their bounds for a candidate."""
+        found, first = (self._limits[c.name] for c in (candidate, self.candidates[0]))
+        names, expected = (", ".join(name for name, _ in each) for each in (found, first))
+        if names != expected:
+            raise ValueError(
+                f"Argument `limits` must bound the same for all materials, but {candidate.name} "
+                f"has {names} where {self.candidates[0].name} has {expected}. Give the bound, or "
+                "the material's allowed stress."
+            )
+        return found
+
+    def lanes(self, candidate: Candidate) -> dict[str, np.ndarray]:
+        """The numbers of every parcel's sort by path, with the candidate's, each of shape (P,)."""
+        parcels = self.machine.parcels
+        numbers = {
+            **{f"fence.material.{name}": getattr(candidate.material.material, name)
+               for name in _MATERIAL},
+            **{scene_path(path): value for path, value in candidate.numbers.items()},
+        }  # fmt: skip
+        return {
+            **{path: np.asarray(v, dtype=float) for path, v in parcels.columns.items()},
+            **{path: np.full(parcels.count, float(numbers[path])) for path in self._columns},
+        }
+
+    def data(self, candidate: Candidate) -> tuple[Any, ...]:
+        """What a run of the program holds fixed: lanes, weights, bounds, units of the margins."""
+        limits = [limit for _, limit in self.limits(candidate)]
+        lanes = {**self.lanes(candidate), "weight": self.machine.parcels.weights}
+        return (
+            lanes,
+            np.array([limit.bound for limit in limits]),
+            np.array([limit.unit_of_margin for limit in limits]),
+        )
+
+    # ---- the program
+
+    def _values(self, z: Array) -> Array:
+        return jnp.zeros(0) if self.space is None else self.space.from_shares(z)
+
+    def values(self, z: ArrayLike) -> dict[str, float]:
+        """The free numbers at z by name [SI]."""
+        values = np.asarray(self._values(jnp.asarray(z, dtype=float)))
+        return dict(zip(self.variable_names, values.tolist(), strict=True))
+
+    def _scene(self, values: Array, lane: Mapping[str, Array]):
+        rest = [jnp.asarray(lane[name], dtype=float) for name in self._names[len(values) :]]
+        return self._family.scene(jnp.concatenate([values, jnp.stack(rest)]))
+
+    def scene(self, z: ArrayLike, candidate: Candidate, lane: int):
+        """The sort of one parcel at a design, checked on the host."""
+        lanes = {path: column[lane] for path, column in self.lanes(candidate).items()}
+        return self._scene(self._values(jnp.asarray(z, dtype=float)), lanes)
+
+    def _check_scenes(self) -> None:
+        """Refuse a drive that is not home when the next parcel comes, and a parcel whose sort
+        cannot be, at the start of the first candidate: each of some is tried, and of the others
+        those that their own numbers speak against."""
+        cycle, period = float(self.machine.drive.cycle), self.machine.period
+        if period is not None and not self.machine.drive_varies and cycle > period * (1 + 1e-9):
+            raise ValueError(
+                f"Argument `period` must be at least the drive's cycle, {cycle:g} [s], but is "
+                f"{period:g}: the fence would not be home when the next parcel comes."
+            )
+        parcels, start = self.machine.parcels, self._base_values()
+        lanes = self.lanes(self.candidates[0])
+        fine = jax.vmap(lambda lane: consistent(self._scene(start, lane)))(lanes)
+        suspects = np.flatnonzero(~np.asarray(fine))
+        for lane in dict.fromkeys([*suspects, *range(min(parcels.count, 32))]):
+            try:
+                self._scene(start, {path: column[lane] for path, column in lanes.items()})
+            except ValueError as error:
+                raise ValueError(f"parcel {parcels.text(int(lane))}: {error}") from error
+
+    def _base_values(self) -> Array:
+        if self.space is None:
+            return jnp.zeros(0)
+        return self.space.values_of(self.machine.fence, self.machine.drive)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What is read of every sort: the objective, and what is limited."""
+        found = (self.machine.objective.quantity, *self._quantities.values())
+        return tuple({quantity.name: quantity for quantity in found}.values())
+
+    def _read(self, z: Array, lanes: Mapping[str, Array], fidelity: Fidelity):
+        values = self._values(z)
+        found = measured(
+            lambda lane: self._scene(values, lane), lanes, self.quantities, fidelity, self.chunk
+        )
+        return found, found.pop("status")
+
+    def _rows(self, name: str, numbers: Mapping[str, Array]) -> Array:
+        """The numbers that a limit bounds: one a lane, or one where it is the design's own."""
+        quantity = self._quantities[name]
+        rows = numbers[quantity.name]
+        return rows[:1] if quantity.fields == () else rows
+
+    def _combined(self, z, numbers, statuses, lanes, bounds, units):
+        objective = self.machine.objective
+        wanted = numbers[objective.quantity.name]
+        if objective.quantity.fields == ():
+            wanted = wanted[:1]
+        elif objective.over != "worst":
+            wanted = risk.risk(wanted, objective.over, objective.level, weights=lanes["weight"])
+        margins = []
+        for index, name in enumerate(self.limit_names):
+            kept = 0.0 if self._quantities[name].fields == () else self.reserve
+            left = self._signs[name] * (bounds[index] - self._rows(name, numbers))
+            margins.append(left / units[index] - kept)
+        return wanted, jnp.concatenate(margins) if margins else jnp.zeros(0)
+
+    # ---- looking at a design
+
+    def measure(
+        self, z: ArrayLike, candidate: Candidate, fidelity: Fidelity | None = None, *,
+        refine: bool = True,
+    ) -> Measured:
+        """The quantities of every parcel's sort at a design, without derivatives; where `refine`,
+        lanes in doubt are computed again, finer."""
+        fidelity = self.fidelity if fidelity is None else fidelity
+        ladder = fidelity.ladder() if refine else (fidelity,)
+        for each in ladder:
+            if each not in self._measures:
+                self._measures[each] = jax.jit(
+                    lambda z, lanes, rung=each: self._read(z, lanes, rung)
+                )
+        programs, point = [self._measures[each] for each in ladder], jnp.asarray(z, dtype=float)
+        found = refined(
+            lambda rung, lanes: programs[rung](point, lanes), self.data(candidate)[0], len(ladder)
+        )
+        return Measured(dict(found.numbers), found.statuses, found.rungs)
+
+    def limited(self, name: str) -> Quantity:
+        """The quantity that a limit bounds."""
+        return self._quantities[name]
+
+    def unit(self, name: str) -> str:
+        """The unit [SI] of a free number."""
+        assert self.space is not None
+        return self.space.variables[self.variable_names.index(name)].unit
+
+    def judged(self, found: Measured, candidate: Candidate):
+        """Objectives, margins with nothing kept in hand and statuses of what was measured: for
+        `fencejax.verify`."""
+        lanes, bounds, units = self.data(candidate)
+        numbers = {name: jnp.asarray(values) for name, values in found.values.items()}
+        objectives, margins = self._combined(None, numbers, found.statuses, lanes, bounds, units)
+        kept = np.concatenate([
+            np.full(rows, 0.0 if self._quantities[name].fields == () else self.reserve)
+            for name, rows in zip(self.limit_names, self.margin_rows, strict=True)
+        ]) if self.limit_names else np.zeros(0)  # fmt: skip
+        return jnp.atleast_1d(objectives), margins + kept, found.statuses
+
+    @property
+    def margin_rows(self) -> tuple[int, ...]:
+        """How many margins each limit has."""
+        count = self.machine.parcels.count
+        return tuple(
+            1 if self._quantities[name].fields == () else count for name in self.limit_names
+        )
+
+    def margin(self, index: int) -> tuple[str, int | None]:
+        """The limit, and the parcel, of a margin."""
+        for name, rows in zip(self.limit_names, self.margin_rows, strict=True):
+            if index < rows:
+                return name, index if rows == self.machine.parcels.count and rows > 1 else None
+            index -= rows
+        raise IndexError(index)
+
+    def troubles(self, statuses: np.ndarray) -> tuple[str, ...]:
+        """The parcels whose sort is not to be relied on, with what their status means."""
+        return tuple(
+            f"{self.machine.parcels.text(lane)}: {Status(int(s)).name}, {Status(int(s)).text}"
+            for lane, s in enumerate(statuses)
+            if s > Status.LEFT_OVER_TIP
+        )

@@ -1,0 +1,331 @@
+"""Tables of a sorter file as parts: fence, drive, belt, border and friction, with what is free."""
+
+import dataclasses
+import inspect
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+
+from .. import _check
+from .._check import Bounds
+from ..parts import (
+    DRIVES,
+    FRICTIONS,
+    TAPERS,
+    AbstractDrive,
+    AbstractFriction,
+    AbstractTaper,
+    Belt,
+    Border,
+    DataSheet,
+    Fence,
+    Material,
+    materials,
+)
+from .amounts import amount, nearest, refuse_unknown
+
+Table = Mapping[str, Any]
+VECTORS = ("control_angles", "ratios")
+_SPAN = ("lower", "upper", "start", "scaling")
+
+
+class Span(NamedTuple):
+    """What is free: lower and upper bound [SI], and the scaling, or `None` for the usual one."""
+
+    lower: float
+    upper: float
+    scaling: str | None = None
+
+
+@dataclasses.dataclass
+class Reading:
+    """What was found beside the parts' own numbers: free ones, and ones to choose from a list."""
+
+    spans: dict[str, Span] = dataclasses.field(default_factory=dict)
+    choices: dict[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)
+
+    def number(self, path: str, raw: Any, bounds: Bounds) -> Any:
+        """The number [SI] of a field: as given, where a free one starts, or the first of a list.
+
+        Raises `ValueError` and `TypeError` where it cannot be read or is out of its bounds.
+        """
+
+        def read(value: Any, name: str = path) -> float:
+            found = amount(name, value, bounds.unit)
+            _check.scalar(name, found, **bounds._asdict())
+            return found
+
+        if isinstance(raw, Mapping):
+            return self._span(path, raw, read)
+        if path.rpartition(".")[2] in VECTORS:
+            return [read(value) for value in raw]
+        if isinstance(raw, (list, tuple)):
+            if not raw:
+                raise ValueError(f"Argument `{path}` must hold at least one number, but is empty.")
+            found = [read(value) for value in raw]
+            if len(found) > 1:
+                self.choices[path] = tuple(found)
+            return found[0]
+        return read(raw)
+
+    def _span(self, path: str, raw: Table, read) -> Any:
+        refuse_unknown(path, raw, _SPAN)
+        for end in ("lower", "upper"):
+            if end not in raw:
+                raise ValueError(
+                    f"Argument `{path}` must have a lower and an upper bound where it is free, "
+                    f"but lacks `{end}`. Write {{lower = ..., upper = ...}}."
+                )
+        lower, upper = (read(raw[end], f"{path}.{end}") for end in ("lower", "upper"))
+        if lower > upper:
+            raise ValueError(
+                f"Argument `{path}.lower` must be at most `upper` = {upper:g}, but is {lower:g}."
+            )
+        vector = path.rpartition(".")[2] in VECTORS
+        start = raw.get("start")
+        if start is None and vector:
+            raise ValueError(
+                f"Argument `{path}.start` must be given: a list as long as the vector."
+            )
+        if lower < upper:
+            scaling = raw.get("scaling", "linear" if lower <= 0 else None)
+            self.spans[path] = Span(lower, upper, scaling)
+        if isinstance(start, (list, tuple)):
+            return [min(max(read(value), lower), upper) for value in start]
+        if start is None:
+            return math.sqrt(lower * upper) if lower > 0 else 0.5 * (lower + upper)
+        found = read(start, f"{path}.start")
+        if not lower <= found <= upper:
+            raise ValueError(
+                f"Argument `{path}.start` must be within {lower:g} ... {upper:g}, but is {found:g}."
+            )
+        return found
+
+
+def _choice(path: str, raw: Any, kinds: Mapping[str, type], default: str) -> tuple[type, Table]:
+    """The class that a table, or the name of a law alone, describes, and its other keys."""
+    if isinstance(raw, str):
+        raw = {"law": raw}
+    if not isinstance(raw, Mapping):
+        raise TypeError(
+            f"Argument `{path}` must be a table, or one of {', '.join(kinds)}, but is {raw!r}."
+        )
+    law = raw.get("law", default)
+    rest = {key: value for key, value in raw.items() if key != "law"}
+    if isinstance(law, type) and issubclass(law, eqx.Module):
+        return law, rest
+    if law not in kinds:
+        raise ValueError(
+            f"Argument `{path}.law` must be one of {', '.join(kinds)}, but is {law!r}."
+            f"{nearest(str(law), kinds)}"
+        )
+    return kinds[str(law)], rest
+
+
+def _made(path: str, kind: type, table: Table, reading: Reading, **inner: Any) -> Any:
+    """An instance of a part's class from a table of its numbers; `inner` parts are made already."""
+    known = [name for name in inspect.signature(kind).parameters]
+    refuse_unknown(path, table, known)
+    bounds: Mapping[str, Bounds] = getattr(kind, "bounds", {})
+    values = {
+        name: value
+        if name in inner or name not in bounds
+        else reading.number(f"{path}.{name}", value, bounds[name])
+        for name, value in {**table, **inner}.items()
+    }
+    try:
+        return kind(**values)
+    except (ValueError, TypeError) as error:
+        raise type(error)(f"`{path}`: {error}") from error
+
+
+def friction(path: str, raw: Any, reading: Reading) -> AbstractFriction | None:
+    """A law of friction; `False` for none."""
+    if raw is False:
+        return None
+    if isinstance(raw, AbstractFriction):
+        return raw
+    kind, table = _choice(path, raw, FRICTIONS, "coulomb")
+    return _made(path, kind, table, reading)
+
+
+def belt(raw: Any, reading: Reading) -> Belt:
+    """The belt."""
+    if isinstance(raw, Belt):
+        return raw
+    table = dict(_a_table("belt", raw, "belt=fj.Belt(speed=2.0)"))
+    inner = {}
+    if "friction" in table:
+        inner["friction"] = friction("belt.friction", table.pop("friction"), reading)
+    return _made("belt", Belt, table, reading, **inner)
+
+
+def border(raw: Any, reading: Reading) -> Border | None:
+    """The border; `False` for none."""
+    if raw is False or isinstance(raw, Border):
+        return raw or None
+    table = dict(_a_table("border", raw, "border=fj.Border()"))
+    inner = {}
+    if "friction" in table:
+        inner["friction"] = friction("border.friction", table.pop("friction"), reading)
+    return _made("border", Border, table, reading, **inner)
+
+
+def drive(raw: Any, reading: Reading) -> AbstractDrive:
+    """The drive's law."""
+    if isinstance(raw, AbstractDrive):
+        return raw
+    if isinstance(raw, type):
+        _check.part("drive", raw, AbstractDrive, "drive=fj.HarmonicDrive(top_speed=1.53)")
+    kind, table = _choice("drive", raw, DRIVES, "harmonic")
+    return _made("drive", kind, table, reading)
+
+
+def taper(raw: Any, reading: Reading) -> AbstractTaper:
+    """The profile of the fence's thickness."""
+    if isinstance(raw, AbstractTaper):
+        return raw
+    if isinstance(raw, type):
+        _check.part("fence.taper", raw, AbstractTaper, "taper=fj.Uniform()")
+    kind, table = _choice("fence.taper", raw, TAPERS, "constant_strength")
+    return _made("fence.taper", kind, table, reading)
+
+
+_LENGTHS = ("rigid_length", "flexible_length", "reach", "length_ratio")
+
+
+def fence(raw: Any, reading: Reading) -> tuple[Fence, tuple[DataSheet, ...]]:
+    """The fence, of the first of its materials, and all of these."""
+    if isinstance(raw, Fence):
+        return raw, (DataSheet("as given", raw.material),)
+    table = dict(_a_table("fence", raw, "fence=fj.Fence(thickness=0.045)"))
+    refuse_unknown("fence", table, ("width", "thickness", "material", "taper", *_LENGTHS))
+    sheets = _materials(table.pop("material", "PA6 dry"), reading)
+    inner: dict[str, Any] = {"material": sheets[0].material}
+    if "taper" in table:
+        inner["taper"] = taper(table.pop("taper"), reading)
+    lengths = {name: table.pop(name) for name in _LENGTHS if name in table}
+    inner |= _lengths(lengths, reading)
+    return _made("fence", Fence, table, reading, **inner), sheets
+
+
+def _lengths(given: dict[str, Any], reading: Reading) -> dict[str, float]:
+    """Rigid and flexible length [m] from two of these, reach and length ratio."""
+    if len(given) > 2 or set(given) == {"flexible_length", "length_ratio"}:
+        raise ValueError(
+            "Argument `fence` must give its length by rigid_length and flexible_length, or by "
+            f"reach with length_ratio or rigid_length, but holds {', '.join(given)}."
+        )
+    length, ratio = Bounds("m", least=0, size=1.0), Bounds(least=0, size=1.0)
+    found = {
+        name: reading.number(f"fence.{name}", raw, ratio if name == "length_ratio" else length)
+        for name, raw in given.items()
+    }
+    varied = {*reading.spans, *reading.choices}
+    mixed = "reach" in found and {"rigid_length", "flexible_length"} & set(found)
+    if mixed and {f"fence.{name}" for name in found} & varied:
+        raise ValueError(
+            "Argument `fence` must give its length by reach and length_ratio (l_s / l_p), or by "
+            "rigid_length and flexible_length, where one of them is free, but holds "
+            f"{', '.join(found)}."
+        )
+    usual = Fence()
+    rigid = found.get("rigid_length", float(usual.rigid_length))
+    flexible = found.get("flexible_length", float(usual.flexible_length))
+    if "reach" in found:
+        reach = found["reach"]
+        if "rigid_length" in found:
+            flexible = reach - rigid
+        elif "flexible_length" in found:
+            rigid = reach - flexible
+        else:
+            share = found.get("length_ratio", rigid / flexible)
+            flexible = reach / (1 + share)
+            rigid = reach - flexible
+    elif "length_ratio" in found:
+        reach = rigid + flexible
+        flexible = reach / (1 + found["length_ratio"])
+        rigid = reach - flexible
+    return {"rigid_length": max(rigid, 0.0), "flexible_length": flexible}
+
+
+def _materials(raw: Any, reading: Reading) -> tuple[DataSheet, ...]:
+    if isinstance(raw, (list, tuple)):
+        if not raw:
+            raise ValueError("Argument `fence.material` must name one at least, but is empty.")
+        sheets = tuple(_material(one, Reading()) for one in raw)
+        names = [sheet.name for sheet in sheets]
+        if len(set(names)) < len(names):
+            raise ValueError(
+                f"Argument `fence.material` must not repeat a material, but holds {names}."
+            )
+        return sheets
+    return (_material(raw, reading),)
+
+
+def _material(raw: Any, reading: Reading) -> DataSheet:
+    if isinstance(raw, DataSheet):
+        return raw
+    if isinstance(raw, Material):
+        return DataSheet("as given", raw)
+    if isinstance(raw, str):
+        return materials.named(raw)
+    table = dict(_a_table("fence.material", raw, "material='POM'"))
+    name = table.pop("name", None)
+    fields = {**Material.bounds, **DataSheet.bounds}
+    refuse_unknown("fence.material", table, (*fields, "conditions", "name"))
+    numbers = {
+        key: reading.number(f"fence.material.{key}", value, fields[key])
+        for key, value in table.items()
+        if key in fields
+    }
+    base: dict[str, Any] = {}
+    if isinstance(name, str) and materials.known(name):
+        sheet = materials.named(name)
+        base = {key: getattr(sheet.material, key) for key in Material.bounds}
+        base |= {key: getattr(sheet, key) for key in DataSheet.bounds}
+        base["conditions"] = sheet.conditions
+    else:
+        for key in ("youngs_modulus", "density"):
+            if key not in numbers:
+                raise ValueError(
+                    f"Argument `fence.material` must give `{key}` where it names none of "
+                    f"{', '.join(materials.MATERIALS)}, but holds {', '.join(raw)}."
+                )
+    base |= numbers
+    return DataSheet(
+        name or "own material",
+        Material(**{key: base[key] for key in Material.bounds if key in base}),
+        base.get("allowed_stress"),
+        base.get("fatigue_strength"),
+        table.get("conditions", base.get("conditions", "")),
+    )
+
+
+def _a_table(path: str, raw: Any, example: str) -> Table:
+    if isinstance(raw, Mapping):
+        return raw
+    what = f"the class {raw.__name__}" if isinstance(raw, type) else repr(raw)
+    raise TypeError(
+        f"Argument `{path}` must be a table of numbers or the part itself, but is {what}. Write, "
+        f"for example, {example}."
+    )
+
+
+def as_table(part: Any) -> dict[str, Any]:
+    """A part as the table that describes it, so that one of its numbers can be changed; other
+    parts in it stay parts."""
+    table = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
+    if isinstance(part, (AbstractDrive, AbstractTaper, AbstractFriction)):
+        table["law"] = type(part)
+    if isinstance(part, DataSheet):
+        material = table.pop("material")
+        table |= as_table(material)
+    plain = {}
+    for name, value in table.items():
+        if value is not None:
+            vector = name in VECTORS
+            plain[name] = [float(v) for v in value] if vector else value
+    return plain

@@ -1,0 +1,251 @@
+"""A sorter's design problem solved for one candidate, looked at again, and explained."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import qmc
+
+from ..design import (
+    DesignVariable,
+    Journal,
+    Optimum,
+    Record,
+    ShadowPrices,
+    Stop,
+    Verification,
+    conflict,
+    minimize,
+    shadow_prices,
+    verify,
+)
+from ..fidelity import Fidelity
+from ..results import Status
+from .problem import Candidate, Measured, SorterProblem
+
+RELAXED = 0.1
+"""By which share a limit or a bound is relaxed to say what it costs; of one that is 0, by that
+share of what its margin is measured in."""
+_STARTS = 8
+# A price that is less than this share of the largest is none.
+_LITTLE = 1e-3
+
+
+class Look(NamedTuple):
+    """A design measured: objectives, margins with nothing kept in hand, and what was read."""
+
+    point: np.ndarray
+    objectives: np.ndarray
+    margins: np.ndarray
+    measured: Measured
+
+    @property
+    def objective(self) -> float:
+        """The worst case."""
+        return float(np.max(self.objectives))
+
+    @property
+    def violation(self) -> float:
+        """By how much the most violated limit is broken [1]; infinite where a number is none."""
+        worst = float(np.max(-self.margins, initial=0.0))
+        finite = np.all(np.isfinite(self.margins)) and np.all(np.isfinite(self.objectives))
+        return worst if finite else math.inf
+
+
+class Price(NamedTuple):
+    """What relaxing a limit or a bound, from `bound` to `relaxed` [`unit`], is worth: `gain` in the
+    objective's unit or, where no design holds all limits, in the largest violation [1]. `parcels`:
+    those for which the limit decides."""
+
+    name: str
+    bound: float
+    relaxed: float
+    unit: str
+    parcels: tuple[str, ...]
+    gain: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Solution:
+    """What was found for a candidate.
+
+    **Fields:**
+
+    - `candidate`: material and numbers from the lists.
+    - `before`, `after`: the design at the start and the one found, both at the finer fidelity;
+      `after` is `before` where nothing better was found.
+    - `optimum`: the optimiser's outcome; `None` where nothing is free.
+    - `feasible`: whether `after` holds every limit, within the range of the model.
+    - `verified`: how the finer fidelity agrees with the optimiser's.
+    - `prices`: what decides, most first.
+    - `starts`: how many starting points it took to find one that can be evaluated.
+    """
+
+    candidate: Candidate
+    before: Look
+    after: Look
+    optimum: Optimum | None
+    feasible: bool
+    verified: Verification | None
+    prices: tuple[Price, ...]
+    starts: int
+
+    @property
+    def improved(self) -> bool:
+        """Whether `after` is another design than `before`."""
+        return self.after is not self.before
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """To sort by: designs that hold the limits first, by their objective; then by violation."""
+        if self.feasible:
+            return 0.0, self.after.objective
+        return 1.0, max(self.after.violation, 1e-12)
+
+    @property
+    def stop(self) -> str:
+        """Why the search ended."""
+        return "nothing is free" if self.optimum is None else self.optimum.stop.value
+
+
+def look(
+    problem: SorterProblem, candidate: Candidate, point: np.ndarray, fidelity: Fidelity
+) -> Look:
+    """A design measured at a fidelity."""
+    measured = problem.measure(point, candidate, fidelity)
+    objectives, margins, _ = problem.judged(measured, candidate)
+    return Look(np.asarray(point), np.asarray(objectives), np.asarray(margins), measured)
+
+
+def solve(
+    problem: SorterProblem,
+    candidate: Candidate,
+    *,
+    check: Fidelity | None = None,
+    budget: int = 60,
+    tolerance: float = 2e-3,
+    feasibility: float = 1e-3,
+    agreement: float = 0.02,
+    journal: Journal | None = None,
+    progress: Callable[[Record], None] | None = None,
+) -> Solution:
+    """The best design for a candidate, from any start.
+
+    Where the start cannot be evaluated, others follow: the middle of the ranges, then Sobol' points
+    of them. Sorts in which the fence bends beyond the linear beam, or a corner is pressed in beyond
+    the contact law, still count in the search, which limits lead out of there; the design found has
+    none.
+
+    **Arguments:**
+
+    - `check`: the fidelity at which both designs are looked at again, default
+      `Fidelity.standard()`.
+    - `budget`, `tolerance`, `journal`, `progress`: as of `fencejax.minimize`.
+    - `feasibility` [1]: the violation of a margin that counts as none.
+    - `agreement` [1]: largest relative error of the objective that confirms the design.
+    """
+    check = Fidelity.standard() if check is None else check
+    before = look(problem, candidate, problem.start, check)
+    if problem.space is None:
+        return _settled(problem, candidate, before, before, None, None, feasibility, 1)
+    optimum, tried = None, 0
+    for start in _starts(problem.start):
+        tried += 1
+        optimum = minimize(
+            problem.program, start, data=problem.data(candidate), tolerance=tolerance,
+            feasibility=feasibility, budget=budget, journal=journal, progress=progress,
+            worst_status=Status.DEEP_PENETRATION,
+        )  # fmt: skip
+        if optimum.stop is not Stop.FAILED_START:
+            break
+    assert optimum is not None
+    if optimum.stop is Stop.FAILED_START:
+        return _settled(problem, candidate, before, before, optimum, None, feasibility, tried)
+    after = look(problem, candidate, optimum.point, check)
+    verified = verify(
+        lambda z: problem.judged(after.measured, candidate), optimum, agreement=agreement,
+        feasibility=feasibility,
+    )  # fmt: skip
+    return _settled(problem, candidate, before, after, optimum, verified, feasibility, tried)
+
+
+def _starts(first: np.ndarray):
+    yield first
+    yield np.full(first.size, 0.5)
+    engine = qmc.Sobol(first.size, seed=np.random.default_rng(0))  # pyright: ignore
+    yield from engine.random(_STARTS)
+
+
+def _settled(
+    problem: SorterProblem, candidate: Candidate, before: Look, after: Look,
+    optimum: Optimum | None, verified: Verification | None, feasibility: float, starts: int,
+) -> Solution:  # fmt: skip
+    def order(one: Look):
+        bad = len(problem.troubles(one.measured.statuses))
+        return max(one.violation, feasibility), bad, one.objective
+
+    if order(before) <= order(after):
+        after = before
+    # What is in numerical doubt even at the finest rung is not confirmed, but no broken limit.
+    trouble = [s for s in map(Status, after.measured.statuses) if not s.numerical]
+    sound = max(trouble, default=Status.SUCCESSFUL) <= Status.LEFT_OVER_TIP
+    prices: tuple[Price, ...] = ()
+    if optimum is not None and optimum.stop is not Stop.FAILED_START:
+        if optimum.feasible:
+            found = shadow_prices(optimum)
+        else:
+            found = conflict(optimum.last)
+        prices = _prices(problem, candidate, found)
+    return Solution(
+        candidate, before, after, optimum, after.violation <= feasibility and sound,
+        verified, prices, starts,
+    )  # fmt: skip
+
+
+def _prices(
+    problem: SorterProblem, candidate: Candidate, found: ShadowPrices
+) -> tuple[Price, ...]:
+    """What limits and bounds that are relaxed by a tenth are worth, most first."""
+    limits = dict(problem.limits(candidate))
+    rates: dict[str, float] = {}
+    parcels: dict[str, list[str]] = {}
+    for index, rate in enumerate(found.margins):
+        name, lane = problem.margin(index)
+        rates[name] = rates.get(name, 0.0) + float(rate)
+        if rate > 0 and lane is not None:
+            parcels.setdefault(name, []).append(problem.machine.parcels.text(lane))
+    prices = []
+    for name, rate in rates.items():
+        limit = limits[name]
+        step = RELAXED * (abs(limit.bound) or limit.unit_of_margin)
+        relaxed = limit.bound + (step if limit.sense == "at most" else -step)
+        gain = rate * step / limit.unit_of_margin
+        where = tuple(parcels.get(name, ()))
+        prices.append(Price(name, limit.bound, relaxed, limit.quantity.unit, where, gain))
+    for index, name in enumerate(problem.variable_names if problem.space else ()):
+        assert problem.space is not None
+        variable = problem.space.variables[index]
+        lower, upper = variable.lower, variable.upper
+        # A lower bound of 0 is the number's own.
+        below, above = lower - RELAXED * abs(lower), upper + RELAXED * abs(upper)
+        passed = -_share(variable, below) if lower != 0 else 0.0
+        gain = float(found.lower[index]) * passed
+        prices.append(Price(f"lower bound of {name}", lower, below, variable.unit, (), gain))
+        gain = float(found.upper[index]) * (_share(variable, above) - 1)
+        prices.append(Price(f"upper bound of {name}", upper, above, variable.unit, (), gain))
+    most = max((price.gain for price in prices), default=0.0)
+    return tuple(sorted((p for p in prices if p.gain > _LITTLE * most), key=lambda p: -p.gain))
+
+
+def _share(variable: DesignVariable, value: float) -> float:
+    """The share of the range at a value, which may be out of it."""
+    return float(variable.share(value))
+
+
+def rigid(problem: SorterProblem, solution: Solution, check: Fidelity | None = None) -> Measured:
+    """The same sorts by a fence of the same shape that does not bend."""
+    check = Fidelity.standard() if check is None else check
+    stiff = check.replace(modes=0, static_correction=False)
+    return problem.measure(solution.after.point, solution.candidate, stiff, refine=False)

@@ -1,0 +1,217 @@
+"""The sorter that a job is for, as flags name it: a file, numbers set, numbers freed."""
+
+import dataclasses
+import functools
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import fencejax as fj
+from fencejax.scenes import AnyScene, names, numbers as scene_numbers
+from fencejax.sorter import SECTIONS, amount, span, value
+
+from . import designs, flags, named
+
+NONE = "none"
+SORTERS = Path(__file__).parents[1] / "sorters"
+"""The sorter files that come with the jobs."""
+
+
+def sorter_field(default: str = NONE) -> str:
+    """The field of a configuration that names a sorter file."""
+    known = ", ".join(sorted(path.stem for path in SORTERS.glob("*.toml")))
+    text = f"sorter file (TOML), or one that comes with the jobs: {known}"
+    text += f"; {NONE}: the job's own numbers" if default == NONE else ""
+    return flags.field(default, text, metavar="FILE")
+
+
+def set_field() -> tuple[str, ...]:
+    """The field of a configuration that sets numbers."""
+    text = "numbers that differ, as NAME=VALUE: belt.speed=2.5, thickness='45 mm' (SI or a unit)"
+    return flags.field((), text, nargs="*", metavar="NAME=VALUE")
+
+
+def free_field() -> tuple[str, ...]:
+    """The field of a configuration that frees numbers."""
+    text = "what is designed, as NAME=LOWER:UPPER: fence.thickness=4mm:90mm; both alike: fixed"
+    return flags.field((), text, nargs="*", metavar="NAME=LOWER:UPPER")
+
+
+def pairs(field: str, texts: tuple[str, ...]) -> dict[str, str]:
+    """`NAME=VALUE` as names with texts.
+
+    Raises `ValueError` where one has no `=`, or a name comes twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, rest = text.partition("=")
+        name = name.strip()
+        if not equals or not name or not rest.strip() or name in found:
+            raise ValueError(
+                f"Argument `{field}` must hold each name once as NAME=VALUE, but holds {text!r}."
+            )
+        found[name] = rest
+    return found
+
+
+def _path(sorter: str) -> Path:
+    """The sorter file of a name."""
+    path = Path(sorter)
+    return path if path.suffix or path.exists() else SORTERS / f"{sorter}.toml"
+
+
+def load(
+    sorter: str, given: tuple[str, ...] = (), free: tuple[str, ...] = ()
+) -> fj.Sorter:
+    """The sorter of a file, or of one that comes with the jobs, with numbers set and freed.
+
+    Raises `ValueError` and `TypeError` for what cannot be read, and for numbers that no such
+    machine has.
+    """
+    path = _path(sorter)
+    spans: dict[str, Any] = {name: span(text) for name, text in pairs("free", free).items()}
+    values = {name: value(text) for name, text in pairs("set", given).items()}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", fj.sorter.ImplausibleNumberWarning)
+        found = fj.Sorter.load(path, set=values, free=spans)
+    if found.doubts:
+        raise ValueError(f"{path}: " + " ".join(found.doubts))
+    return found
+
+
+def numbers(field: str, text: str, scene: AnyScene | None = None) -> dict[str, float]:
+    """`"distance=0.9,mass=12 kg"` as numbers [SI] by name, of a scene or of the table of names.
+
+    Raises `ValueError` where one cannot be read, or is none that a machine has.
+    """
+    found = {}
+    for name, raw in pairs(field, tuple(text.split(","))).items():
+        if scene is not None and scene_numbers.has(scene, name):
+            number = scene_numbers.number(scene, name)
+        else:
+            number = names.known(name)
+        unit = "1" if number is None else number.unit
+        found[name] = amount(name, raw, unit)
+        path = name if number is None else number.path
+        doubt = fj.sorter.doubt(path, found[name], unit)
+        if doubt is not None:
+            raise ValueError(f"Argument `{field}`: {doubt}")
+    return found
+
+
+def family(
+    sorter: str, kind: str, varied: Sequence[str], given: tuple[str, ...],
+    duration: float | None = None,
+) -> fj.SceneFamily:  # fmt: skip
+    """Scenes of a sorter in which some numbers vary, with others set: what a scene has no number
+    for, such as `fence.material=POM`, is set in the sorter."""
+    scene = load(sorter).family(kind=kind).scene(np.zeros(0))
+
+    def of_sorter(text: str) -> bool:
+        name = text.partition("=")[0].strip()
+        return name.partition(".")[0] in SECTIONS and not scene_numbers.has(scene, name)
+
+    machine = load(sorter, tuple(text for text in given if of_sorter(text)))
+    fixed = {}
+    for text in given:
+        if not of_sorter(text):
+            fixed |= numbers("set", text, scene)
+    return machine.family(tuple(varied), kind=kind, fixed=fixed, duration=duration)
+
+
+def scene(sorter: str, kind: str, duration: float | None = None) -> AnyScene:
+    """A scene of a sorter's parts: of a kind of `fencejax.SceneFamily`, or of the normal direction
+    alone."""
+    machine = load(sorter)
+    if kind in ("normal_impact", "rigid_wall"):
+        parts = {"fence": machine.fence} if kind == "normal_impact" else {}
+        parcel = machine.family(kind="oblique_impact").parcel
+        return getattr(fj.scenes, kind)(parcel=parcel, duration=duration, **parts)
+    return machine.family(kind=kind, duration=duration).scene(np.zeros(0))
+
+
+def only_without(config: Any, *fields: str) -> None:
+    """Refuse fields that say what the sorter file says.
+
+    Raises `ValueError` where a sorter file is named and one of them is not at its default.
+    """
+    defaults = {field.name: field.default for field in dataclasses.fields(config)}
+    for name in fields:
+        if config.sorter != NONE and getattr(config, name) != defaults[name]:
+            flag = name.replace("_", "-")
+            raise ValueError(
+                f"Argument `{name}` must be left out where a sorter file is given, which says it, "
+                f"but is {getattr(config, name)!r}. Leave out --{flag}, or set the number by --set."
+            )
+
+
+def chosen(config: Any) -> fj.sorter.Machine | None:
+    """The machine of a configuration with `sorter`, `set` and `free`; `None` where it names none
+    and changes nothing of the paper's."""
+    if config.sorter == NONE:
+        if config.set or config.free:
+            raise ValueError(
+                "Arguments `set` and `free` must come with a sorter file, but there is none. Write "
+                "--sorter paper for the paper's machine."
+            )
+        return None
+    changed = _path(config.sorter).stat().st_mtime_ns
+    return _machine(config.sorter, config.set, config.free, changed)
+
+
+@functools.lru_cache(maxsize=16)
+def _machine(
+    sorter: str, given: tuple[str, ...], free: tuple[str, ...], changed: int
+) -> fj.sorter.Machine:
+    """Read once: a job asks for it within programs, too, where its numbers must be plain ones."""
+    del changed
+    return load(sorter, given, free).machine
+
+
+def limits(
+    jobs: tuple[fj.Limit, ...], machine: fj.sorter.Machine | None, without: tuple[str, ...] = ()
+) -> tuple[fj.Limit, ...]:
+    """A job's limits, but for quantities that a machine's own table gives a bound for; and those of
+    its table that the job has not, `without` some rows."""
+    if machine is None:
+        return jobs
+    given = [(row, bound) for row, bound in machine.bounds if bound is not None]
+    given += [(row, None) for row, bound in machine.bounds if bound is None and row.name in _OWN]
+    found = fj.sorter.settled(given, machine, machine.materials[0])
+    own = [limit for name, limit in found if name not in without]
+    names = {limit.name for limit in own}
+    return (*(limit for limit in jobs if limit.name not in names), *own)
+
+
+_OWN = ("stress", "torque")
+
+
+def space(
+    config: Any, machine: fj.sorter.Machine | None, drive: fj.AbstractDrive | None = None,
+    default: designs.Bounds = (),
+) -> fj.DesignSpace:  # fmt: skip
+    """The design space of a job: what its machine leaves free or, where that is nothing, the job's
+    own variables, over the machine's fence and its drive. With another `drive`, which the job
+    designs, it is what is free of the fence and the job's own variables of that drive."""
+    if machine is None:
+        fence = fj.Fence(taper=named.taper(config.taper))
+        drive = named.drive(config.drive) if drive is None else drive
+        return designs.space(config.variables, config.bounds, fence, drive, default)
+    free = machine.free
+    if drive is not None:
+        free = {path: span for path, span in free.items() if path.startswith("fence.")}
+    own = config.variables
+    if free:
+        known = {name: names.known(name) for name in own}
+        moved = [name for name, number in known.items() if number and _of_drive(number.path)]
+        own = (*map(fj.sorter.scene_path, free), *(moved if drive is not None else ()))
+    spans = tuple((fj.sorter.scene_path(p), s.lower, s.upper) for p, s in free.items())
+    drive = machine.drive if drive is None else drive
+    return designs.space(own, config.bounds, machine.fence, drive, (*default, *spans))
+
+
+def _of_drive(path: str) -> bool:
+    return path.startswith("drive.")

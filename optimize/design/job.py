@@ -1,0 +1,159 @@
+"""The fence for one's own machine, described by a sorter file.
+
+    python -m optimize.design --sorter machine.toml --out out
+
+minimises the largest peak force, or what the file says, over every parcel at every place that the
+machine meets, within the file's limits, in the numbers that the file leaves free. Each material of
+the file, with each number from its lists (thicknesses as sold), is a candidate, designed for
+itself; the same compiled program serves them all. They are ranked, the best one is told in full,
+with what its limits and bounds cost and the force of a fence that does not bend. Where no design
+holds all limits, it is said which of them fight.
+"""
+
+import dataclasses
+import time
+from typing import Any
+
+import numpy as np
+
+import fencejax as fj
+from fencejax.design import Journal
+from fencejax.results import counted
+from fencejax.sorter import Solution, SorterProblem, rigid, solve
+
+from ..common import command, evaluations
+from ..common.report import progress_line, write_json
+from . import words
+from .configuration import DesignConfig, configure
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What the job found: a solution for each candidate, the best first, and the largest objective
+    of a fence that does not bend, of the best one's shape."""
+
+    config: DesignConfig
+    problem: SorterProblem
+    solutions: list[Solution]
+    stiff: float
+    elapsed: float
+
+    @property
+    def best(self) -> Solution:
+        """The first in rank."""
+        return self.solutions[0]
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the best design holds every limit and the finer fidelity confirms it."""
+        verified = self.best.verified
+        return self.best.feasible and (verified is None or verified.confirmed)
+
+
+def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
+    """Run the job, print what it does, and write its files into `config.out`."""
+    say = command.begin(quiet)
+    begin = time.perf_counter()
+    config = DesignConfig() if config is None else config
+    machine = config.machine
+    config.out.mkdir(parents=True, exist_ok=True)
+    fidelity, check = (getattr(fj.Fidelity, n)() for n in (config.fidelity, config.check))
+    problem = SorterProblem(machine, fidelity, reserve=config.reserve, rungs=config.rungs)
+    journal = None if problem.space is None else evaluations.journal(config, say)
+    say(
+        f"{problem.machine.title or config.sorter}: {problem.machine.parcels.count} parcels and "
+        f"places, free {', '.join(problem.variable_names) or 'nothing'}, "
+        f"{len(problem.candidates)} candidates; compiling ..."
+    )
+    quantity = problem.machine.objective.quantity
+    solutions = []
+    for candidate in problem.candidates:
+        say(f"\n{candidate.name}")
+        found = solve(
+            problem, candidate, check=check, budget=config.budget, tolerance=config.tolerance,
+            feasibility=config.feasibility, agreement=config.agreement, journal=journal,
+            progress=lambda record: say("  " + progress_line(record, quantity)),
+        )  # fmt: skip
+        solutions.append(found)
+        say(f"  {words.verdict(found)}; {found.stop}{words.start_troubles(problem, found)}")
+    solutions.sort(key=lambda one: one.rank)
+    best = solutions[0]
+    stiff = float(np.max(rigid(problem, best, check).values[quantity.name]))
+    outcome = Outcome(config, problem, solutions, stiff, time.perf_counter() - begin)
+    say("\n" + told(outcome))
+    _write(outcome, journal)
+    say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
+    return outcome
+
+
+def told(outcome: Outcome) -> str:
+    """Everything that the job says at the end."""
+    problem, best = outcome.problem, outcome.best
+    parts = [
+        words.ranking(problem, outcome.solutions),
+        f"{best.candidate.name}\n" + words.before_and_after(problem, best),
+    ]
+    trouble = problem.troubles(best.after.measured.statuses)
+    if trouble:
+        parts.append("Not to be relied on:\n" + "\n".join(f"  {text}" for text in trouble))
+    if best.optimum is not None:
+        parts.append(words.decides(problem, best))
+    for other in outcome.solutions[1:]:
+        if other.prices:
+            parts.append(f"{other.candidate.name}. {words.decides(problem, other)}")
+    if not best.improved and best.optimum is not None:
+        parts.append("Nothing better than the start was found.")
+    checked = words.doubts(best)
+    parts += [checked] if checked else []
+    parts.append(words.mine(problem, best, outcome.stiff))
+    return "\n\n".join(parts)
+
+
+def _write(outcome: Outcome, journal: Journal | None) -> None:
+    problem = outcome.problem
+
+    def row(one: Solution) -> dict[str, Any]:
+        return {
+            "candidate": one.candidate.name,
+            "numbers": one.candidate.numbers,
+            "feasible": one.feasible,
+            "violation": one.after.violation,
+            "stop": one.stop,
+            "objective": {"before": one.before.objective, "after": one.after.objective},
+            "design": {
+                "before": problem.values(one.before.point),
+                "after": problem.values(one.after.point),
+            },
+            "improved": one.improved,
+            "measured": one.after.measured.values,
+            "statuses": counted(one.after.measured.statuses),
+            "limits": {
+                name: {
+                    "bound": limit.bound,
+                    "sense": limit.sense,
+                    "worst": words.worst(problem, one.after, name)[0],
+                }
+                for name, limit in problem.limits(one.candidate)
+            },
+            "prices": [price._asdict() for price in one.prices],
+            "confirmed": None if one.verified is None else one.verified.confirmed,
+            "doubts": None if one.verified is None else one.verified.doubts,
+            "evaluations": 0 if one.optimum is None else len(one.optimum.history),
+        }
+
+    parcels = problem.machine.parcels
+    content = {
+        "config": dataclasses.asdict(outcome.config),
+        "succeeded": outcome.succeeded,
+        "parcels": [parcels.text(lane) for lane in range(parcels.count)],
+        "solutions": [row(one) for one in outcome.solutions],
+        "does_not_bend": outcome.stiff,
+        "recalled": 0 if journal is None else journal.recalled,
+        "elapsed": outcome.elapsed,
+    }
+    write_json(outcome.config.out / "design.json", content)
+
+
+def run():
+    """The job from the command line."""
+    command.run("design", configure, main, stopped=command.RESUMED)

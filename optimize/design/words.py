@@ -1,0 +1,176 @@
+"""What the job says of its designs: tables and sentences."""
+
+import numpy as np
+
+from fencejax.design import Stop
+from fencejax.sorter import Look, Solution, SorterProblem
+
+_SHOWN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa")}
+
+
+def shown(value: float, unit: str, digits: int = 4) -> str:
+    """A number in the unit that a designer reads it in."""
+    factor, title = _SHOWN.get(unit, (1.0, unit))
+    scaled = 0.0 if abs(value) < 1e-9 else factor * value
+    # Whole numbers where there are more digits than asked for.
+    text = f"{scaled:.0f}" if 10**digits <= abs(scaled) < 1e7 else f"{scaled:.{digits}g}"
+    return text + ("" if title == "1" else f" {title}")
+
+
+def plain(name: str) -> str:
+    """A name in words."""
+    return name.replace("_", " ")
+
+
+def worst(problem: SorterProblem, look: Look, name: str) -> tuple[float, int | None]:
+    """The value of a limited quantity where its margin is least, and the parcel."""
+    quantity = problem.limited(name)
+    values = np.asarray(look.measured.values[quantity.name])
+    start = 0
+    for other, rows in zip(problem.limit_names, problem.margin_rows, strict=True):
+        if other == name:
+            lane = int(np.argmin(look.margins[start : start + rows]))
+            return float(values[lane]), lane if rows > 1 else None
+        start += rows
+    raise KeyError(name)
+
+
+def hardest(problem: SorterProblem, look: Look) -> str:
+    """The parcel with the largest objective."""
+    values = look.measured.values[problem.machine.objective.quantity.name]
+    return problem.machine.parcels.text(int(np.argmax(values)))
+
+
+def ranking(problem: SorterProblem, solutions: list[Solution]) -> str:
+    """A row a candidate, the best first."""
+    quantity = problem.machine.objective.quantity
+    unit = lambda name: problem.limited(name).unit  # noqa: E731
+    titles = ["candidate", *(name.partition(".")[2] for name in problem.variable_names)]
+    titles += [f"{plain(quantity.name)}", *map(plain, problem.limit_names), ""]
+    rows = [titles]
+    for one in solutions:
+        design = problem.values(one.after.point)
+        row = [one.candidate.name]
+        row += [shown(v, problem.unit(name)) for name, v in design.items()]
+        row.append(shown(one.after.objective, quantity.unit))
+        for name in problem.limit_names:
+            value, _ = worst(problem, one.after, name)
+            row.append(shown(value, unit(name), 3))
+        row.append(verdict(one))
+        rows.append(row)
+    wide = [max(len(row[i]) for row in rows) for i in range(len(titles))]
+    lines = ["  ".join(cell.rjust(w) if i else cell.ljust(w) for i, (cell, w) in enumerate(
+        zip(row, wide, strict=True))).rstrip() for row in rows]  # fmt: skip
+    return "\n".join(lines)
+
+
+def verdict(one: Solution) -> str:
+    """A word on a design."""
+    if not np.isfinite(one.after.violation):
+        return "cannot be evaluated"
+    if not one.feasible:
+        return f"breaks a limit by {100 * one.after.violation:.3g} %"
+    return "holds all limits"
+
+
+def before_and_after(problem: SorterProblem, one: Solution) -> str:
+    """The design before and after with its bounds, and every limit with its margin and parcel."""
+    looks = [one.before, one.after] if one.improved else [one.before]
+    heads = ["before", "after"][: len(looks)]
+    lines = [f"{'design':<26}" + "".join(f"{head:>20}" for head in heads) + "   bounds"]
+    for index, name in enumerate(problem.variable_names):
+        assert problem.space is not None
+        variable, unit = problem.space.variables[index], problem.unit(name)
+        cells = [problem.values(each.point)[name] for each in looks]
+        share = looks[-1].point[index]
+        note = " (on the lower one)" if share < 1e-3 else ""
+        note = " (on the upper one)" if share > 1 - 1e-3 else note
+        lines.append(
+            f"{plain(name):<26}" + "".join(f"{shown(v, unit):>20}" for v in cells)
+            + f"   {shown(variable.lower, unit)} ... {shown(variable.upper, unit)}{note}"
+        )  # fmt: skip
+    quantity = problem.machine.objective.quantity
+    lines.append(f"{plain(quantity.name):<26}" + "".join(
+        f"{shown(each.objective, quantity.unit):>20}" for each in looks)
+        + f"   {hardest(problem, looks[-1])}")  # fmt: skip
+    for name, limit in problem.limits(one.candidate):
+        found = [worst(problem, each, name) for each in looks]
+        unit, sign = limit.quantity.unit, "<=" if limit.sense == "at most" else ">="
+        lane = found[-1][1]
+        where = "" if lane is None else f", {problem.machine.parcels.text(lane)}"
+        title = f"{plain(name)} {sign} {shown(limit.bound, unit, 3)}"
+        cells = [f"{shown(v, unit, 3)} ({float(limit.margin_of(v)):+.2f})" for v, _ in found]
+        lines.append(f"{title:<26}" + "".join(f"{cell:>20}" for cell in cells) + f"   {where[2:]}")
+    lines.append("(margins in brackets, with the parcel; a limit holds at 0 or more)")
+    return "\n".join(lines)
+
+
+def decides(problem: SorterProblem, one: Solution) -> str:
+    """What the limits and bounds on which the design ends cost."""
+    quantity = problem.machine.objective.quantity
+    optimum = one.optimum
+    if optimum is None or not one.prices:
+        return "No limit decides, and no bound that could give way."
+    lines = []
+    for price in one.prices[:6]:
+        where = f" ({'; '.join(price.parcels[:3])})" if price.parcels else ""
+        old, new = (shown(bound, price.unit) for bound in (price.bound, price.relaxed))
+        gain = (
+            f"{shown(price.gain, quantity.unit, 3)} less"
+            if optimum.feasible
+            else f"{100 * price.gain:.3g} % less to miss"
+        )
+        lines.append(f"  {plain(price.name)}{where}: {new} instead of {old}, {gain}")
+    if optimum.feasible:
+        head = f"What decides, and what relaxing it is worth in {plain(quantity.name)}"
+        head += ":" if optimum.converged else f" (nearly: {optimum.stop.value}):"
+    elif optimum.stop is Stop.INFEASIBLE:
+        head = "No design nearby holds all limits. These fight, and relaxing one is worth:"
+    else:
+        head = (
+            f"No design that holds all limits was found ({optimum.stop.value}). At the nearest one "
+            "these fight, and relaxing one is worth:"
+        )
+    return "\n".join([head, *lines])
+
+
+def start_troubles(problem: SorterProblem, one: Solution) -> str:
+    """The sorts at the start that cannot be relied on, and the limits that it breaks."""
+    told = list(problem.troubles(one.before.measured.statuses))
+    for name, limit in problem.limits(one.candidate):
+        value, lane = worst(problem, one.before, name)
+        if not limit.margin_of(value) >= -1e-3:
+            where = "" if lane is None else f" ({problem.machine.parcels.text(lane)})"
+            bound = shown(limit.bound, limit.quantity.unit, 3)
+            value = shown(value, limit.quantity.unit, 3)
+            told.append(f"{plain(name)}{where}: {value}, {limit.sense} {bound}")
+    if one.starts > 1:
+        told.append(f"the search began at another design, the {one.starts}th that was tried")
+    return "".join(f"\n  the start: {text}" for text in told)
+
+
+def mine(problem: SorterProblem, one: Solution, stiff: float | None) -> str:
+    """One sentence: which of the numbers is the machine's."""
+    machine, quantity = problem.machine, problem.machine.objective.quantity
+    over = "largest" if machine.objective.over == "worst" else machine.objective.over
+    title = machine.title or "this machine"
+    text = (
+        f"Yours is {shown(one.after.objective, quantity.unit)}: the {over} {plain(quantity.name)} "
+        f"over the {machine.parcels.count} parcels and places of {title}, by a fence of "
+        f"{one.candidate.name}"
+    )
+    if machine.objective.over == "worst":
+        text += f" ({hardest(problem, one.after)})"
+    if stiff is not None:
+        text += f"; a fence of that shape that does not bend: {shown(stiff, quantity.unit)}"
+    return text + "."
+
+
+def doubts(one: Solution) -> str:
+    """What the finer fidelity says."""
+    if one.verified is None:
+        return ""
+    return (
+        f"at the finer fidelity the objective differs by {100 * one.verified.error:+.2f} %: "
+        f"{one.verified.text}"
+    )

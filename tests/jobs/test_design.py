@@ -1,0 +1,136 @@
+"""The design for one's own machine, in a small version: the job, and its problem's gradient."""
+
+import json
+
+import numpy as np
+import pytest
+
+import fencejax as fj
+from optimize.design import main, words
+from optimize.design.configuration import DesignConfig, configure
+
+# Sorts that are soon over, the parcel in reach of the fence when the drive starts, and with few
+# parts: one corner, no border, no friction but the belt's. Less is to be compiled.
+TINY = """
+title = "tiny"
+period = "0.5 s"
+fence_friction = false
+border = false
+[parcels]
+mass = ["5 kg", "30 kg"]
+front = "0.8 m"
+offset = "10 mm"
+corners = [1]
+[fence]
+thickness = {lower = "20 mm", upper = "70 mm", start = "30 mm"}
+length_ratio = {lower = 0.2, upper = 1, start = 0.6}
+material = ["PA6 dry", "UHMW-PE"]
+[drive]
+cycle_time = "0.5 s"
+top_speed = "3 rad/s"
+[limits]
+sorted = "-0.6 m"
+tip_deflection = "170 mm"
+torque = LIMIT
+"""
+
+
+def written(folder, torque):
+    """A sorter file with a limit of the torque [N m]."""
+    (folder / "tiny.toml").write_text(TINY.replace("LIMIT", str(torque)))
+    return DesignConfig(
+        out=folder / "out", sorter=str(folder / "tiny.toml"), fidelity="fast", check="fast",
+        rungs=1, budget=8,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory):
+    """What the job finds for it."""
+    return main(written(tmp_path_factory.mktemp("design"), 3000), quiet=True)
+
+
+def test_every_material_is_designed_and_ranked(outcome):
+    found = outcome.solutions
+    assert sorted(one.candidate.name for one in found) == ["PA6 dry", "UHMW-PE"]
+    assert found[0].rank <= found[1].rank
+    for one in found:
+        assert one.feasible
+        assert one.after.objective < one.before.objective
+        # The optimiser's feasibility.
+        assert one.after.violation <= 1e-3
+    # One program for both.
+    assert [program._cache_size() for program in outcome.problem.program._each] == [1]
+
+
+def test_what_is_measured_is_what_a_simulation_of_the_scene_finds(outcome):
+    best, problem = outcome.best, outcome.problem
+    scene = problem.scene(best.after.point, best.candidate, 1)
+    assert float(scene.fence.material.density) == float(best.candidate.material.material.density)
+    # The rung that the lane was read at; batches round differently, 1e-9 and less.
+    rung = int(best.after.measured.rungs[1])
+    result = fj.simulate(scene, fidelity=fj.Fidelity.fast().ladder()[rung], history=False)
+    found = best.after.measured.values["peak_force"][1]
+    assert found == pytest.approx(float(result.peak_force), rel=1e-7)
+
+
+def test_gradient_of_the_problem(outcome):
+    problem, candidate = outcome.problem, outcome.problem.candidates[1]
+    data, point, step = problem.data(candidate), np.array([0.55, 0.4]), 1e-4
+    at = problem.program(point, *data)
+    for index in range(2):
+        ends = []
+        for sign in (1, -1):
+            moved = point.copy()
+            moved[index] += sign * step
+            ends.append(problem.program(moved, *data, least=at.rungs))
+        for name in ("objectives", "margins"):
+            rows = getattr(at, name[:-1] + "_rows")[:, index]
+            upper, lower = (getattr(end, name) for end in ends)
+            off = np.abs(rows - (upper - lower) / (2 * step)) / np.max(np.abs(rows))
+            if name == "margins":
+                stress = np.array([problem.margin(row)[0] == "stress" for row in range(rows.size)])
+                # Of a stress that is read at samples, 0.5 ms apart, `fast` gives the slope at the
+                # sample and not that of the peak.
+                assert np.max(off[stress]) < 0.05
+                off = off[~stress]
+            # Central differences are off by f''' h^2 / 6, and by 1e-10 / h where steps of the
+            # solver end at their tolerance.
+            assert np.max(off) < 2e-3
+
+
+def test_what_it_says_and_writes(outcome):
+    text = words.mine(outcome.problem, outcome.best, outcome.stiff)
+    assert text.startswith("Yours is ")
+    assert "the largest peak force over the 2 parcels and places of tiny" in text
+    assert outcome.stiff > outcome.best.after.objective
+    content = json.loads((outcome.config.out / "design.json").read_text())
+    assert [row["feasible"] for row in content["solutions"]] == [True, True]
+    assert content["parcels"] == ["5 kg", "30 kg"]
+    prices = outcome.best.prices
+    assert all(price.gain > 0 for price in prices)
+    assert words.decides(outcome.problem, outcome.best).startswith("What decides")
+
+
+def test_a_conflict_is_named(outcome, tmp_path):
+    # The same program: only bounds differ. 30 N m is less than it takes to swing the fence alone.
+    found = main(written(tmp_path, 30), quiet=True)
+    assert not found.succeeded
+    assert all(not one.feasible for one in found.solutions)
+    assert "torque" in [price.name for one in found.solutions for price in one.prices]
+    said = words.decides(found.problem, found.best)
+    assert "these fight" in said.lower()
+    # Nothing worse than the start is shown as found.
+    for one in found.solutions:
+        assert one.after.violation <= one.before.violation
+
+
+def test_flags():
+    config = configure(["--sorter", "parcel_hub", "--set", "belt.speed=2 m/s", "thickness=20 mm"])
+    assert float(config.machine.belt.speed) == 2
+    assert "fence.thickness" not in config.machine.free
+    freed = configure(["--free", "fence.width=100mm:200mm"]).machine
+    assert freed.free["fence.width"][:2] == (0.1, 0.2)
+    for texts in (["belt.speed"], ["belt.speed="], ["belt.speed=1", "belt.speed=2"]):
+        with pytest.raises(ValueError, match="`set` must hold each name once as NAME=VALUE"):
+            assert configure(["--set", *texts]).machine

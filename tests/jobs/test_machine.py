@@ -1,0 +1,92 @@
+"""The sorter that a job is for: one vocabulary for every job."""
+
+import importlib
+
+import jax
+import numpy as np
+import pytest
+
+import fencejax as fj
+from fencejax.scenes import numbers as scene_numbers
+from optimize.common import machine
+from optimize.common.encounters import Course, Encounter
+from optimize.identify.configuration import IdentifyConfig
+from optimize.sensitivity.configuration import SensitivityConfig
+from optimize.sweep.configuration import SweepConfig
+
+HUB = dict(sorter="parcel_hub")
+
+
+def read(scene, *names):
+    return [float(number) for number in scene_numbers.read(scene, names)]
+
+
+def test_a_sweep_of_a_sorter():
+    sweep = SweepConfig(
+        scene="whole_sort", vary=("mass=1:30:3",), set=("offset=50 mm", "fence.material=POM"), **HUB
+    ).sweep()
+    scene = sweep.family.scene(np.array([7.0]))
+    found = read(scene, "mass", "offset", "belt_speed", "reach", "density", "length")
+    assert found == pytest.approx([7, 0.05, 2.5, 1.0, 1410, 0.6])
+    with pytest.raises(ValueError, match="`fence` must be left out where a sorter file is given"):
+        SweepConfig(fence="one_link", **HUB)
+    # Without a sorter file the names are the same.
+    plain = SweepConfig(vary=("mass=1:30:3",), set=("distance=900 mm",)).sweep()
+    assert read(plain.family.scene(np.array([7.0])), "distance") == [0.9]
+
+
+def test_a_sensitivity_study_of_a_sorter():
+    config = SensitivityConfig(scene="whole_sort", set=("mass=5 kg", "mass=30,offset=0.1"), **HUB)
+    scene = config.base()
+    assert read(scene, "belt_speed", "width") == [2.5, 0.2]
+    places = config.places(scene)
+    assert list(places) == ["mass=5 kg", "mass=30 kg,offset=0.1 m"]
+    assert list(places.values()) == [{"mass": 5.0}, {"mass": 30.0, "offset": 0.1}]
+    wall = SensitivityConfig(scene="rigid_wall", **HUB).base()
+    assert isinstance(wall, fj.NormalScene)
+    assert read(wall, "mass") == [0.5]
+
+
+def test_identification_on_a_sorter():
+    config = IdentifyConfig(records=("a.csv",), set=("distance=0.9,mass=12 kg",), **HUB)
+    scene = config.base(config.numbers(0), 0.1)
+    assert read(scene, "distance", "mass", "belt_speed") == [0.9, 12, 2.5]
+
+
+@pytest.mark.parametrize(
+    "text", ["mass=heavy", "mass", "mass=2 m", "fence.thickness=45", "mass=1,mass=2"]
+)
+def test_what_cannot_be_set(text):
+    with pytest.raises(ValueError, match="`set`|`mass`"):
+        machine.numbers("set", text)
+
+
+@pytest.mark.parametrize("job", ["co_design", "pareto", "peak_force", "robust_design"])
+def test_design_jobs_take_the_machine(job):
+    module = importlib.import_module(f"optimize.{job}.configuration")
+    flags = ["--sorter", "parcel_hub", "--set", "belt.speed=2.2 m/s"]
+    config = module.configure([*flags, "--free", "fence.thickness=10mm:40mm"])
+    assert float(config.machine.belt.speed) == 2.2
+    space = config.space
+    assert float(space.fence.reach) == pytest.approx(1.0)
+    span = space.variables[space.names.index("fence.thickness")]
+    assert (span.lower, span.upper) == (0.01, 0.04)
+    bounds = {limit.name: limit.bound for limit in config.limits}
+    assert bounds["tip_deflection"] == 0.06
+    assert bounds["peak_torque"] == 400
+    with pytest.raises(ValueError, match="`taper` must be left out where a sorter file is given"):
+        module.configure([*flags, "--taper", "uniform"])
+    with pytest.raises(ValueError, match="`set` and `free` must come with a sorter file"):
+        assert module.configure(["--set", "belt.speed=2.2"]).machine
+
+
+def test_encounters_of_a_machine_are_its_sorts():
+    sorter = machine.load("parcel_hub", ("parcels.angle=5 deg",))
+    encounters = Encounter.of(sorter.machine)
+    course = Course("sorts", sorter.machine.duration, fj.Fidelity.fast(), machine=sorter.machine)
+    for lane in range(encounters.lanes):
+        one = Encounter(**encounters.named(lane))
+        scene = course.scene(sorter.fence, sorter.drive, one)
+        ours = sorter.scene(lane)
+        assert jax.tree.structure(scene) == jax.tree.structure(ours)
+        np.testing.assert_allclose(jax.tree.leaves(scene), jax.tree.leaves(ours), rtol=1e-14)

@@ -1,0 +1,341 @@
+"""What a sorter file says, is refused for, and is changed to."""
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+import fencejax as fj
+from optimize.common.machine import SORTERS, load
+
+TEXT = """
+title = "mine"
+period = "1.5 s"
+[belt]
+speed = "2.5 m/s"
+width = "0.8 m"
+friction = {kinetic = 0.6, static = 0.7}
+[parcels]
+mass = ["500 g", "30 kg"]
+length = "0.6 m"
+breadth = "0.4 m"
+offset = ["50 mm", "200 mm"]
+[fence]
+reach = "1.0 m"
+length_ratio = {lower = 0, upper = 3, start = 0.6}
+width = "0.20 m"
+thickness = {lower = "4 mm", upper = "90 mm", start = "30 mm"}
+material = ["PA6 dry", "POM"]
+[fence_friction]
+law = "stribeck"
+kinetic = 0.3
+static = 0.4
+stribeck_speed = "20 mm/s"
+[drive]
+law = "trapezoid"
+top_speed = "120 deg/s"
+acceleration = "10 rad/s^2"
+end_angle = "60 deg"
+[motor]
+torque = "400 N m"
+[limits]
+tip_deflection = "60 mm"
+stress = "30 MPa"
+impulse = {at_most = "200 N s"}
+[objective]
+minimize = "peak_force"
+"""
+
+
+@pytest.fixture(scope="module")
+def mine():
+    """The sorter of `TEXT`."""
+    return fj.Sorter.parse(TEXT)
+
+
+def same(one, other):
+    """Whether two parts have the same structure and numbers."""
+    a, b = jax.tree.leaves(one), jax.tree.leaves(other)
+    alike = jax.tree.structure(one) == jax.tree.structure(other)
+    return alike and all(np.allclose(x, y, rtol=1e-14, atol=0) for x, y in zip(a, b, strict=True))
+
+
+def test_parts_are_those_written_by_hand(mine):
+    machine = mine.machine
+    assert same(mine.belt, fj.Belt(2.5, 0.8, fj.Friction(0.6, 0.7)))
+    pa6 = fj.materials.named("PA6 dry")
+    assert same(mine.fence, fj.Fence(0.375, 0.625, 0.2, 0.03, pa6.material))
+    law = fj.TrapezoidDrive(np.pi / 3, 2 * np.pi / 3, 10.0)
+    assert same(mine.drive, law)
+    assert same(machine.fence_friction, fj.friction_laws.Stribeck(0.3, 0.4, 0.02))
+    assert same(machine.border, fj.Border())
+    assert [sheet.name for sheet in mine.materials] == ["PA6 dry", "POM"]
+    assert float(machine.motor.torque) == 400
+    assert machine.duration == 1.5
+
+
+def test_an_empty_description_is_the_papers_machine():
+    paper = fj.Sorter()
+    # But for the damping ratio, which is that of the material's data sheet.
+    assert same(paper.drive, fj.HarmonicDrive())
+    assert same(paper.belt, fj.Belt())
+    sheet = fj.materials.named("PA6 dry")
+    assert same(paper.fence, fj.Fence(material=sheet.material))
+    scene = paper.scene()
+    by_hand = fj.scenes.whole_sort(fence=paper.fence, duration=float(paper.drive.cycle))
+    assert same(scene, by_hand)
+
+
+def test_scenes_are_those_written_by_hand(mine):
+    scenes = mine.scenes()
+    masses, offsets = (0.5, 0.5, 30.0, 30.0), (0.05, 0.2, 0.05, 0.2)
+    for lane, (mass, offset) in enumerate(zip(masses, offsets, strict=True)):
+        by_hand = fj.scenes.whole_sort(
+            offset=offset, fence=mine.fence, parcel=fj.Parcel(mass, 0.6, 0.4), belt=mine.belt,
+            drive=mine.drive, fence_friction=mine.machine.fence_friction, duration=1.5,
+        )  # fmt: skip
+        assert same(mine.scene(lane), by_hand)
+        assert same(jax.tree.map(lambda leaf, lane=lane: leaf[lane], scenes), by_hand)
+
+
+def test_what_is_free(mine):
+    free = mine.machine.free
+    assert list(free) == ["fence.length_ratio", "fence.thickness"]
+    assert free["fence.thickness"][:2] == (0.004, 0.09)
+    # Of one number alone: fixed.
+    fixed = mine.replace(free={"fence.thickness": "20mm:20mm", "length_ratio": "1"})
+    assert not fixed.machine.free
+    assert float(fixed.fence.thickness) == 0.02
+    freed = mine.replace(free={"fence.width": ("150 mm", "250 mm"), "drive.top_speed": "1:3"})
+    assert freed.machine.free["fence.width"][:2] == (0.15, 0.25)
+    assert float(freed.fence.width) == 0.2
+    # Beginning at the nearer bound where the number is out of them.
+    assert float(mine.replace(free={"fence.width": "1cm:5cm"}).fence.width) == 0.05
+
+
+def test_lists_are_choices(mine):
+    sold = mine.replace({"thickness": ["20 mm", "25 mm", "30 mm"]})
+    assert sold.machine.choices == {"fence.thickness": (0.02, 0.025, 0.03)}
+    problem = sold.problem()
+    assert len(problem.candidates) == 6
+    assert problem.candidates[1].name == "PA6 dry, thickness 0.025"
+    lanes = problem.lanes(problem.candidates[-1])
+    np.testing.assert_array_equal(lanes["fence.thickness"], np.full(4, 0.03))
+    assert lanes["fence.material.density"][0] == 1410
+
+
+def test_overrides_by_path_and_by_short_name(mine):
+    changed = mine.replace({
+        "belt.speed": "3 m/s", "mass": [1, 2], "drive.dwell": "0.1 s", "start.front": "50 mm",
+        "fence.material": "UHMW-PE", "border": False, "fence.material.damping_ratio": "8 %",
+        "limits.stress": "10 MPa", "fence.taper": "uniform",
+    })  # fmt: skip
+    assert float(changed.belt.speed) == 3
+    assert float(changed.belt.width) == 0.8
+    np.testing.assert_array_equal(changed.parcels.columns["parcel.mass"], [1, 1, 2, 2])
+    np.testing.assert_array_equal(changed.parcels.columns["start.front"], np.full(4, 0.05))
+    assert float(changed.drive.dwell) == 0.1
+    assert changed.machine.border is None
+    assert float(changed.fence.material.damping_ratio) == pytest.approx(0.08)
+    assert float(changed.fence.material.density) == 930
+    assert isinstance(changed.fence.taper, fj.Uniform)
+    # The description itself is as it was.
+    assert float(mine.belt.speed) == 2.5
+
+
+def test_lengths_by_either_pair():
+    by_lengths = fj.Sorter(fence={"rigid_length": "0.4 m", "flexible_length": "0.6 m"})
+    longer = by_lengths.replace({"reach": "1.5 m"}).fence
+    assert (float(longer.rigid_length), float(longer.flexible_length)) == pytest.approx((0.6, 0.9))
+    by_reach = fj.Sorter(fence={"reach": 1.0, "rigid_length": 0.25})
+    assert float(by_reach.fence.flexible_length) == pytest.approx(0.75)
+    with pytest.raises(ValueError, match="`fence` must give its length by rigid_length and"):
+        fj.Sorter(fence={"reach": 1.0, "rigid_length": 0.2, "flexible_length": 0.7})
+
+
+def test_parts_in_place_of_tables():
+    sorter = fj.Sorter(belt=fj.Belt(speed=2.5), drive=fj.SplineDrive([0.1, 0.2]))
+    assert float(sorter.replace({"belt.speed": 3}).belt.speed) == 3
+    changed = sorter.replace({"drive.cycle_time": "2 s"})
+    assert isinstance(changed.drive, fj.SplineDrive)
+    np.testing.assert_allclose(changed.drive.control_angles, [0.1, 0.2])
+
+
+REFUSED = [
+    ({"belt": {"sped": 2}}, "`belt` holds the unknown key `sped`. Did you mean `speed`"),
+    ({"fence": {"thickness": "2 kg"}}, "`fence.thickness` must be in m .* another dimension"),
+    ({"fence": {"thickness": 0}}, "`fence.thickness` must be above 0"),
+    ({"fence": {"material": "POMM"}}, "Did you mean 'POM'"),
+    ({"fence": {"material": {"density": 900}}}, "must give `youngs_modulus`"),
+    ({"fence": {"material": []}}, "must name one at least"),
+    ({"fence": {"material": ["POM", "POM"]}}, "must not repeat a material"),
+    ({"fence": {"thickness": {"lower": 0.03}}}, "lacks `upper`"),
+    ({"fence": {"thickness": {"lower": 0.03, "upper": 0.02}}}, "must be at most `upper` = 0.02"),
+    (
+        {"fence": {"thickness": {"lower": 0.03, "upper": 0.05, "start": 0.06}}},
+        "`fence.thickness.start` must be within 0.03 ... 0.05",
+    ),
+    ({"fence": {"taper": "unifrom"}}, "Did you mean `uniform`"),
+    ({"fence": {"taper": fj.Uniform}}, "`fence.taper` must be an instance .* the class Uniform"),
+    ({"fence": {"reach": {"lower": 1, "upper": 2}, "rigid_length": 0.2}}, "reach and length_ratio"),
+    ({"belt": 2.0}, "`belt` must be a table of numbers or the part itself, but is 2.0"),
+    ({"belt": {"speed": {"lower": 1, "upper": 2}}}, "numbers of the fence and of the drive"),
+    ({"drive": {"law": "harmonics"}}, "Did you mean `harmonic`"),
+    ({"drive": {"top_speed": {"lower": 1, "upper": 2}}}, "`period` .* must be given"),
+    ({"drive": {"law": "trapezoid", "top_speed": 9}}, "`drive`: .*the stroke is too short"),
+    ({"motor": 400}, "`motor` must be an instance of Motor, but is 400"),
+    ({"limits": {"tip_deflexion": 1}}, "Did you mean `tip_deflection`"),
+    ({"limits": {"impulse": 0}}, "`limits.impulse` must not be 0"),
+    ({"limits": {"impulse": {"below": 3}}}, "`at_most` or `at_least`"),
+    ({"objective": "peak_forse"}, "Did you mean `peak_force`"),
+    ({"objective": {"over": "median"}}, "`objective.over` must be one of"),
+    ({"parcels": {"mass": []}}, "`parcels.mass` must hold one at least"),
+    ({"parcels": {"masses": 3}}, "Did you mean `mass`"),
+    ({"parcels": {"list": [{"mass": 1}, {"length": 1}]}}, "must give the same numbers"),
+    ({"parcels": {"list": [{"mass": 1}], "mass": 3}}, "must be given once"),
+    ({"parcels": {"mass": {"distribution": "gauss"}}}, "unknown key `gauss`"),
+    ({"parcels": {"mass": {"distribution": "normal", "mean": 2}}}, "must give `deviation`"),
+]
+
+
+@pytest.mark.parametrize(("tables", "said"), REFUSED)
+def test_what_cannot_be_is_refused_where_it_is_given(tables, said):
+    with pytest.raises((ValueError, TypeError), match=said):
+        fj.Sorter(**tables)
+
+
+def test_a_file_names_itself_in_its_refusals(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text('[belt]\nspeed = 2 m/s\n')
+    with pytest.raises(ValueError, match="mine.toml: .* text in quotes"):
+        fj.Sorter.load(file)
+    file.write_text("[bolt]\nspeed = 2\n")
+    with pytest.raises(ValueError, match="unknown key `bolt`. Did you mean `belt`"):
+        fj.Sorter.load(file)
+    with pytest.raises(ValueError, match="names 'belt_sped'. Did you mean `belt_speed`"):
+        fj.Sorter().replace({"belt_sped": 2})
+
+
+def test_a_parcel_whose_sort_cannot_be_is_named(mine):
+    with pytest.raises(ValueError, match=r"parcel 0.5 kg, offset 0 m.*clear of the fence"):
+        mine.replace({"offset": [0.0, 0.5], "drive": {"law": "held", "held_angle": 0.3}}).problem()
+
+
+# ---- parcels
+
+
+def test_lists_and_rows_are_combined():
+    parcels = fj.Sorter(parcels={
+        "list": [{"mass": 1, "length": 0.2, "weight": 3}, {"mass": 9, "length": 0.5, "weight": 1}],
+        "offset": [0.0, 0.1], "breadth": 0.25,
+    }).parcels  # fmt: skip
+    assert parcels.count == 4
+    np.testing.assert_array_equal(parcels.columns["parcel.mass"], [1, 1, 9, 9])
+    np.testing.assert_array_equal(parcels.columns["start.offset"], [0, 0.1, 0, 0.1])
+    np.testing.assert_array_equal(parcels.columns["parcel.breadth"], np.full(4, 0.25))
+    np.testing.assert_allclose(parcels.weights, [3 / 8, 3 / 8, 1 / 8, 1 / 8])
+    assert parcels.text(3) == "9 kg, length 0.5 m, offset 0.1 m"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "mass [g],length [mm],weight\n500,200,3\n30000,600,1\n",
+        "\ufeffmass;length [cm];weight\n0,5;20;3\n30;60,0;1\n\n",
+    ],
+)
+def test_parcels_from_a_file(tmp_path, text):
+    (tmp_path / "parcels.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "mine.toml").write_text('[parcels]\nfile = "parcels.csv"\n')
+    parcels = fj.Sorter.load(tmp_path / "mine.toml").parcels
+    np.testing.assert_allclose(parcels.columns["parcel.mass"], [0.5, 30])
+    np.testing.assert_allclose(parcels.columns["parcel.length"], [0.2, 0.6])
+    np.testing.assert_allclose(parcels.weights, [0.75, 0.25])
+
+
+def test_a_files_defects_are_told_with_their_line(tmp_path):
+    (tmp_path / "parcels.csv").write_text("mass [kg]\n1\nheavy\n")
+    with pytest.raises(ValueError, match=r"parcels.csv:3.mass` \[kg\] must be a number"):
+        fj.Sorter(parcels={"file": "parcels.csv"}, folder=tmp_path)
+    (tmp_path / "parcels.csv").write_text("mas [kg]\n1\n")
+    with pytest.raises(ValueError, match="unknown key `mas`. Did you mean `mass`"):
+        fj.Sorter(parcels={"file": "parcels.csv"}, folder=tmp_path)
+
+
+def test_distributions_have_their_moments():
+    parcels = fj.Sorter(parcels={
+        "count": 1024,
+        "mass": {"distribution": "lognormal", "median": "4 kg", "spread": 0.5},
+        "length": {"distribution": "uniform", "lower": 0.2, "upper": 0.6},
+        "breadth": {"distribution": "normal", "mean": 0.3, "deviation": "20 mm"},
+        "stiffness": {"distribution": "logarithmic", "lower": 1e9, "upper": 4e9},
+    }).parcels  # fmt: skip
+    columns = parcels.columns
+    assert parcels.count == 1024
+    # A net of 1024 points has one point in each of 1024 equal intervals of every number, so that
+    # quantiles are off by a share of 1/1024 at most: of the density there, 0.2 % of the medians;
+    # the means of these smooth laws by the tails' last interval, below 1 %.
+    assert np.median(columns["parcel.mass"]) == pytest.approx(4.0, rel=2e-3)
+    assert np.mean(columns["parcel.mass"]) == pytest.approx(4 * np.exp(0.125), rel=1e-2)
+    assert np.mean(columns["parcel.length"]) == pytest.approx(0.4, rel=1e-3)
+    assert np.std(columns["parcel.breadth"]) == pytest.approx(0.02, rel=1e-2)
+    assert np.median(columns["parcel.stiffness"]) == pytest.approx(2e9, rel=2e-3)
+    cut = fj.Sorter(parcels={
+        "mass": {"distribution": "normal", "mean": 5, "deviation": 3, "lower": 1, "upper": 6},
+    }).parcels.columns["parcel.mass"]  # fmt: skip
+    assert 1 <= np.min(cut) < 1.5
+    assert 5.8 < np.max(cut) <= 6
+
+
+# ---- the files that come with the jobs, and parts of a wrong kind
+
+
+@pytest.mark.parametrize("file", sorted(path.stem for path in SORTERS.glob("*.toml")))
+def test_files_that_come_with_the_jobs_are_read(file):
+    sorter = load(file)
+    assert sorter.machine.free
+    assert sorter.doubts == ()
+    assert len(sorter.problem().candidates) == len(sorter.materials)
+
+
+def test_jobs_refuse_numbers_that_no_machine_has():
+    with pytest.raises(ValueError, match="`fence.thickness` is 45 .* Is it 45 mm"):
+        load("paper", ("fence.thickness=45",))
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: fj.Fence(material="POM"), "`material` must be an instance of Material, but is 'P"),
+        (lambda: fj.Fence(taper=fj.Uniform), "`taper` .* the class Uniform, not made yet"),
+        (lambda: fj.Belt(friction=0.5), "`friction` must be an instance of AbstractFriction"),
+        (lambda: fj.Border(friction=0.5), "`friction` must be an instance of AbstractFriction"),
+        (lambda: fj.Parcel(contact="hard"), "`contact` must be an instance of AbstractContactLaw"),
+        (lambda: fj.scenes.whole_sort(belt=2.0), "`belt` must be an instance of Belt, but is 2.0"),
+        (lambda: fj.scenes.oblique_impact(fence=0.045), "`fence` must be an instance of Fence"),
+        (lambda: fj.scenes.along_fence(drive=fj.HarmonicDrive), "the class HarmonicDrive"),
+        (lambda: fj.scenes.rigid_wall(parcel=15.0), "`parcel` must be an instance of Parcel"),
+        (lambda: fj.scenes.whole_sort(border=0.0), "`border` must be an instance of Border"),
+        (lambda: fj.scenes.whole_sort(fence_friction=0.3), "`fence_friction` must be an instance"),
+    ],
+)
+def test_parts_of_a_wrong_kind_are_refused_where_they_are_given(make, said):
+    with pytest.raises(TypeError, match=said):
+        make()
+
+
+def test_materials_are_plausible_and_differentiable():
+    for name in fj.materials.MATERIALS:
+        sheet = fj.materials.named(name)
+        assert sheet.name == name
+        assert sheet.conditions
+        assert fj.Sorter(fence={"material": name}).doubts == ()
+        # By their rule no material bears more for 1e7 cycles than it bears once.
+        assert float(sheet.fatigue_strength) <= float(sheet.allowed_stress)
+        assert len(jax.tree.leaves(eqx.filter(sheet, eqx.is_array))) == 5
+    assert fj.materials.named("pa6-DRY").name == "PA6 dry"
+
+
+def test_a_drive_that_is_not_home_in_time_is_refused():
+    with pytest.raises(ValueError, match="`period` must be at least the drive's cycle, 1.36"):
+        fj.Sorter(period="1.2 s").problem()
