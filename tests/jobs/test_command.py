@@ -132,7 +132,10 @@ def test_an_interrupt_ends_a_job_with_one_line(stage, tmp_path):
     # Into what comes behind that line.
     time.sleep(0.3)
     process.send_signal(signal.SIGINT)
-    rest, _ = process.communicate(timeout=60)
+    try:
+        rest, _ = process.communicate(timeout=60)
+    finally:
+        process.kill()
     assert process.returncode == 130, "\n".join(said) + rest
     after = [row for row in rest.splitlines() if not row.startswith("import time:")]
     assert after == [line]

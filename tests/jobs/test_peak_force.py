@@ -99,7 +99,10 @@ def test_files(small):
 
 
 def test_no_feasible_design(tmp_path, capsys):
-    changes = dict(out=tmp_path, tip_limit=0.001, reference=False, plots=False)
+    changes = dict(
+        out=tmp_path, tip_limit=0.001, reference=False, plots=False, fidelity="coarse",
+        variables=("thickness",), distances=(0.9,),
+    )
     outcome = main(PeakForceConfig(**{**vars(_SMALL), **changes}))
     assert outcome.optimum.stop is Stop.INFEASIBLE
     assert not outcome.succeeded

@@ -1,14 +1,18 @@
 """The reproduction of the paper in its quick version, run once."""
 
+import dataclasses
 import json
+from pathlib import Path
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jobs.notebooks import FOLDER, assert_labelled, run
 from pictures import shows_data
 
 import fencejax as fj
+from optimize import reproduce_paper
 from optimize.reproduce_paper import main, maps, statements, tables
 from optimize.reproduce_paper.case import lane
 from optimize.reproduce_paper.configuration import PaperConfig
@@ -193,6 +197,21 @@ def test_sensitivities_are_differences(quick):
             (low, below), (high, above) = ends.items()
             slope = (above - below) / (high - low) * (1.0 if ratio else value) / unmoved
             assert found.slope[index, at, number] == pytest.approx(slope, rel=1e-3, abs=2e-4)
+
+
+def test_notebook_of_the_validation(quick, lenient, monkeypatch):
+    """It shows what the quick job found: the job that ran above."""
+    outcome, _ = quick
+
+    def found(config, quiet):
+        assert dataclasses.replace(config, out=Path(), plots=True) == PaperConfig(Path()).quick()
+        return outcome
+
+    monkeypatch.setattr(reproduce_paper, "main", found)
+    names, shown = run(FOLDER / "validation.ipynb")
+    assert_labelled(shown)
+    # At the default settings N_stiff / N_max is 3.05: the open numbers move it either way.
+    assert names["values"].min() < 3.05 < names["values"].max()
 
 
 def test_files(quick):

@@ -27,6 +27,9 @@ CASES = {
 }
 
 
+MEASURED = "peak_force", "peak_time", "tip_deflection", "impulse"
+
+
 @functools.cache
 def independent(name, load):
     return solve(Impact(**CASES[name], horizon=HORIZON, load=load), samples=281)
@@ -49,6 +52,12 @@ def scene(name):
     )
 
 
+@functools.cache
+def converged(name):
+    """With the history, which one comparison needs: all share one program."""
+    return fj.simulate(scene(name), fidelity=CONVERGED, only=(*MEASURED, "start_time", "history"))
+
+
 def errors(result, truth):
     """Relative errors of the quantities that both report."""
     return {
@@ -63,7 +72,7 @@ def errors(result, truth):
 def test_converged_is_the_independent_version(name):
     # With the paper's load sharing nothing is left but the step: second order at 25 us, where
     # halving it changes the peak by 1e-5. The peak is flat in time, so its time is looser.
-    result = fj.simulate(scene(name), fidelity=CONVERGED, history=False)
+    result = converged(name)
     found = errors(result, independent(name, "linear"))
     assert fj.Status(int(result.status)) <= fj.Status.LEFT_OVER_TIP
     assert abs(found.pop("peak time")) < 1e-3
@@ -74,7 +83,7 @@ def test_converged_is_the_independent_version(name):
 def test_reference(name):
     # Consistent load on either side: (2.8)'s linear sharing is off by up to 0.24 % in the tip's
     # deflection with 20 elements.
-    result = fj.simulate(scene(name), fidelity=fj.Fidelity.reference(), history=False)
+    result = fj.simulate(scene(name), fidelity=fj.Fidelity.reference(), only=MEASURED)
     found = errors(result, independent(name, "cubic"))
     assert all(abs(error) < 1e-3 for error in found.values()), found
     assert abs(float(result.peak_force) / independent(name, "linear").peak_force - 1) < 1e-3
@@ -82,19 +91,20 @@ def test_reference(name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_standard(name):
-    result = fj.simulate(scene(name), history=False)
+    result = fj.simulate(scene(name), only=MEASURED)
     found = errors(result, independent(name, "linear"))
     assert all(abs(error) < 1e-2 for error in found.values()), found
 
 
-@pytest.mark.parametrize("corner", [1, 2, 3, 4])
+# Corner 1 strikes above; 3 is 1 of the parcel described the other way round (test_fuzz).
+@pytest.mark.parametrize("corner", [2, 4])
 def test_every_corner(corner):
     truth = solve(
         Impact(corner=corner, center=(0.02, 0.01), load="cubic", horizon=0.08), rtol=1e-7
     )
     parcel = fj.Parcel(center_x=0.02, center_y=0.01)
     result = fj.simulate(
-        fj.scenes.oblique_impact(corner=corner, parcel=parcel, duration=0.08), history=False
+        fj.scenes.oblique_impact(corner=corner, parcel=parcel, duration=0.08), only=MEASURED
     )
     found = errors(result, truth)
     assert all(abs(error) < 1e-2 for error in found.values()), found
@@ -102,9 +112,7 @@ def test_every_corner(corner):
 
 def test_histories():
     truth = independent("R 1.0", "linear")
-    fidelity = CONVERGED
-    result = fj.simulate(scene("R 1.0"), fidelity=fidelity)
-    history = result.history
+    history = converged("R 1.0").history
     ours = lambda values: np.interp(truth.time, history.time, values)  # noqa: E731
     (contact,) = history.fence
     body = np.stack([ours(values) for values in history.body[:3]], -1)
@@ -130,15 +138,14 @@ def test_table(case, peak, ratio, tip):
     distance = case.get("distance", 1.0)
     fence = fj.Fence.one_link() if case.get("one_link") else fj.Fence()
     impact = fj.scenes.oblique_impact(fence=fence, distance=distance, duration=HORIZON)
-    fidelity = fj.Fidelity.reference(load="shared", **SMOOTHED)
-    result = fj.simulate(impact, fidelity=fidelity, history=False)
+    result = fj.simulate(impact, fidelity=CONVERGED, only=(*MEASURED, "start_time", "history"))
     # Half a unit of the last digit, or 1e-4 for the choice of load and output grid.
     if peak is not None:
         assert float(result.peak_force) == pytest.approx(peak, abs=0.05 + 1e-4 * peak)
     if ratio is not None:
         drive = impact.drive.motion(result.start_time)
         speed = 2.0 * np.sin(float(drive.angle)) + distance * float(drive.speed)
-        stiff = fj.simulate(fj.scenes.rigid_wall(speed=speed), history=False)
+        stiff = fj.simulate(fj.scenes.rigid_wall(speed=speed), only=("peak_force",))
         assert float(stiff.peak_force / result.peak_force) == pytest.approx(ratio, abs=0.006)
     digits = len(str(tip).split(".")[1])
     assert float(result.tip_deflection) == pytest.approx(tip, abs=0.6 * 10**-digits)

@@ -28,10 +28,10 @@ def fixed(examples):
     )
 
 
-@fixed(18)
+@fixed(10)
 @given(SEEDS, st.sampled_from([WIDE, USUAL]))
 def test_finite_or_flagged(seed, ranges):
-    """18 draws of 128 lanes: 2,304 scenes. Value and gradient are finite under a good status, and
+    """10 draws of 128 lanes: 1,280 scenes. Value and gradient are finite under a good status, and
     the ledger gains nothing."""
     numbers = draw(seed, LANES, ranges)
     check(numbers, jax.device_get(program()(numbers)))
@@ -39,17 +39,17 @@ def test_finite_or_flagged(seed, ranges):
 
 @pytest.mark.parametrize("half", HALVES)
 def test_a_good_status_keeps_its_promise(half):
-    """256 real scenes and as many corners beside those that the offline run compares, in value and
-    in gradient."""
+    """128 real scenes, and 256 corners, most of them refused or said, beside those that the offline
+    run compares, in value and in gradient."""
     compared = 0
-    for k in {"usual": (0, 1), "wide": (2, 5)}[half]:
+    for k in {"usual": (0,), "wide": (2, 5)}[half]:
         numbers = draw([7, k], LANES, HALVES[half])
         outcome = jax.device_get(program()(numbers))
         value, gradient, same, lanes = errors(outcome, jax.device_get(truth()(numbers)))
         compared += len(lanes)
         broken = beyond("fast", value, np.where(same, gradient, 0.0))
         assert not broken.any(), lanes[broken]
-    assert compared >= {"usual": 150, "wide": 10}[half]
+    assert compared >= {"usual": 75, "wide": 10}[half]
 
 
 def test_a_derivative_that_is_not_finite_is_said():
