@@ -53,7 +53,8 @@ class Memory(NamedTuple):
     `fence` holds the vibration, its modal forces, the rates of the loads that the modes left out
     carry and their residual mode, and nothing else; `before` is the acceleration and
     `normals_before` the forces one step back, for the first guess alone;
-    `drifts` is how much faster [m/s] each corner's foot moves along the fence than the corner does;
+    `drifts`, under error control, is how much faster [m/s] each corner's foot moves along the fence
+    than the corner does: steps of different lengths must find the same foot;
     `held` is the acceleration by the frictions that hold a corner, by the weights `sticking`, both
     absent without friction; `gone` is 1 for a corner that has left over the tip. Where the tip may
     carry a contact, `leans` say how each corner loads the fence.
@@ -234,10 +235,10 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     body, start = memory.body, memory.acceleration
     time = clock.time(end)
     drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
-    places = tuple(
-        p + h * (w + drift)
-        for p, w, drift in zip(memory.places, memory.sliding, memory.drifts, strict=True)
-    )
+    speeds = memory.sliding
+    if memory.drifts:
+        speeds = tuple(w + drift for w, drift in zip(speeds, memory.drifts, strict=True))
+    places = tuple(p + h * w for p, w in zip(memory.places, speeds, strict=True))
     ratio = 1.0
     if memory.step_size is not None:
         ratio = (end - begin) / jnp.maximum(memory.step_size.last, 1.0)
@@ -298,10 +299,12 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)
     feet = tuple(p + t.foot_offset for p, t in zip(loaded, touches, strict=True))
-    drifts = tuple(
-        jnp.where(stride.begins, 0.0, stride.rate * (new - old) - 0.5 * (was + now))
-        for new, old, was, now in zip(feet, memory.places, memory.sliding, sliding, strict=True)
-    )
+    drifts = ()
+    if memory.drifts:
+        drifts = tuple(
+            jnp.where(stride.begins, 0.0, stride.rate * (new - old) - 0.5 * (was + now))
+            for new, old, was, now in zip(feet, memory.places, memory.sliding, sliding, strict=True)
+        )
     memory = Memory(
         body=after,
         acceleration=forces.acceleration,
@@ -365,6 +368,8 @@ def at_rest(
         size = StepSize(zero, zero + 1, Control.start(len(mechanics.frictions), zero))
     sticking = tuple(zero for _ in range(friction_tangent.count(mechanics)))
     held = still if sticking else None
+    drifts = () if mechanics.fidelity.step_tolerance is None else none
     return Memory(
-        body, still, still, fence, places, none, none, none, none, held, sticking, none, leans, size
-    )
+        body, still, still, fence, places, none, drifts, none, none, held, sticking, none, leans,
+        size,
+    )  # fmt: skip

@@ -5,7 +5,6 @@ compiler fuses and `vmap` turns into arrays with the batch last, or one array fo
 are many.
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -68,12 +67,6 @@ class Shape(NamedTuple):
     residual_tip: Array | None
     arc: tuple[tuple[Array, ...], Array] | None
     place: Array
-
-
-def _pairs(count: int) -> list[tuple[int, int]]:
-    """The first `count` of (0, 0), ..., (0, n - 1), (1, 1), ...: i <= j < n, all of them."""
-    modes = math.isqrt(2 * count)
-    return [(i, j) for i in range(modes) for j in range(i, modes)]
 
 
 class FlexibleLink(eqx.Module):
@@ -234,20 +227,15 @@ class FlexibleLink(eqx.Module):
         if sampled.residual is not None:
             assert sampled.residual_rise is not None
             assert sampled.residual_tip is not None
+            residual = self.flexibility * sampled.residual
             # As far as round-off it may be negative, and the root of 0 has no derivative.
             kept = jnp.maximum(sampled.residual, 0.0) + jnp.finfo(place.dtype).eps
             mode = jnp.sqrt(self.flexibility * kept)
-            lean = 0.5 * self.flexibility * scale * sampled.residual_rise / mode
-            residual_mode = mode + lean * beyond, lean
-            residual = self.flexibility * sampled.residual
-            residual = jnp.where(beyond > 0, residual_mode[0] ** 2, residual)
+            residual_mode = mode, 0.5 * self.flexibility * scale * sampled.residual_rise / mode
             residual_tip = self.flexibility * sampled.residual_tip
         if sampled.pairs is not None and sampled.cube is not None:
-            pairs = tuple(
-                pair / self.length + 0.5 * slope[i] * slope[j] * beyond
-                for pair, (i, j) in zip(sampled.pairs, _pairs(len(sampled.pairs)), strict=True)
-            )
-            arc = (pairs, sampled.cube / self.length**2 + slope[0] ** 3 * beyond / 6)
+            pairs = tuple(pair / self.length for pair in sampled.pairs)
+            arc = (pairs, sampled.cube / self.length**2)
         load = sampled.load if self.table.shared else deflection
         return Shape(
             deflection, slope, load, residual, residual_mode, residual_tip, arc, place
