@@ -39,11 +39,11 @@ class Fidelity:
     - `load`: `"consistent"`, the contact force on the beam by virtual work, or `"shared"`, the
       paper's (2.8), linearly on the two nodes beside it (the modes left out by virtual work).
     - `step` [s]: the integrator's step (for an adaptive one: of the samples that it saves).
-    - `step_tolerance`: error control. How far a contact force inside a step may be from the straight
-      line that the step is built on, relative to the largest force so far; steps that miss it are
-      taken again, shorter, each lane by itself, and longer again where it is small. What a search
-      for large errors of the peak force finds goes with it (`tests/robustness/search.py`); 1e-3 is
-      a good value. `None`, the default: no control, steps of `step`.
+    - `step_tolerance`: error control. How far a contact force inside a step may be from the line
+      that the step is built on, relative to the largest force so far; steps that miss it are taken
+      again, shorter, each lane by itself, and longer again where it is small. What a search for
+      large errors of the peak force finds goes with it (`tests/robustness/search.py`); 1e-3 is a
+      good value. `None`, the default: no control, steps of `step`.
     - `halvings`: how often a step may be halved for it.
     - `longest_stride`: how many such steps may be taken in one, a power of two, where nothing is
       about to touch or part and the forces change smoothly; 1: none is longer. `None`: up to 2 ms
