@@ -135,12 +135,9 @@ _TRIALS = 8
 
 
 def _settled(old, new):
-    """The state after a trial, which is the `old` one but for the next step's length where the
-    trial is rejected, and whether it is accepted."""
-    control = new[0].step_size.control
-    if control is None:
-        return new, jnp.asarray(True)
-    accepted = control.accepted > 0
+    """The state after a trial under error control, which is the `old` one but for the next step's
+    length where the trial is rejected, and whether it is accepted."""
+    accepted = new[0].step_size.control.accepted > 0
     memory, record = jax.tree.map(lambda a, b: jnp.where(accepted, b, a), old, new)
     size = memory.step_size._replace(next=new[0].step_size.next)
     return (memory._replace(step_size=size), record), accepted
@@ -162,9 +159,11 @@ def _run_adaptively(step, begin, clock: Clock, row, steps: int, reverse: bool):
         y, now, taken, saved = carry
         end = jnp.minimum(now + ahead(y, now), total)
         new = step(y, jnp.maximum(now, 0.0), end)
-        new, accepted = _settled(y, new)
-        end = jnp.where(accepted, end, now)
-        went = jnp.where(accepted & (jnp.mod(end, unit) == 0), 1.0, 0.0)
+        went = 1.0
+        if new[0].step_size.control is not None:
+            new, accepted = _settled(y, new)
+            end = jnp.where(accepted, end, now)
+            went = jnp.where(accepted & (jnp.mod(end, unit) == 0), 1.0, 0.0)
         if saved is not None:
             saved = saved.at[taken.astype(jnp.int32)].set(row(new))
         return new, end, taken + went, saved
