@@ -92,9 +92,13 @@ def _reached(program: Jaxpr, marks: list[bool]) -> list[bool]:
             moving.update(
                 v
                 for v, out in zip(equation.outvars, outs, strict=True)
-                if out and jnp.issubdtype(getattr(v.aval, "dtype", None), jnp.floating)
+                if out and _is_number(v.aval)
             )
     return [moves(v) for v in program.outvars]
+
+
+def _is_number(aval) -> bool:
+    return hasattr(aval, "dtype") and jnp.issubdtype(aval.dtype, jnp.floating)
 
 
 def _results(equation, ins: list[bool]) -> list[bool]:
