@@ -117,7 +117,7 @@ def test_cost_and_error_in_eight_variables(bench_directory):
         "oblique impact, the paper's chords": (
             lambda **p: fj.scenes.oblique_impact(duration=0.13, **p), {"geometry": "chord"},
         ),
-        "whole sort": (fj.scenes.whole_sort, {}),
+        "whole sort": (lambda **p: fj.scenes.whole_sort(duration=1.36, **p), {}),
     }  # fmt: skip
     lines = [
         "| scene | value | gradient | Hessian | over a gradient | compiling: gradient | Hessian | "
