@@ -69,6 +69,7 @@ from .parts import (
 )
 from .results import (
     ErrorEstimate as ErrorEstimate,
+    Gradient as Gradient,
     GradientEstimate as GradientEstimate,
     Ledger as Ledger,
     Measure as Measure,
@@ -116,6 +117,7 @@ __all__ = [
     "Fence",
     "Fidelity",
     "Friction",
+    "Gradient",
     "GradientEstimate",
     "HarmonicDrive",
     "HeldDrive",

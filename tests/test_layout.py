@@ -27,11 +27,12 @@ FLOORS = {
     "scenes": 1,
     "parts": 0,
     "fidelity": 0,
+    "printing": 0,
     "_check": 0,
     "_xla": 0,
     "_forward_mode": 0,
 }
-TOOLS = {"fidelity", "_check", "_xla", "_forward_mode"}
+TOOLS = {"fidelity", "printing", "_check", "_xla", "_forward_mode"}
 # Private tools have no face; the tests of a tool import its file, and nobody else outside does.
 TESTED_TOOLS = {"tests/scenes/test_checks.py", "tests/test_forward_mode.py", "tests/test_xla.py"}
 DEPTH, LINES = 10, 400

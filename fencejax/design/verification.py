@@ -12,7 +12,7 @@ from jaxtyping import ArrayLike
 from .. import _check
 from ..results import Status
 from .lagrangian import Vector
-from .optimizer import Optimum
+from .optimum import Optimum
 
 
 @dataclasses.dataclass(frozen=True)
