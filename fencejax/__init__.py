@@ -18,7 +18,7 @@ from . import (
     sorter as sorter,
     study as study,
 )
-from ._xla import tune_compiler as tune_compiler
+from ._xla import cache_programs as cache_programs, tune_compiler as tune_compiler
 from .design import (
     LIMITS as LIMITS,
     OBJECTIVES as OBJECTIVES,
@@ -155,6 +155,7 @@ __all__ = [
     "Trial",
     "Uniform",
     "Verification",
+    "cache_programs",
     "choose_fidelity",
     "contact_laws",
     "design",

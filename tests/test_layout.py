@@ -16,6 +16,7 @@ TOP = {"README.md", "fencejax", "notebooks", "optimize", "pyproject.toml", "test
 
 # A room imports rooms of lower floors only. The tools may be used by every room.
 FLOORS = {
+    "__main__": 7,
     "sorter": 6,
     "study": 5,
     "design": 4,
