@@ -103,9 +103,11 @@ def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
 
     Raises `OSError` where a folder that is given cannot be made.
     """
-    if not jax.config.jax_enable_compilation_cache:
+    settings: Any = jax.config
+    if not settings.jax_enable_compilation_cache:
         return None
-    given = folder if folder is not None else jax.config.jax_compilation_cache_dir
+    told = settings.jax_compilation_cache_dir
+    given = told if folder is None else folder
     found = Path(given) if given else _users_caches() / "fencejax" / _processor()
     try:
         found.mkdir(parents=True, exist_ok=True)
@@ -113,7 +115,7 @@ def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
         if given:
             raise
         return None
-    if str(found) != jax.config.jax_compilation_cache_dir:
+    if str(found) != told:
         jax.config.update("jax_compilation_cache_dir", str(found))
         # What has compiled before has settled that there is none.
         compilation_cache.reset_cache()

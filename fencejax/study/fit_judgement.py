@@ -148,12 +148,13 @@ def judged(
 
 
 def _autocorrelation(problem: Problem, models) -> dict[str, tuple[float, float]]:
-    """Of residuals from one row to the next, by signal, and what noise alone would stay below."""
+    """Of residuals from one sample to the next, by signal, and what noise would stay below."""
     above: dict[str, float] = {}
     below: dict[str, float] = {}
     rows: dict[str, int] = {}
     for (modelled, _, _), (_, recording) in zip(models, problem.experiments, strict=True):
         for name, row in zip(recording.names, modelled - recording.values, strict=True):
+            row = row[np.isfinite(row)]
             above[name] = above.get(name, 0.0) + float(row[1:] @ row[:-1])
             below[name] = below.get(name, 0.0) + float(row @ row)
             rows[name] = rows.get(name, 0) + row.size
