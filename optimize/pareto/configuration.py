@@ -6,7 +6,7 @@ from pathlib import Path
 import fencejax as fj
 from fencejax.design import Limit, Quantity, objectives
 
-from ..common import designs, flags, machine, named
+from ..common import flags, machine, named
 from ..common.encounters import KINDS
 
 AGAINST = {
@@ -75,11 +75,6 @@ class ParetoConfig:
     taper: str = named.taper_field()
     variables: tuple[str, ...] = flags.field(
         (), "what is designed; by default what bears on the two quantities", type=str, nargs="*"
-    )
-    bounds: tuple[tuple[str, float, float], ...] = flags.field(
-        (),
-        "bounds in SI units instead of the default ones, as name=lower:upper",
-        **designs.BOUNDS_FLAG,
     )
     tip_limit: float = flags.field(0.10, "largest tip deflection [m]")
     stress_limit: float = flags.field(40e6, "largest bending stress [Pa]")
