@@ -138,11 +138,12 @@ class CoDesignConfig:
         return machine.space(self, self.machine, drive, spans)
 
     def quick(self) -> "CoDesignConfig":
-        """A small version: two sorts, few control angles, the fast fidelity throughout."""
+        """A small version: two sorts, or those of the sorter file, few control angles, the fast
+        fidelity throughout."""
+        own = {} if self.sorter != machine.NONE else dict(masses=(15.0,), offsets=(0.05, 0.2))
         return dataclasses.replace(
-            self, masses=(15.0,), offsets=(0.05, 0.2), controls=5, budget=40, fidelity="fast",
-            verify="standard",
-        )  # fmt: skip
+            self, controls=5, budget=40, fidelity="fast", verify="standard", **own
+        )
 
 
 configure = flags.reader(

@@ -168,10 +168,12 @@ class ParetoConfig:
         return named.limits(machine.limits(limits, self.machine), self.limit)
 
     def quick(self) -> "ParetoConfig":
-        """A small version: few parcels and points, the fast fidelity throughout."""
+        """A small version: few points and parcels, or those of the sorter file, the fast fidelity
+        throughout."""
+        own = {} if self.sorter != machine.NONE else dict(masses=(15.0,), offsets=(0.05, 0.2))
         return dataclasses.replace(
-            self, masses=(15.0,), distances=(0.9, 1.0), offsets=(0.05, 0.2), points=4, starts=1,
-            fidelity="fast", verify="standard", budget=40,
+            self, distances=(0.9, 1.0), points=4, starts=1, fidelity="fast", verify="standard",
+            budget=40, **own,
         )  # fmt: skip
 
 

@@ -67,6 +67,9 @@ def test_design_jobs_take_the_machine(job):
     flags = ["--sorter", "parcel_hub", "--set", "belt.speed=2.2 m/s"]
     config = module.configure([*flags, "--free", "fence.thickness=10mm:40mm"])
     assert float(config.machine.belt.speed) == 2.2
+    if hasattr(config, "quick"):
+        # A small version takes the sorter's parcels, too.
+        assert module.configure([*flags, "--quick"]).machine.parcels.count == 6
     space = config.space
     assert float(space.fence.reach) == pytest.approx(1.0)
     span = space.variables[space.names.index("fence.thickness")]
