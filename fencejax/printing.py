@@ -126,6 +126,11 @@ def as_table(thing: "Readable") -> Table:
     return thing._printed()
 
 
+def of_lines(title: str, text: str) -> Table:
+    """A table of the lines of a text."""
+    return Table(title, tuple(("", line) for line in text.splitlines()))
+
+
 def as_text(table: Table, room: int = _WIDE) -> str:
     """A table for a terminal."""
     if table.inline:
@@ -166,7 +171,7 @@ def _html_rows(table: Table, depth: int) -> Iterator[str]:
         inner = value if isinstance(value, Table) else None
         text = html.escape(value if isinstance(value, str) else value.title)
         if not name:
-            yield f"<tr><td colspan='2' style='{left}'>{text}</td></tr>"
+            yield f"<tr><td colspan='2' style='{left};font-family:monospace'>{text}</td></tr>"
         else:
             lead = f"{left};padding-left:{1 + depth}em"
             head = f"<td style='{lead}'>{html.escape(name)}</td>"

@@ -223,3 +223,18 @@ def test_everything_that_prints_itself_has_a_page():
     # A class with text of its own in a terminal has the same in a notebook.
     for kind in (fj.Fence, fj.Result, fj.Optimum, fj.Sorter, SweepTable, fj.Fidelity, fj.Gradient):
         assert issubclass(kind, Readable)
+
+
+def test_fits_choices_and_verifications_print_their_tables():
+    def problem(z):
+        return (1 + z[0])[None], jnp.stack([z[0] - 0.3]), jnp.zeros(1)
+
+    optimum = fj.minimize(problem, [0.5])
+    assert "confirmed" in repr(fj.verify(problem, optimum))
+    time = np.linspace(0.0, 0.01, 30)
+    scene = fj.scenes.rigid_wall(duration=0.011)
+    recording = fj.recording.Recording(time, {"force": 3294 * np.sin(np.pi * time / 0.01) ** 2})
+    fit = fj.identify.fit(fj.study.Experiment(scene, recording), ["stiffness"], most=3)
+    assert repr(fit).startswith("Fit\n  parameter")
+    assert "stiffness" in repr(fit)
+    assert Cells(fit._repr_html_()).open == []

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from ..design import DesignVariable
+from ..printing import Readable, Table, of_lines
 from ..results import Status
 from .fit_problem import Problem
 from .fit_search import residual_deviations
@@ -13,8 +14,8 @@ from .fit_search import residual_deviations
 _ILL_CONDITIONED = 30.0
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Fit:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Fit(Readable):
     """Parameters found, n of them, and how well they are known.
 
     **Fields:**
@@ -73,6 +74,11 @@ class Fit:
                 f"{shown:>12}   {self.low[k]:.4g} ... {self.high[k]:.4g} {p.unit}"
             )
         return "\n".join(rows)
+
+    def _printed(self) -> Table:
+        told = [f"misfit {self.misfit:.3g}, condition {self.condition:.3g}: {self.stop}"]
+        told += [f"warning: {warning}" for warning in self.warnings]
+        return of_lines("Fit", "\n".join([str(self), *told]))
 
 
 def judged(
