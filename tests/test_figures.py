@@ -1,4 +1,4 @@
-"""The measured figures of the README and its pages come from the record, all of them, each with its command."""
+"""The pages' measured figures come from the record, all of them, each with its command."""
 
 import importlib.util
 import re
