@@ -35,6 +35,7 @@ from .objectives import (
     Limit as Limit,
     Quantity as Quantity,
     fields as fields,
+    measures as measures,
 )
 from .optimizer import (
     Optimum as Optimum,

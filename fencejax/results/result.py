@@ -8,11 +8,12 @@ from jax.core import Tracer
 from jaxtyping import Array
 
 from ..scenes import Body
+from .accumulators import Trace
 from .by_name import AbstractByName
 from .error_estimate import ErrorEstimate
 from .ledger import Ledger, ledger
 from .measures import MEASURES, Measure
-from .recorder import Record
+from .recorder import Record, Saved
 from .sample import Sample
 from .status import Status, counted
 
@@ -119,13 +120,17 @@ def gather(
     record: Record,
     measures: Mapping[str, Measure],
     wanted: Mapping[str, bool],
-    samples: Sample | None,
+    saved: Saved | None,
     start_time: Array,
     status: Array,
 ) -> Result:
-    """The result from a record: the `measures`, and of `final`, `energy` and `start_time` what is
-    `wanted`."""
-    states = record.states
+    """The result from a record and what was saved at every sample: the `measures`, and of `final`,
+    `energy` and `start_time` what is `wanted`."""
+    states = dict(record.states)
+    for measure in measures.values():
+        if isinstance(measure.accumulator, Trace):
+            assert saved is not None
+            states[measure.accumulator.name] = saved.courses[measure.accumulator.name]
     energy = None
     if wanted["energy"]:
         energy = ledger(states["origin"], record.last.energy, states["work"])
@@ -135,5 +140,5 @@ def gather(
         energy=_if(energy is not None, energy),
         start_time=_if(wanted["start_time"], start_time),
         status=status,
-        history=samples,
+        history=None if saved is None else saved.history,
     )
