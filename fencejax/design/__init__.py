@@ -5,10 +5,13 @@ that its caller writes. A new objective or limit is one row of `objectives`.
 """
 
 from . import (
+    drivability as drivability,
+    fatigue as fatigue,
     objectives as objectives,
     quadratic_program as quadratic_program,
     risk as risk,
     shock as shock,
+    sorting as sorting,
 )
 from .evaluator import (
     Evaluator as Evaluator,
