@@ -64,7 +64,7 @@ def pulse_impulse(course: Course) -> Array:
         return jnp.zeros_like(time[0])
     # The peak as `Result.peak_force` has it, at the vertex of a parabola, changes the level by
     # 1e-4 of the force: the sample does.
-    place = jnp.argmax(jax.lax.stop_gradient(force))
+    place = jnp.argmax(jax.lax.stop_gradient(force)).astype(jnp.int32)
     excess = force - _PULSE * force[place]
     low = jax.lax.stop_gradient(excess) <= 0
     here = jnp.arange(force.shape[0], dtype=jnp.int32)

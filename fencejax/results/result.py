@@ -126,16 +126,20 @@ def gather(
 ) -> Result:
     """The result from a record and what was saved at every sample: the `measures`, and of `final`,
     `energy` and `start_time` what is `wanted`."""
-    states = dict(record.states)
-    for measure in measures.values():
-        if isinstance(measure.accumulator, Trace):
-            assert saved is not None
-            states[measure.accumulator.name] = saved.courses[measure.accumulator.name]
+    states = record.states
+
+    def read(measure: Measure) -> Array:
+        source = measure.accumulator
+        if not isinstance(source, Trace):
+            return measure.read(states[source.name])
+        assert saved is not None
+        return measure.read(saved.courses[source.name])
+
     energy = None
     if wanted["energy"]:
         energy = ledger(states["origin"], record.last.energy, states["work"])
     return Result(
-        measures={name: m.read(states[m.accumulator.name]) for name, m in measures.items()},
+        measures={name: read(measure) for name, measure in measures.items()},
         final=_if(wanted["final"], record.last.body),
         energy=_if(energy is not None, energy),
         start_time=_if(wanted["start_time"], start_time),

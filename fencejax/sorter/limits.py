@@ -232,8 +232,8 @@ def read(table: Mapping[str, Any]) -> tuple[Bound, ...]:
     """The limits that a table gives, with those that hold in any case.
 
     A value is a bound, with or without a unit, on the side that the row bounds; `{at_most = ...}`
-    or `{at_least = ...}` says the side, with a row's settings beside; `True` is a row's usual bound,
-    and `False` switches a limit off.
+    or `{at_least = ...}` says the side, with a row's settings beside; `True` is a row's usual
+    bound, and `False` switches a limit off.
 
     Raises `ValueError` for names and bounds that cannot be.
     """
@@ -258,7 +258,8 @@ def read(table: Mapping[str, Any]) -> tuple[Bound, ...]:
         if raw is True:
             if rows[name].usual is None:
                 raise ValueError(
-                    f"Argument `limits.{name}` must be a number, but is true: it has no usual bound."
+                    f"Argument `limits.{name}` must be a number, but is true, and it has no usual "
+                    "bound."
                 )
             continue
         if isinstance(raw, Mapping):
