@@ -23,8 +23,10 @@ Guideline for the certification of wind turbines, 2010, 5.5.3.3: 9 for polyester
 line from the static strength at half a cycle to the fatigue strength at 1e7 has 11 to 17 for the
 materials of `fencejax.materials`. Where all amplitudes are below the fatigue strength the least of
 these is on the safe side."""
-_GATE = 1e-3
-_MOST = 640
+# A turn by less than this share of the range does 0.02^10 of the harm of the largest.
+_GATE = 0.02
+_MOST = 256
+_PLACES = 4
 
 
 class Cycles(NamedTuple):
@@ -33,7 +35,7 @@ class Cycles(NamedTuple):
 
     amplitude: Array
     mean: Array
-    count: Array
+    weight: Array
 
 
 def _turning(signal: Array, gate: Array, most: int) -> tuple[Array, Array]:
@@ -169,7 +171,7 @@ def equivalent_amplitude(cycles: Cycles, exponent: float = EXPONENT) -> Array:
     amplitude = reversed_amplitude(cycles)
     largest = jax.lax.stop_gradient(jnp.max(amplitude))
     size = jnp.where(largest > 0, largest, 1.0)
-    total = jnp.sum(cycles.count * (amplitude / size) ** exponent)
+    total = jnp.sum(cycles.weight * (amplitude / size) ** exponent)
     any_ = total != 0
     root = jnp.where(any_, total, 1.0) ** (1 / exponent)
     return jnp.where(any_, size * root, 0.0)
@@ -197,7 +199,8 @@ STRESS = Trace("stress", lambda sample: sample.stresses)
 
 def worst_amplitude(course: Course, exponent: float = EXPONENT) -> Array:
     """The largest equivalent amplitude [Pa] of stresses over a sort that comes again and again, of
-    shape (n, nodes), on either side of the fence."""
+    shape (n, nodes), on either side of the fence: of the four nodes whose largest cycle does most
+    harm."""
     if course.signal is None:
         return jnp.zeros_like(course.time[0])
 
@@ -206,7 +209,11 @@ def worst_amplitude(course: Course, exponent: float = EXPONENT) -> Array:
         other = cycles._replace(mean=-cycles.mean)
         return jnp.maximum(*(equivalent_amplitude(side, exponent) for side in (cycles, other)))
 
-    return jnp.max(jax.vmap(at, in_axes=1)(course.signal))
+    fixed = jax.lax.stop_gradient(course.signal)
+    high, low = jnp.max(fixed, axis=0), jnp.min(fixed, axis=0)
+    largest = jnp.maximum(high, -low) * (high - low)
+    _, places = jax.lax.top_k(largest, min(_PLACES, largest.shape[0]))
+    return jnp.max(jax.vmap(at, in_axes=1)(course.signal[:, places]))
 
 
 @functools.lru_cache
@@ -222,5 +229,6 @@ def fatigue_stress(exponent: float = EXPONENT) -> Quantity:
 
 FATIGUE_STRESS = fatigue_stress()
 """What the fence's material has to bear for as many cycles as there are sorts. The stress is taken
-at the time loop's samples and at the elements' nodes; turning points are refined between samples.
-"""
+at the time loop's samples, 0.25 to 2 ms apart, and at the elements' nodes. Turning points are
+refined between samples: a mode of 100 Hz is missed by (2 pi 100 Hz 0.5 ms)^4 / 384 of it, 3e-5, by
+steps of half a millisecond."""

@@ -67,21 +67,6 @@ TIP_SHARE = Quantity(
 )  # fmt: skip
 
 _TIMES = 256
-_GOLDEN = 0.5 * (5**0.5 - 1)
-
-
-def _largest(function, low: Array, high: Array) -> Array:
-    """Where a function of one number with one maximum between two bounds is largest, by golden
-    section: to 1e-8 of their distance, as near as its values tell it."""
-
-    def narrow(_, ends):
-        low, high = ends
-        one, two = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-        up = function(two) > function(one)
-        return jnp.where(up, one, low), jnp.where(up, high, two)
-
-    low, high = jax.lax.fori_loop(0, 40, narrow, (low, high))
-    return 0.5 * (low + high)
 
 
 def shortest_period(scene: Scene) -> Array:
@@ -118,19 +103,20 @@ def shortest_period(scene: Scene) -> Array:
         return jnp.where(out, time + (x - y * cotangent) / speed, -end)
 
     def least(x, y):
-        times = end * jnp.arange(_TIMES + 1, dtype=end.dtype) / _TIMES
-        best = times[jnp.argmax(jax.vmap(wanted, in_axes=(0, None, None))(times, x, y))]
-        spacing = end / _TIMES
-        # Where the largest is it has no slope in time, so that the time's own derivative is none.
-        at = _largest(lambda t: wanted(t, x, y), best - spacing, jnp.minimum(best + spacing, end))
+        # The largest of times all over, then of such about it, and about that: to 1e-7 of the
+        # cycle. It has no slope in time there, so that the time's own derivative is none.
+        low, high = jnp.zeros_like(end), end
+        at = low
+        for _ in range(3):
+            spacing = (high - low) / _TIMES
+            times = low + spacing * jnp.arange(_TIMES + 1, dtype=end.dtype)
+            at = times[jnp.argmax(jax.vmap(wanted, in_axes=(0, None, None))(times, x, y))]
+            low, high = at - spacing, jnp.minimum(at + spacing, end)
         return wanted(jax.lax.stop_gradient(at), x, y)
 
-    found = []
-    for k in (1, 2, 3, 4):
-        arm = turned(turn, *scene.parcel.corner(k))
-        x, y = body.x + arm[0], body.y + arm[1]
-        found.append(jnp.where(y <= 1e-9, end + x / speed, least(x, y)))
-    return functools.reduce(jnp.maximum, found)
+    arms = [turned(turn, *scene.parcel.corner(k)) for k in (1, 2, 3, 4)]
+    x, y = (at + jnp.stack(arm) for at, arm in zip(body[:2], zip(*arms, strict=True), strict=True))
+    return jnp.max(jnp.where(y <= 1e-9, end + x / speed, jax.vmap(least)(x, y)))
 
 
 CLEAR_PERIOD = Quantity(

@@ -91,8 +91,8 @@ class AbstractRecorder(eqx.Module):
         )
         states = {each.name: each.update(record.states[each.name], step) for each in self.wanted}
         signals = {each.name: each.signal(now) for each in self.traces}
-        length = None if record.length is None else length
-        return Record(now._replace(stresses=None), length, states, signals)
+        kept = None if record.length is None else length
+        return Record(now._replace(stresses=None), kept, states, signals)
 
     @property
     def saves(self) -> bool:

@@ -273,10 +273,10 @@ def read(table: Mapping[str, Any]) -> tuple[Bound, ...]:
         if raw is None:
             continue
         row = rows[name]
-        given[name] = amount(f"limits.{name}", raw, row.given_unit)
+        bound = given[name] = amount(f"limits.{name}", raw, row.given_unit)
         if row.unit is not None:
-            _check.scalar(f"limits.{name}", given[name], above=0, unit=row.unit)
-        if given[name] == 0 and row.scale is None:
+            _check.scalar(f"limits.{name}", bound, above=0, unit=row.unit)
+        if bound == 0 and row.scale is None:
             raise ValueError(
                 f"Argument `limits.{name}` must not be 0 [{row.quantity.unit}]: its margin would "
                 "have no measure. Give a small number, or a `fencejax.Limit` with a `scale`."
@@ -328,5 +328,7 @@ def settled(
                 )
         if bound is not None:
             quantity = row.quantity if row.of is None else row.of(sorter, row.chosen)
-            found.append((row.name, Limit(quantity, float(bound), row.sense, row.scale)))
+            # What is given in another unit is told by what it bounds.
+            name = row.name if row.bound_of is None else quantity.name
+            found.append((name, Limit(quantity, float(bound), row.sense, row.scale)))
     return tuple(found)

@@ -170,8 +170,8 @@ def test_values_and_slopes_are_those_of_the_history(name):
     for i, one in enumerate(ones):
         ends = [read(tuple(POINT + sign * one)).values[name] for sign in (1, -1)]
         expected = (ends[0] - ends[1]) / 2e-5
-        # As elasticities, by central differences of 1e-5. The steps' lengths are not differentiated,
-        # which the loop chooses by the motion.
+        # As elasticities, by central differences of 1e-5. The steps' lengths, which the loop
+        # chooses by the motion, are not differentiated.
         assert slope[i] * POINT[i] == pytest.approx(expected, rel=2e-3, abs=1e-3 * abs(value))
 
 
