@@ -1,7 +1,8 @@
 """Constrained optimisation: design variables, objectives, limits, risk, and the optimisers.
 
 May import: `results` and what is below it. Nothing here runs a simulation: a problem is a function
-that its caller writes. A new objective or limit is one row of `objectives`.
+that its caller writes. A new objective or limit is one row of `objectives`, or a `Quantity` with a
+measure of its own, as those of `drivability`, `fatigue`, `shock` and `sorting` are.
 """
 
 from . import (
