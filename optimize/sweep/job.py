@@ -40,7 +40,6 @@ from fencejax.study import Progress, SweepTable, run_sweep, sweep_library
 
 from ..common import command
 from ..common.report import write_json
-from . import figures
 from .configuration import SweepConfig, configure
 
 # For an answer of the scheduler [s].
@@ -107,7 +106,8 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
         say(f"  {name}: not a number in {number} lanes whose status is good")
     share = 1 - float(np.mean(table.good))
     if config.plots:
-        figures.save(figures.draw(table), config.out)
+        for name, figure in table.plot().items():
+            figure.savefig(config.out / f"{name}.png", dpi=150)
     outcome = Outcome(table, share <= config.tolerated, time.perf_counter() - begin)
     write_json(config.out / "result.json", {
         "config": dataclasses.asdict(config),

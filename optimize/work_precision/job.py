@@ -291,4 +291,4 @@ def _write(report: Report, say) -> None:
 
 def run():
     """The job from the command line."""
-    command.run("work_precision", configure, main)
+    command.run("work_precision", configure, main, cached=False)
