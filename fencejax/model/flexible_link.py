@@ -337,7 +337,7 @@ class FlexibleLink(eqx.Module):
 def _combined(tables: Blocks, values: Blocks) -> Array:
     """Sum over the modes of a table over the nodes (first axis) times the modes' values."""
     parts = [
-        jnp.sum(table * value, axis=-1) if jnp.ndim(value) else table * value
+        jnp.sum(table * value[None], axis=-1) if jnp.ndim(value) else table * value
         for table, value in zip(tables, values, strict=True)
     ]
     return sum(parts[1:], parts[0])

@@ -223,6 +223,7 @@ def convergence(
             transform=lower.get_xaxis_transform(),
         )  # fmt: skip
     lower.set_xlabel("evaluations [1]")
+    lower.xaxis.get_major_locator().set_params(integer=True)
     lower.set_ylabel("violation, residual [1]")
     if not any(record.violation > 0 or record.kkt > 0 for record in good):
         lower.set_yscale("linear")
