@@ -6,8 +6,8 @@ them.
 - a fence for the workshop: `fence_drawing` (a sheet to scale), `write_dxf`, `fence_outline`;
 - charts: `heat_map`, `front`, `convergence`, `gradient_bars`.
 
-matplotlib and ezdxf are imported where they are first used, and matplotlib's global state is left alone: a figure is made
-where no axes are given, and belongs to them (`axes.figure`).
+matplotlib and ezdxf are imported where they are first used, and matplotlib's global state is left
+alone: a figure is made where no axes are given, and belongs to them (`axes.figure`).
 
 May import: `results` and what is below it.
 """

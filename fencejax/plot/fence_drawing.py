@@ -126,8 +126,8 @@ class _Sheet:
         """The flexible link's thickness, enlarged across, with numbers at stations."""
         enlarged = _PROFILE / (self.thick / self.scale)
         self._text(
-            _LEFT + 3, top, "profile of the flexible link: thickness h [mm] at x [mm] from the hinge "
-            f"(drawn {enlarged:.3g} times as thick as to scale)", va="top", weight="bold",
+            _LEFT + 3, top, "profile of the flexible link: thickness h [mm] at x [mm] from the "
+            f"hinge (drawn {enlarged:.3g} times as thick as to scale)", va="top", weight="bold",
         )  # fmt: skip
         base = top - 11
         x, y = (1e3 * part / self.scale for part in self.shape.points())

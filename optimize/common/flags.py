@@ -5,6 +5,7 @@ import argparse
 import dataclasses
 import operator
 import re
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -124,3 +125,27 @@ def reader(
         return configuration(**(vars(made) | said))
 
     return configure
+
+
+def command(configuration: Any, prog: str) -> str:
+    """The command line that gives a configuration, with a flag for each field that is not at its
+    default, and the folder."""
+    words = ["python", "-m", prog]
+    for each in dataclasses.fields(configuration):
+        value, name = getattr(configuration, each.name), each.name.replace("_", "-")
+        if value == each.default and each.name != "out":
+            continue
+        if isinstance(value, bool):
+            words.append(f"--{name}" if value else f"--no-{name}")
+        else:
+            values = value if isinstance(value, tuple) else (value,)
+            words += [f"--{name}", *(shlex.quote(_said(one)) for one in values)]
+    return " ".join(words)
+
+
+def _said(value: Any) -> str:
+    """An element of a field as a flag has it; bounds as name=lower:upper."""
+    if isinstance(value, tuple):
+        name, lower, upper = value
+        return f"{name}={lower!r}:{upper!r}"
+    return str(value)

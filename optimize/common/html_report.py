@@ -9,12 +9,14 @@ import base64
 import dataclasses
 import functools
 import io
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 _TEMPLATE = Path(__file__).with_name("report.html.jinja")
 NAME = "report.html"
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,7 +53,8 @@ class Table:
     @property
     def cells(self) -> list[list[tuple[str, bool]]]:
         """Texts of the cells, and whether each is a number."""
-        return [[(str(cell), _numeric(str(cell))) for cell in row] for row in self.rows]
+        texts = [[_raised(str(cell)) for cell in row] for row in self.rows]
+        return [[(text, _numeric(text)) for text in row] for row in texts]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -160,6 +163,11 @@ def of_markdown(text: str) -> list[Section]:
         else:
             sections[-1][1].append(" ".join(lines))
     return [Section(title, parts) for title, parts in sections]
+
+
+def _raised(text: str) -> str:
+    """Whole powers as small figures: m/s^2 as m/s²."""
+    return re.sub(r"\^(-?\d)(?![\d.])", lambda found: found[1].translate(_RAISED), text)
 
 
 def _numeric(text: str) -> bool:

@@ -23,7 +23,7 @@ from fencejax.sorter import Solution, SorterProblem, rigid, solve
 
 from ..common import command, evaluations
 from ..common.report import progress_line, write_json
-from . import words
+from . import page, words
 from .configuration import DesignConfig, configure
 
 
@@ -82,6 +82,7 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     outcome = Outcome(config, problem, solutions, stiff, time.perf_counter() - begin)
     say("\n" + told(outcome))
     _write(outcome, journal)
+    page.write(outcome)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
 
