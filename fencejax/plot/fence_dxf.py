@@ -96,12 +96,13 @@ def _save(drawing: "Drawing", path: Path) -> None:
     """Write it without dates and random identifiers."""
     import ezdxf
 
-    before = ezdxf.options.write_fixed_meta_data_for_testing
-    ezdxf.options.write_fixed_meta_data_for_testing = True
+    options: Any = ezdxf.options  # pyright: ignore
+    before = options.write_fixed_meta_data_for_testing
+    options.write_fixed_meta_data_for_testing = True
     try:
         data = drawing.ezdxf_metadata()
         for name in ("CREATED_BY_EZDXF", "WRITTEN_BY_EZDXF"):
-            data[name] = f"{ezdxf.__version__}"
+            data[name] = "fencejax"
         drawing.saveas(path)
     finally:
-        ezdxf.options.write_fixed_meta_data_for_testing = before
+        options.write_fixed_meta_data_for_testing = before

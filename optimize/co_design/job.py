@@ -22,6 +22,7 @@ from fencejax.design import Journal, Optimum, Verification, minimize, objectives
 from fencejax.results import counted
 
 from ..common import command, designs, evaluations, report
+from . import page
 from .configuration import CoDesignConfig, configure
 from .problem import Joint
 
@@ -168,6 +169,7 @@ def _write(outcome: Outcome, journal: Journal) -> None:
         lane = int(np.argmax(outcome.measured["after"]["peak_force"]))
         figures.sorts(joint, outcome.before, outcome.after, lane, config.out)
         figures.search(joint, optimum, config.out)
+    page.write(outcome, _verdict(outcome))
 
 
 def run():

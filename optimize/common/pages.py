@@ -113,6 +113,16 @@ def _title(path: str) -> str:
     return f"{_PARTS.get(part, part)}: {plain(rest)}".replace(".", ", ") if rest else plain(path)
 
 
+def machine_section(
+    machine: fj.sorter.Machine | None, scene: AnyScene, title: str = "The machine"
+) -> Section:
+    """The sorter that a job was given or, without one, the numbers of one of its scenes."""
+    if machine is not None:
+        return Section(title, machine_tables(machine))
+    table = scene_table(scene, "The job's own numbers, one of its scenes")
+    return Section(title, [table])
+
+
 def parcel_table(parcels: fj.sorter.Parcels, most: int) -> Table:
     """The parcels at their places, or what their numbers span where there are many."""
     heads = [plain(path.rpartition(".")[2].removeprefix("given_")) for path in parcels.columns]
@@ -154,8 +164,9 @@ def design_table(space: DesignSpace, designs: Mapping[str, Any]) -> Table:
         values = [float(np.asarray(values)[index]) for values in designs.values()]
         share = float(variable.share(values[-1]))
         note = "on the lower one" if share < 1e-2 else "on the upper one" if share > 0.99 else ""
+        name = plain(variable.name.rpartition(".")[2])
         rows.append([
-            plain(variable.name.rpartition(".")[2]), *(shown(value, variable.unit) for value in values),
+            name, *(shown(value, variable.unit) for value in values),
             f"{shown(variable.lower, variable.unit)} ... {shown(variable.upper, variable.unit)}",
             note,
         ])  # fmt: skip

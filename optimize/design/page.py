@@ -14,8 +14,9 @@ from fencejax.sorter import Look
 from ..common import pages, report
 from ..common.amounts import changed, plain, shown
 from ..common.html_report import Figure, Part, Report, Section, Table, Text
+from ..common.nearby import SHARE, room_text
 from . import words
-from .tolerances import SHARE, Moved, tolerances
+from .tolerances import Moved, tolerances
 
 if TYPE_CHECKING:
     from .job import Outcome
@@ -96,13 +97,14 @@ def _design(outcome: "Outcome") -> list[Part | str]:
         }
         parts.append(pages.design_table(problem.space, looks))
     scene, sheet = problem.scene(best.after.point, best.candidate, 0), best.candidate.material
+    assert scene.fence is not None
     title = f"Fence, {problem.machine.title or config.sorter}"
     fence = pages.fence_parts(config.out, scene.fence, title, sheet.name, sheet.conditions)
-    drive = pages.scene_table(scene, "The drive's numbers", [p for p in _OTHERS if p != "drive"])
+    drive = pages.scene_table(scene, "The drive's numbers", _OTHERS)
     return [*parts, *fence, drive]
 
 
-_OTHERS = ("parcel", "start", "belt", "fence", "drive", "fence_friction", "border")
+_OTHERS = ("parcel", "start", "belt", "fence", "fence_friction", "border")
 
 
 def _candidates(outcome: "Outcome") -> list[Part | str]:
@@ -253,8 +255,8 @@ def _decides(outcome: "Outcome") -> list[Part | str]:
         titles = ["limit or bound", "now", "relaxed to", "worth", "parcels that decide"]
         parts.append(Table(titles, rows, f"{one.candidate.name}. {head}"))
     parts.append(
-        "Each is a shadow price: the rate at which the objective falls, times a tenth of the bound. "
-        "It holds near the design, one at a time. What is not in the table costs nothing here."
+        "Each is a shadow price: the rate at which the objective falls, times a tenth of the "
+        "bound. It holds near the design, one at a time. What is not in the table costs nothing."
     )
     return parts
 
@@ -272,15 +274,15 @@ def _tolerances(outcome: "Outcome") -> list[Part | str]:
         linear, margin, room = "", "", ""
         if one.predicted is not None and one.predicted_margin is not None:
             linear, margin = changed(one.predicted, found.objective), f"{one.predicted_margin:+.3f}"
-            room = "> 100 %" if (one.room or 0) > 1 else f"{100 * (one.room or 0):.2g} %"
+            room = room_text(one.room or 0.0)
         more = one.doubtful - found.doubtful
         doubt = f"; {more} more in doubt" if more > 0 else ""
         broken = one.margin < -outcome.config.feasibility
         breaks = f"{plain(one.limit)} broken" if broken else "held"
         return [
-            plain(one.name).replace(".", ", "), shown(one.value, one.unit), f"{100 * one.share:+.0f} %", linear,
-            changed(one.simulated, found.objective), margin, f"{one.margin:+.3f}",
-            (breaks if one.limit else "") + doubt, room,
+            plain(one.name).replace(".", ", "), shown(one.value, one.unit),
+            f"{100 * one.share:+.0f} %", linear, changed(one.simulated, found.objective), margin,
+            f"{one.margin:+.3f}", (breaks if one.limit else "") + doubt, room,
         ]  # fmt: skip
 
     titles = [
@@ -340,7 +342,8 @@ def _own_assumptions(outcome: "Outcome") -> list[str]:
     sheet = best.candidate.material
     lines = [
         f"The material is {sheet.name}, with numbers for "
-        f"{sheet.conditions or 'no stated conditions'}: typical of its class, to be replaced by the supplier's before anything is built.",
+        f"{sheet.conditions or 'no stated conditions'}: typical of its class, to be replaced by "
+        "the supplier's before anything is built.",
         f"The {machine.parcels.count} parcels and places stand for all that the machine meets.",
     ]
     if sheet.fatigue_strength is not None:

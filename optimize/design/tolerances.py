@@ -1,7 +1,7 @@
 """What a fence that is made a little differently does: every number of the design moved by itself.
 
-Twice: by the exact gradient that the search ended with, and by the sorts themselves, simulated again
-at the moved numbers by the program that has measured the design, so that nothing is compiled.
+Twice: by the exact gradient that the search ended with, and by the sorts themselves, simulated
+again at the moved numbers by the program that has measured the design: nothing is compiled.
 """
 
 import dataclasses
@@ -17,9 +17,8 @@ from fencejax.results import Status
 from fencejax.sorter import Candidate, Look, Solution, SorterProblem
 
 from ..common import pages
+from ..common.nearby import SHARE, along
 
-SHARE = 0.05
-"""By which share of itself each number is moved."""
 _MATERIAL = {"youngs_modulus": "Pa", "density": "kg/m^3", "damping_ratio": "1"}
 
 
@@ -34,8 +33,8 @@ class Moved:
       for numbers that the search had no gradient in.
     - `simulated`, `margin`, `limit`: the objective, the least margin and its limit, simulated.
     - `doubtful`: how many sorts have a status that is not to be relied on.
-    - `room`: by which share the number may be off until a limit breaks, by the gradient; `None`
-      without one, infinite where no limit nears.
+    - `room`: how many such moves it takes until a limit breaks, by the gradient; `None` without
+      one, infinite where no limit nears.
     """
 
     name: str
@@ -82,14 +81,16 @@ def tolerances(problem: SorterProblem, solution: Solution, fidelity: Fidelity) -
     still = tuple(name for name, value in problem.values(after.point).items() if value == 0)
     for name, unit, value, share, point, other in _moves(problem, solution):
         found, step = measured(point, other), point - after.point
-        linear = None if at is None or other is not candidate else _along(at, scale, here, step)
+        linear = None if at is None or other is not candidate else along(
+            at, scale, here.objectives, here.margins, step
+        )  # fmt: skip
         index = int(np.argmin(found.margins)) if found.margins.size else 0
         rows.append(Moved(
             name, unit, value, share,
-            None if linear is None else linear[0], None if linear is None else linear[1],
+            None if linear is None else linear.objective, None if linear is None else linear.margin,
             found.objective, _least(found), problem.margin(index)[0] if found.margins.size else "",
             _doubtful(found),
-            None if linear is None else abs(share) * linear[2],
+            None if linear is None else linear.room,
         ))  # fmt: skip
     return Tolerances(tuple(rows), here.objective, _least(here), _doubtful(here), still)
 
@@ -137,17 +138,3 @@ def _doubtful(look: Look) -> int:
 
 def _least(look: Look) -> float:
     return float(np.min(look.margins, initial=math.inf))
-
-
-def _along(
-    at: Evaluation, scale: float, here: Look, step: np.ndarray
-) -> tuple[float, float, float]:
-    """The largest objective and the least margin a step away, and how many steps it takes until a
-    margin is used up. `scale`: what the search's objectives were divided by."""
-    objective = float(np.max(here.objectives + scale * at.objective_rows @ step))
-    change = at.margin_rows @ step
-    margins = here.margins + change
-    shrinking = change < 0
-    steps = here.margins[shrinking] / -change[shrinking]
-    room = max(0.0, float(np.min(steps, initial=math.inf)))
-    return objective, float(np.min(margins, initial=math.inf)), room

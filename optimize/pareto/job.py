@@ -24,7 +24,7 @@ from fencejax.plot import non_dominated
 
 from ..common import command, designs, evaluations
 from ..common.report import ended, verified, write_json
-from . import figures
+from . import figures, page
 from .configuration import ParetoConfig, configure
 from .constant_force import blows
 from .problem import Tradeoff
@@ -149,6 +149,7 @@ def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
     if config.plots:
         figures.front(tradeoff, points, front.on_front, least, tracer.start, config.out)
         figures.designs(tradeoff, points, front.on_front, config.out)
+    page.write(front, _verdict(front, tracer), tracer.unit)
     say("\n" + _verdict(front, tracer))
     say(f"wrote {config.out} ({front.elapsed:.1f} s in all)")
     return front

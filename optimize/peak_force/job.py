@@ -41,7 +41,7 @@ from fencejax.design import (
 from fencejax.plot import Trace
 
 from ..common import command, report
-from . import impacts as batch
+from . import impacts as batch, page
 from .configuration import PeakForceConfig, configure
 
 _TITLES = {"before": "two-link", "after": "optimum", "one_link": "one-link"}
@@ -334,6 +334,7 @@ def _write(config, outcome, impacts, signals) -> None:
     report.write_json(config.out / "result.json", content)
     if config.plots:
         _draw(config, outcome, impacts, signals, bars)
+    page.write(config, outcome, impacts, _verdict(outcome), content["side_by_side"])
 
 
 def _draw(config, outcome, impacts, signals, bars) -> None:
