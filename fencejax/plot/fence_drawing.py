@@ -64,7 +64,7 @@ class _Sheet:
 
     def __init__(self, axes: "Axes", fence: Fence):
         self.axes, self.fence, self.shape = axes, fence, fence_outline(fence)
-        self.rigid, self.reach = 1e3 * float(fence.rigid_length), 1e3 * float(fence.reach)
+        self.rigid, self.reach = 1e3 * self.shape.joint, 1e3 * float(fence.reach)
         self.width, self.thick = 1e3 * float(fence.width), 1e3 * float(fence.thickness)
         fits = (
             each for each in _SCALES
@@ -162,7 +162,7 @@ class _Sheet:
         fence, top, left = self.fence, _BOTTOM + _BLOCK, _RIGHT - 170
         solid = fence.material
         section = float(fence.width) * float(solid.density)
-        rigid = section * float(fence.thickness) * float(fence.rigid_length)
+        rigid = section * float(fence.thickness) * self.shape.joint
         whole = section * self.shape.area
         rows: list[Mapping[str, str]] = [
             {"title": title, "format": "A4", "scale": f"1:{self.scale}", "unit": "mm"},

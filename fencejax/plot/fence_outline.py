@@ -13,6 +13,7 @@ than plates are milled."""
 # Of the square root of the distance to the tip: what is narrower is a step of the profile.
 _NARROWEST = 1e-9
 _ARCS = 4
+_NO_LINK = 1e-8
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
@@ -72,6 +73,8 @@ def fence_outline(fence: Fence) -> FenceOutline:
     """
     rigid, flexible = float(fence.rigid_length), float(fence.flexible_length)
     thick = float(fence.thickness)
+    # What an optimiser leaves of a rigid link on the bound of 0.
+    rigid = rigid if rigid > _NO_LINK * flexible else 0.0
     ends = np.linspace(1.0, 0.0, _ARCS + 1)
     roots, bulges = [], []
     # From the root on; those that do not fit are halved.

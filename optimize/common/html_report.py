@@ -172,7 +172,7 @@ def _raised(text: str) -> str:
 
 def _numeric(text: str) -> bool:
     """Whether a cell is a number, with a unit or a margin perhaps."""
-    return text[:1].isdigit() or (text[:1] in "+-−≤≥<>±" and text[1:2].strip()[:1].isdigit())
+    return text[:1].isdigit() or (text[:1] in "+-−≤≥<>±" and text[1:].strip()[:1].isdigit())
 
 
 def _url(kind: str, data: bytes) -> str:

@@ -195,7 +195,8 @@ def limit_table(
 
 def status_table(counts: Mapping[str, int], caption: str = "Statuses of the simulations") -> Table:
     """How many ended with each status, and what it means."""
-    rows = [[name, count, Status[name].text] for name, count in counts.items()]
+    text = {status.name: status.text for status in Status}
+    rows = [[name, n, text.get(name, "there is no such scene")] for name, n in counts.items()]
     return Table(["status", "how many", "what it means"], rows, caption)
 
 
@@ -209,6 +210,17 @@ def search_text(optimum: Optimum) -> str:
         f"stationarity {left.stationarity:.1e}, complementarity {left.complementarity:.1e}, "
         f"violation {left.violation:.1e}."
     )
+
+
+def sentences(*texts: str) -> str:
+    """Texts as sentences, a paragraph each: what a job says of itself begins small."""
+    lines = [line.strip() for text in texts for line in text.splitlines() if line.strip()]
+    return "\n".join(f"{x[0].upper()}{x[1:]}{'' if x[-1] in '.:!?' else '.'}" for x in lines)
+
+
+def many(count: int, name: str) -> str:
+    """`"1 impact"`, `"2 impacts"`."""
+    return f"{count} {name}{'' if count == 1 else 's'}"
 
 
 # ---- the fence

@@ -17,7 +17,7 @@ from fencejax.results import Status
 from fencejax.sorter import Candidate, Look, Solution, SorterProblem
 
 from ..common import pages
-from ..common.nearby import SHARE, along
+from ..common.nearby import NOTHING, SHARE, along
 
 _MATERIAL = {"youngs_modulus": "Pa", "density": "kg/m^3", "damping_ratio": "1"}
 
@@ -78,7 +78,8 @@ def tolerances(problem: SorterProblem, solution: Solution, fidelity: Fidelity) -
     here, at = measured(after.point, candidate), _gradient(solution)
     scale = 1.0 if solution.optimum is None else solution.optimum.scale
     rows = []
-    still = tuple(name for name, value in problem.values(after.point).items() if value == 0)
+    names = {name for name, *_ in _moves(problem, solution)}
+    still = tuple(name for name in problem.variable_names if name not in names)
     for name, unit, value, share, point, other in _moves(problem, solution):
         found, step = measured(point, other), point - after.point
         linear = None if at is None or other is not candidate else along(
@@ -103,7 +104,8 @@ def _moves(
     for index, name in enumerate(problem.variable_names):
         assert problem.space is not None
         variable, value = problem.space.variables[index], problem.values(point)[name]
-        for share in (-SHARE, SHARE) if value else ():
+        nothing = NOTHING * max(abs(variable.lower), abs(variable.upper))
+        for share in (-SHARE, SHARE) if abs(value) > nothing else ():
             moved = np.array(point)
             moved[index] = float(variable.share((1 + share) * value))
             yield name, variable.unit, value, share, moved, candidate

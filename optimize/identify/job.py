@@ -26,7 +26,7 @@ from fencejax.study import SIGNALS, Experiment, Fit, identify, read_recording, w
 
 from ..common import command
 from ..common.report import write_json
-from . import demo, figures
+from . import demo, figures, page
 from .configuration import IdentifyConfig, configure
 
 FURTHEST = 4.0
@@ -103,6 +103,7 @@ def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
             drawn = figures.fit(experiment, fitted, found.noise)
             drawn.savefig(config.out / f"{name}.png", dpi=150)
         figures.correlation(found).savefig(config.out / "correlation.png", dpi=150)
+    page.write(config, outcome, demo.TRUTH if config.demo else {})
     _report(config, outcome, say)
     return outcome
 

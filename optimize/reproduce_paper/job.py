@@ -24,7 +24,7 @@ import fencejax as fj
 
 from ..common import command
 from ..common.report import write_json
-from . import cycle as cycles, figures, maps, sensitivity, tables
+from . import cycle as cycles, figures, maps, page, sensitivity, tables
 from .case import Case, lane, starts, undeformable
 from .configuration import PaperConfig, configure
 from .cycle import Cycle, Stiff, first_and_last
@@ -143,6 +143,7 @@ def main(config: PaperConfig | None = None, *, quiet: bool = False) -> Outcome:
         clock.lap("figures")
     outcome = dataclasses.replace(outcome, elapsed=clock.stop())
     write_json(config.out / "result.json", _content(config, outcome, default))
+    page.write(config, outcome)
     _report(config, outcome, say)
     return outcome
 

@@ -28,7 +28,7 @@ from fencejax.design import Journal
 from fencejax.results import counted
 
 from ..common import command, designs, evaluations, report
-from . import confidence
+from . import confidence, page
 from .configuration import RobustConfig, configure
 from .descent import Found, by_batches, by_sample
 from .parcels import FRESH, draw
@@ -227,6 +227,7 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
         figures.exceedance(config, before, after, both, config.out)
         figures.by_mass(config, np.asarray(fresh.mass), before, after, both, config.out)
         figures.search(config, found, config.out)
+    page.write(population, outcome, fresh, _verdict(outcome))
 
 
 def run():

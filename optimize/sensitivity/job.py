@@ -30,7 +30,7 @@ from fencejax.study import UNITS_OF_RULES, Response
 
 from ..common import command
 from ..common.report import write_json
-from . import figures, study, tables
+from . import figures, page, study, tables
 from .configuration import SensitivityConfig, configure
 from .study import Global, Local, Samples
 
@@ -131,6 +131,7 @@ def main(config: SensitivityConfig | None = None, *, quiet: bool = False) -> Out
     if config.plots:
         _draw(config, outcome, response, line)
     write_json(config.out / "result.json", _content(config, inputs, outcome, response, line))
+    page.write(config, outcome, response, _titles(outcome), inputs)
     _report(config, outcome, response, line, say)
     return outcome
 

@@ -40,7 +40,7 @@ from fencejax.study import Progress, SweepTable, run_sweep, sweep_library
 
 from ..common import command
 from ..common.report import write_json
-from . import figures
+from . import figures, page
 from .configuration import SweepConfig, configure
 
 # For an answer of the scheduler [s].
@@ -106,9 +106,10 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
     for name, number in missing.items():
         say(f"  {name}: not a number in {number} lanes whose status is good")
     share = 1 - float(np.mean(table.good))
-    if config.plots:
-        figures.save(figures.draw(table), config.out)
+    drawn = figures.draw(table) if config.plots else {}
+    figures.save(drawn, config.out)
     outcome = Outcome(table, share <= config.tolerated, time.perf_counter() - begin)
+    quantiles = _quantiles(table)
     write_json(config.out / "result.json", {
         "config": dataclasses.asdict(config),
         "lanes": sweep.samples.count,
@@ -116,10 +117,11 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
         "not_finite": missing,
         "bad_share": share,
         "succeeded": outcome.succeeded,
-        "quantiles": _quantiles(table),
+        "quantiles": quantiles,
         "units": table.units,
         "elapsed": outcome.elapsed,
     })  # fmt: skip
+    page.write(config, sweep, outcome, quantiles, tuple(drawn))
     if not outcome.succeeded:
         say(
             f"{100 * share:.1f} % of the lanes have no good numbers, more than the "
