@@ -142,8 +142,8 @@ class _Sheet:
             self._line([place] * 2, [base + 1.5, end], 0.6 * _THIN)
             self._text(place, base + 2, _number(deep, 2), f"h[{k}]", ha="center", va="bottom")
             self._text(place, base - _PROFILE - 1.5, _number(at), f"x[{k}]", ha="center", va="top")
-        self._text(_HINGE - 3, base + 2, "h", ha="right", va="bottom", style="italic")
-        self._text(_HINGE - 3, base - _PROFILE - 1.5, "x", ha="right", va="top", style="italic")
+        self._text(_HINGE - 8, base + 2, "h", ha="right", va="bottom", style="italic")
+        self._text(_HINGE - 8, base - _PROFILE - 1.5, "x", ha="right", va="top", style="italic")
 
     def _joint(self, low: float, high: float) -> None:
         if self.rigid > 0:
@@ -236,8 +236,10 @@ class _Sheet:
         if high - low < 8:
             self._arrow((at, high + 4), (at, high))
             self._arrow((at, low - 4), (at, low))
-            where = "left" if side > 0 else "right"
-            self._text(at + 1.8 * side, middle, text, name, ha=where, va="center", size=_PLAIN)
+            if side > 0:
+                self._text(at, high + 4.5, text, name, ha="center", va="bottom", size=_PLAIN)
+            else:
+                self._text(at - 1.8, middle, text, name, ha="right", va="center", size=_PLAIN)
             return
         self._arrow((at, middle), (at, low))
         self._arrow((at, middle), (at, high))

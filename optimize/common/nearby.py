@@ -120,8 +120,8 @@ def price_parts(
         step = RELAXED * (abs(row.bound) or row.unit_of_margin)
         relaxed = row.bound + (step if row.at_most else -step)
         gain = float(np.sum(rates)) * step / row.unit_of_margin
-        deciding = int(np.sum(rates > 0))
-        found.append((plain(row.name), row.bound, relaxed, row.unit, gain, f"{deciding} of {row.lanes}"))
+        deciding = f"{int(np.sum(rates > 0))} of {row.lanes}"
+        found.append((plain(row.name), row.bound, relaxed, row.unit, gain, deciding))
     for index, variable in enumerate(space.variables):
         ends = (("lower", prices.lower, variable.lower, -1), ("upper", prices.upper,
                 variable.upper, 1))  # fmt: skip

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import report_pages
 from pictures import shows_data
 from scipy import stats
 
@@ -314,6 +315,7 @@ def demonstration(tmp_path_factory):
 def test_demonstration(demonstration):
     outcome, out = demonstration
     assert outcome.succeeded
+    assert report_pages.read(out / "report.html").pictures == 2
     assert set(outcome.deviations) == set(outcome.fit.names)
     # The chance that one of five normal numbers is further away is 3e-4.
     assert max(abs(v) for v in outcome.deviations.values()) < 4
