@@ -18,33 +18,14 @@ import time
 
 import numpy as np
 
-from fencejax.design import Journal, Optimum, Verification, minimize, objectives, verify
+from fencejax.design import Journal, minimize, objectives, verify
 from fencejax.results import counted
 
 from ..common import command, designs, evaluations, report
 from . import page
 from .configuration import CoDesignConfig, configure
+from .outcome import Outcome
 from .problem import Joint
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What the job found: the designs [SI], both measured at the finer fidelity, its verdict."""
-
-    config: CoDesignConfig
-    joint: Joint
-    optimum: Optimum
-    before: np.ndarray
-    after: np.ndarray
-    measured: dict[str, dict[str, np.ndarray]]
-    verified: Verification
-    elapsed: float
-
-    @property
-    def succeeded(self) -> bool:
-        """Feasible, sought to the end and confirmed by the finer fidelity."""
-        ended = self.optimum.stop.name in ("OPTIMAL", "STAGNATED")
-        return self.optimum.feasible and ended and self.verified.confirmed
 
 
 def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcome:

@@ -1,7 +1,5 @@
 """The page of the job: `report.html`, with the fence's drawing and its DXF file."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 import fencejax as fj
@@ -11,9 +9,7 @@ from ..common import nearby, pages, report
 from ..common.amounts import plain, shown
 from ..common.encounters import Course
 from ..common.html_report import Part, Report, Section, Table
-
-if TYPE_CHECKING:
-    from .job import Outcome
+from .outcome import Outcome
 
 _FIGURES = {
     "motion": "The drive's motion before and after, with its limits.",
@@ -23,7 +19,7 @@ _FIGURES = {
 _DRIVE = {"speed": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"}
 
 
-def write(outcome: "Outcome", verdict: str) -> None:
+def write(outcome: Outcome, verdict: str) -> None:
     """Write the page and what belongs to it."""
     config, joint, optimum = outcome.config, outcome.joint, outcome.optimum
     space, measured = joint.space, outcome.measured
@@ -68,7 +64,7 @@ def write(outcome: "Outcome", verdict: str) -> None:
     ).write(config.out)  # fmt: skip
 
 
-def _rows(outcome: "Outcome") -> list[nearby.Rows]:
+def _rows(outcome: Outcome) -> list[nearby.Rows]:
     """What the margins of the search are, in their order."""
     joint, config = outcome.joint, outcome.config
     counts = {name: np.size(row) for name, row in joint.margins(outcome.measured["after"]).items()}
@@ -81,7 +77,7 @@ def _rows(outcome: "Outcome") -> list[nearby.Rows]:
     return rows
 
 
-def _results(outcome: "Outcome") -> list[Part | str]:
+def _results(outcome: Outcome) -> list[Part | str]:
     """The worst of every limited number before and after, and every sort."""
     joint, measured, when = outcome.joint, outcome.measured, ("before", "after")
     margins = {name: joint.margins(measured[name]) for name in when}

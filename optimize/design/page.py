@@ -1,7 +1,6 @@
 """The page of the design job: `report.html`, with the fence's drawing and its DXF file."""
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,15 +15,13 @@ from ..common.amounts import changed, plain, shown
 from ..common.html_report import Figure, Part, Report, Section, Table, Text
 from ..common.nearby import SHARE, room_text
 from . import words
+from .outcome import Outcome
 from .tolerances import Moved, tolerances
-
-if TYPE_CHECKING:
-    from .job import Outcome
 
 _MOST_PARCELS, _MOST_BARS = 40, 5
 
 
-def write(outcome: "Outcome") -> None:
+def write(outcome: Outcome) -> None:
     """Write the page and what belongs to it."""
     config, problem = outcome.config, outcome.problem
     machine = problem.machine
@@ -49,7 +46,7 @@ def write(outcome: "Outcome") -> None:
     ).write(config.out)
 
 
-def _question(outcome: "Outcome") -> str:
+def _question(outcome: Outcome) -> str:
     machine = outcome.problem.machine
     over = "worst" if machine.objective.over == "worst" else machine.objective.over
     free = ", ".join(plain(n.rpartition(".")[2]) for n in outcome.problem.variable_names)
@@ -63,7 +60,7 @@ def _question(outcome: "Outcome") -> str:
     )
 
 
-def _answer(outcome: "Outcome") -> list[str]:
+def _answer(outcome: Outcome) -> list[str]:
     problem, best = outcome.problem, outcome.best
     lines = [words.mine(problem, best, outcome.stiff)]
     design = problem.values(best.after.point)
@@ -81,14 +78,14 @@ def _answer(outcome: "Outcome") -> list[str]:
 # ---- the design
 
 
-def _looks(outcome: "Outcome") -> dict[str, Look]:
+def _looks(outcome: Outcome) -> dict[str, Look]:
     best = outcome.best
     if not best.improved:
         return {"as it is": best.after}
     return {"before": best.before, "after": best.after}
 
 
-def _design(outcome: "Outcome") -> list[Part | str]:
+def _design(outcome: Outcome) -> list[Part | str]:
     problem, best, config = outcome.problem, outcome.best, outcome.config
     parts: list[Part | str] = []
     if problem.space is not None:
@@ -107,7 +104,7 @@ def _design(outcome: "Outcome") -> list[Part | str]:
 _OTHERS = ("parcel", "start", "belt", "fence", "fence_friction", "border")
 
 
-def _candidates(outcome: "Outcome") -> list[Part | str]:
+def _candidates(outcome: Outcome) -> list[Part | str]:
     titles, *rows = words.ranking_rows(outcome.problem, outcome.solutions)
     stops = [[*row, one.stop] for row, one in zip(rows, outcome.solutions, strict=True)]
     table = Table([*titles, "the search ended"], stops, "", "", frozenset({0}))
@@ -118,7 +115,7 @@ def _candidates(outcome: "Outcome") -> list[Part | str]:
 # ---- results
 
 
-def _results(outcome: "Outcome") -> list[Part | str]:
+def _results(outcome: Outcome) -> list[Part | str]:
     problem, best = outcome.problem, outcome.best
     looks, quantity = _looks(outcome), problem.machine.objective.quantity
     values = [shown(look.objective, quantity.unit) for look in looks.values()]
@@ -146,7 +143,7 @@ def _results(outcome: "Outcome") -> list[Part | str]:
     return [Table(titles, rows, "Objective and limits", note, frozenset({0})), *_parcels(outcome)]
 
 
-def _parcels(outcome: "Outcome") -> list[Part | str]:
+def _parcels(outcome: Outcome) -> list[Part | str]:
     """Every parcel's numbers, or the hardest ones'."""
     problem, best = outcome.problem, outcome.best
     parcels, measured = problem.machine.parcels, best.after.measured
@@ -167,7 +164,7 @@ def _parcels(outcome: "Outcome") -> list[Part | str]:
     return [Table(titles, rows, caption)]
 
 
-def _figures(outcome: "Outcome") -> list[Part | str]:
+def _figures(outcome: Outcome) -> list[Part | str]:
     best, problem = outcome.best, outcome.problem
     parts: list[Part | str] = []
     if outcome.config.picture:
@@ -190,7 +187,7 @@ def _figures(outcome: "Outcome") -> list[Part | str]:
     return parts
 
 
-def _pictures(outcome: "Outcome") -> list[Part | str]:
+def _pictures(outcome: Outcome) -> list[Part | str]:
     """The hardest parcel's sort from above, and its force over time."""
     problem, best = outcome.problem, outcome.best
     values = best.after.measured.values[problem.machine.objective.quantity.name]
@@ -211,7 +208,7 @@ def _pictures(outcome: "Outcome") -> list[Part | str]:
     ]
 
 
-def _elasticities(outcome: "Outcome") -> dict[str, dict[str, float]]:
+def _elasticities(outcome: Outcome) -> dict[str, dict[str, float]]:
     problem, best = outcome.problem, outcome.best
     at = None if best.optimum is None else best.optimum.last
     if at is None or at.failed or problem.space is None or not best.improved:
@@ -238,7 +235,7 @@ def _short(row: dict[str, float]) -> list[tuple[str, float]]:
 # ---- what decides, tolerances
 
 
-def _decides(outcome: "Outcome") -> list[Part | str]:
+def _decides(outcome: Outcome) -> list[Part | str]:
     problem = outcome.problem
     parts: list[Part | str] = []
     for one in outcome.solutions:
@@ -261,7 +258,7 @@ def _decides(outcome: "Outcome") -> list[Part | str]:
     return parts
 
 
-def _tolerances(outcome: "Outcome") -> list[Part | str]:
+def _tolerances(outcome: Outcome) -> list[Part | str]:
     problem, best = outcome.problem, outcome.best
     unit = problem.machine.objective.quantity.unit
     if not math.isfinite(best.after.violation):
@@ -318,7 +315,7 @@ def _tolerances(outcome: "Outcome") -> list[Part | str]:
 # ---- statuses, assumptions
 
 
-def _checks(outcome: "Outcome") -> list[Part | str]:
+def _checks(outcome: Outcome) -> list[Part | str]:
     problem, best, config = outcome.problem, outcome.best, outcome.config
     parts: list[Part | str] = [
         pages.status_table(counted(best.after.measured.statuses), "Sorts at the design by status")
@@ -337,7 +334,7 @@ def _checks(outcome: "Outcome") -> list[Part | str]:
     return parts
 
 
-def _own_assumptions(outcome: "Outcome") -> list[str]:
+def _own_assumptions(outcome: Outcome) -> list[str]:
     machine, best = outcome.problem.machine, outcome.best
     sheet = best.candidate.material
     lines = [

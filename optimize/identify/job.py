@@ -103,7 +103,8 @@ def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
             drawn = figures.fit(experiment, fitted, found.noise)
             drawn.savefig(config.out / f"{name}.png", dpi=150)
         figures.correlation(found).savefig(config.out / "correlation.png", dpi=150)
-    page.write(config, outcome, demo.TRUTH if config.demo else {})
+    hidden = demo.TRUTH if config.demo else {}
+    page.write(config, found, experiments, outcome.deviations, hidden, outcome.succeeded)
     _report(config, outcome, say)
     return outcome
 

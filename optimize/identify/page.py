@@ -1,21 +1,21 @@
 """The page of the job: `report.html`."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
-from fencejax.study import SIGNALS
+from fencejax.study import SIGNALS, Experiment, Fit
 
 from ..common import html_report, pages
 from ..common.amounts import plain
 from ..common.html_report import Report, Section, Table, Text
 from .configuration import IdentifyConfig
 
-if TYPE_CHECKING:
-    from .job import Outcome
 
-
-def write(config: IdentifyConfig, outcome: "Outcome", hidden: dict[str, float]) -> None:
-    """Write the page; `hidden`: the demonstration's own numbers."""
-    found = outcome.fit
+def write(
+    config: IdentifyConfig, found: Fit, experiments: Sequence[Experiment],
+    deviations: Mapping[str, float], hidden: Mapping[str, float], succeeded: bool,
+) -> None:  # fmt: skip
+    """Write the page; `hidden`: the demonstration's own numbers, with how many standard errors the
+    estimates lie away from them."""
     rows = []
     for k, one in enumerate(found.parameters):
         error = found.standard_errors[k]
@@ -26,7 +26,7 @@ def write(config: IdentifyConfig, outcome: "Outcome", hidden: dict[str, float]) 
             f"{found.low[k]:.4g} ... {found.high[k]:.4g}",
         ]  # fmt: skip
         if hidden:
-            apart = outcome.deviations.get(one.name)
+            apart = deviations.get(one.name)
             row += [f"{hidden[one.name]:.4g}" if one.name in hidden else "",
                     "" if apart is None else f"{apart:+.2f}"]  # fmt: skip
         rows.append(row)
@@ -35,15 +35,15 @@ def write(config: IdentifyConfig, outcome: "Outcome", hidden: dict[str, float]) 
     titles += ["hidden", "standard errors away"] if hidden else []
     records = [
         [e.recording.source, len(e.recording.time), ", ".join(e.recording.names)]
-        for e in outcome.experiments
+        for e in experiments
     ]
     noise = [[plain(n), f"{v:.3g} {SIGNALS[n]}"] for n, v in found.noise.items()]
     correlation = [
         [plain(name), *(f"{value:+.2f}" for value in row)]
         for name, row in zip(found.names, found.correlation, strict=True)
     ]
-    many = len(outcome.experiments) > 1
-    fits = [f"fit_{k + 1}" if many else "fit" for k in range(len(outcome.experiments))]
+    many = len(experiments) > 1
+    fits = [f"fit_{k + 1}" if many else "fit" for k in range(len(experiments))]
     captions = {name: "Recording and fit, with residuals." for name in fits}
     captions["correlation"] = "Correlation of the estimates: what cannot be told apart."
     told = ", ".join(
@@ -55,10 +55,10 @@ def write(config: IdentifyConfig, outcome: "Outcome", hidden: dict[str, float]) 
         f"Which {', '.join(plain(name) for name in found.names)} make the simulation do what was "
         f"recorded in {len(records)} recording{'s' if len(records) > 1 else ''}?",
         told + ("." if found.converged else ". The search did NOT converge."),
-        outcome.succeeded,
+        succeeded,
         [
             Section("The recordings", [Table(["source", "rows", "signals"], records)]),
-            Section("What is known", [pages.scene_table(outcome.experiments[0].scene)]),
+            Section("What is known", [pages.scene_table(experiments[0].scene)]),
             Section("Results", [
                 Table(titles, rows, "Parameters"),
                 Table(["signal", "standard deviation of the residuals"], noise, "Residuals"),

@@ -1,7 +1,5 @@
 """The page of the job: `report.html`, with the drawing of a fence from the front and its DXF."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 import fencejax as fj
@@ -9,10 +7,8 @@ import fencejax as fj
 from ..common import nearby, pages
 from ..common.amounts import plain, shown
 from ..common.html_report import Part, Report, Section, Table
+from .outcome import Front
 from .trace import Point
-
-if TYPE_CHECKING:
-    from .job import Front
 
 _FIGURES = {
     "front": "The front: the least worst peak force over what it costs, beside the bound.",
@@ -20,7 +16,7 @@ _FIGURES = {
 }
 
 
-def chosen(front: "Front") -> Point | None:
+def chosen(front: Front) -> Point | None:
     """The front's knee: the point that is furthest on the good side of the line between its ends,
     both axes taken over their ranges; `None` where there is no front."""
     kept = [p for p, good in zip(front.points, front.on_front, strict=True) if good]
@@ -33,7 +29,7 @@ def chosen(front: "Front") -> Point | None:
     return kept[int(np.argmin(np.sum((plane - plane.min(axis=0)) / spans, axis=1)))]
 
 
-def write(front: "Front", verdict: str, unit_of_margin: float) -> None:
+def write(front: Front, verdict: str, unit_of_margin: float) -> None:
     """Write the page and what belongs to it; `unit_of_margin`: what the search measured the other
     quantity's margin in."""
     config, tradeoff, point = front.config, front.tradeoff, chosen(front)
@@ -70,7 +66,7 @@ def write(front: "Front", verdict: str, unit_of_margin: float) -> None:
     ).write(config.out)
 
 
-def _points(front: "Front") -> Table:
+def _points(front: Front) -> Table:
     tradeoff = front.tradeoff
     name, unit = plain(tradeoff.quantity.name), tradeoff.quantity.unit
     rows, best = [], chosen(front)
@@ -93,7 +89,7 @@ def _points(front: "Front") -> Table:
     return Table(titles, rows, "Points", note, frozenset(strong))
 
 
-def _design(front: "Front", point: Point | None) -> list[Part | str]:
+def _design(front: Front, point: Point | None) -> list[Part | str]:
     if point is None:
         return []
     space, machine = front.tradeoff.space, front.config.machine
@@ -109,7 +105,7 @@ def _design(front: "Front", point: Point | None) -> list[Part | str]:
     ]
 
 
-def _decides(front: "Front", point: Point | None, of_margin: float) -> list[Part | str]:
+def _decides(front: Front, point: Point | None, of_margin: float) -> list[Part | str]:
     """Prices and tolerances at the design drawn."""
     if point is None:
         return []
@@ -125,7 +121,7 @@ def _decides(front: "Front", point: Point | None, of_margin: float) -> list[Part
     ]
 
 
-def _checks(front: "Front") -> list[Part | str]:
+def _checks(front: Front) -> list[Part | str]:
     counts: dict[str, int] = {}
     for point in front.points:
         for name, count in point.found.statuses.items():

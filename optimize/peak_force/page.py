@@ -1,7 +1,5 @@
 """The page of the job: `report.html`, with the fence's drawing and its DXF file."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fencejax.results import counted
@@ -11,9 +9,7 @@ from ..common.amounts import plain, shown
 from ..common.html_report import Report, Section, Table
 from .configuration import PeakForceConfig
 from .impacts import Impacts
-
-if TYPE_CHECKING:
-    from .job import Outcome
+from .outcome import Outcome
 
 _UNITS = {
     "thickness": "m", "rigid_length": "m", "flexible_length": "m", "youngs_modulus": "Pa",
@@ -28,7 +24,7 @@ _FIGURES = {
 
 
 def write(
-    config: PeakForceConfig, outcome: "Outcome", impacts: Impacts, verdict: str,
+    config: PeakForceConfig, outcome: Outcome, impacts: Impacts, verdict: str,
     side_by_side: dict[str, dict],
 ) -> None:  # fmt: skip
     """Write the page and what belongs to it."""
@@ -95,7 +91,7 @@ def _comparison(side_by_side: dict[str, dict]) -> Table:
     return Table(["", *side_by_side], rows, "The paper's fences beside the optimum")
 
 
-def _impacts(outcome: "Outcome", impacts: Impacts, designs: dict[str, str]) -> Table:
+def _impacts(outcome: Outcome, impacts: Impacts, designs: dict[str, str]) -> Table:
     """The objective in every impact."""
     quantity = outcome.objective
     rows = [

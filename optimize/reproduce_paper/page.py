@@ -1,7 +1,5 @@
 """The page of the job: `report.html`."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fencejax.results import counted
@@ -11,9 +9,7 @@ from ..common.html_report import Report, Section, Table, Verbatim
 from . import tables
 from .configuration import PaperConfig
 from .fences import NAMES
-
-if TYPE_CHECKING:
-    from .job import Outcome
+from .outcome import Outcome
 
 _FIGURES = {
     "figure_08_impact": "The impact near the tip, as the paper's Fig. 8.",
@@ -24,7 +20,7 @@ _FIGURES = {
 }
 
 
-def write(config: PaperConfig, outcome: "Outcome") -> None:
+def write(config: PaperConfig, outcome: Outcome) -> None:
     """Write the page."""
     rows = [[f.says, f.found, f.verdict, "" if f.verdict == "yes" else f.remark]
             for f in outcome.findings]  # fmt: skip

@@ -1,7 +1,5 @@
 """The page of the job: `report.html`, with the fence's drawing and its DXF file."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 import fencejax as fj
@@ -11,10 +9,8 @@ from ..common.amounts import plain, shown
 from ..common.encounters import Course, Encounter
 from ..common.html_report import Part, Report, Section, Table
 from .confidence import Interval
+from .outcome import Outcome
 from .problem import Population
-
-if TYPE_CHECKING:
-    from .job import Outcome
 
 _FIGURES = {
     "exceedance": "The share of the fresh parcels that are hit harder than a severity.",
@@ -24,7 +20,7 @@ _FIGURES = {
 _WHEN = ("before", "after")
 
 
-def write(population: Population, outcome: "Outcome", fresh: Encounter, verdict: str) -> None:
+def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: str) -> None:
     """Write the page and what belongs to it."""
     config, space = outcome.config, population.space
     severity = plain(config.severity)
@@ -84,7 +80,7 @@ def _interval(interval: Interval, unit: str = "", factor: float = 1.0) -> list[s
     return [f"{value} {unit}".strip(), f"{lower} ... {upper}"]
 
 
-def _results(population: Population, outcome: "Outcome") -> list[Part | str]:
+def _results(population: Population, outcome: Outcome) -> list[Part | str]:
     config, judged = outcome.config, outcome.judged
     titles = ["", *(cell for when in _WHEN for cell in (when, "interval"))]
     measures = [
@@ -109,7 +105,7 @@ def _results(population: Population, outcome: "Outcome") -> list[Part | str]:
     ]
 
 
-def _checks(outcome: "Outcome") -> list[Part | str]:
+def _checks(outcome: Outcome) -> list[Part | str]:
     found, judged = outcome.found, outcome.judged
     ended = "as it should" if found.ended else "short of that"
     return [

@@ -1,7 +1,5 @@
 """The page of the job: `report.html`."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 import fencejax as fj
@@ -11,10 +9,8 @@ from ..common import pages
 from ..common.amounts import plain, shown
 from ..common.html_report import Part, Report, Section, Table
 from .configuration import SensitivityConfig
+from .outcome import Outcome
 from .study import Global, Local
-
-if TYPE_CHECKING:
-    from .job import Outcome
 
 _FIGURES = {
     "elasticities": "Elasticities at the points: what 1 % more of a number does in percent.",
@@ -24,7 +20,7 @@ _FIGURES = {
 
 
 def write(
-    config: SensitivityConfig, outcome: "Outcome", response: Response, titles: list[str], inputs
+    config: SensitivityConfig, outcome: Outcome, response: Response, titles: list[str], inputs
 ) -> None:
     """Write the page."""
     outputs = ", ".join(plain(q.name) for q in response.quantities)
@@ -59,7 +55,7 @@ def write(
     ).write(config.out)  # fmt: skip
 
 
-def _answer(outcome: "Outcome", response: Response) -> list[str]:
+def _answer(outcome: Outcome, response: Response) -> list[str]:
     """The inputs that count most, locally at the first point and globally."""
     lines = []
     first = next(iter(outcome.points.values()))
@@ -93,7 +89,7 @@ def _elasticities(title: str, outputs, names, found: Local) -> Table:
     return Table(["", *(plain(q.name) for q in outputs)], rows, f"At {title}", note)
 
 
-def _shares(outcome: "Outcome", response: Response) -> list[Part | str]:
+def _shares(outcome: Outcome, response: Response) -> list[Part | str]:
     if outcome.shares is None:
         return [f"No shares of variance: {outcome.refused}"]
     return [

@@ -42,19 +42,10 @@ from ..common import command
 from ..common.report import write_json
 from . import figures, page
 from .configuration import SweepConfig, configure
+from .outcome import Outcome
 
 # For an answer of the scheduler [s].
 _PATIENCE = 15
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What the job found: the table, whether few enough lanes are bad, and the time it took
-    [s]."""
-
-    table: SweepTable
-    succeeded: bool
-    elapsed: float
 
 
 class _Reporter:

@@ -1,7 +1,5 @@
 """The page of the job: `report.html`."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fencejax.study import Sweep
@@ -10,15 +8,13 @@ from ..common import html_report, pages
 from ..common.amounts import plain, shown
 from ..common.html_report import Part, Report, Section, Table
 from .configuration import SweepConfig
-
-if TYPE_CHECKING:
-    from .job import Outcome
+from .outcome import Outcome
 
 _MOST_FIGURES = 24
 
 
 def write(
-    config: SweepConfig, sweep: Sweep, outcome: "Outcome", quantiles: dict[str, dict[str, float]],
+    config: SweepConfig, sweep: Sweep, outcome: Outcome, quantiles: dict[str, dict[str, float]],
     drawn: tuple[str, ...],
 ) -> None:  # fmt: skip
     """Write the page; `drawn`: names of the figures in the folder."""
@@ -58,7 +54,7 @@ def write(
     ).write(config.out)  # fmt: skip
 
 
-def _held(sweep: Sweep, outcome: "Outcome") -> list[Part | str]:
+def _held(sweep: Sweep, outcome: Outcome) -> list[Part | str]:
     """The numbers of a point that has a scene."""
     good = np.flatnonzero(outcome.table.good)
     if not good.size:

@@ -29,7 +29,7 @@ def mass_of(fence):
     On 20 elements, at whose edges the profiles have their kinks and steps: exact for those of
     pieces, for powers by Gauss' rule in the root of the distance to the tip.
     """
-    relative = float(np.asarray(beam.tables(fence.taper, 20, 2).mass[0]))
+    relative = float(np.asarray(beam.build_tables(fence.taper, 20, 2, np).mass[0]))
     section = float(fence.material.density * fence.width * fence.thickness)
     return section * (float(fence.rigid_length) + float(fence.flexible_length) * relative)
 
