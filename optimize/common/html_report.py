@@ -59,10 +59,11 @@ class Table:
 
 @dataclasses.dataclass(frozen=True)
 class Verbatim:
-    """Text as it stands, every space of it: a command, a file."""
+    """Text as it stands, every space of it: a command, a file. `wrapped`: long lines are broken."""
 
     text: str
     caption: str = ""
+    wrapped: bool = False
     kind = "verbatim"
 
 

@@ -236,9 +236,10 @@ def fence_parts(
     notes = [
         "The face, the upper edge from above, is straight and meets the parcels.",
         "The axis of the hinge lies on the face; bearings are not drawn.",
-        "Where the links meet is the dashed line: the rigid one must not bend.",
         "Exact outline: fence.dxf, lines and arcs within 0.01 mm of h(x).",
     ]
+    if shape.joint > 0:
+        notes.append("Where the links meet is the dashed line: the rigid one must not bend.")
     if tip == 0:
         notes.append("The profile ends with no thickness: blunt the tip as the material asks.")
     sheet = plot.fence_drawing(fence, title=title, material=named, notes=notes)
@@ -278,7 +279,7 @@ def again(configuration: Any, job: str) -> Section:
         f"{name} {importlib.metadata.version(name)}" for name in ("fencejax", "jax", "numpy")
     )
     parts: list[Part | str] = [
-        Verbatim(flags.command(configuration, f"optimize.{job}"), "The command:"),
+        Verbatim(flags.command(configuration, f"optimize.{job}"), "The command:", wrapped=True),
         f"Computed with {versions}, in double precision.",
     ]
     named = getattr(configuration, "sorter", machines.NONE)

@@ -21,8 +21,8 @@ def write(
         error = found.standard_errors[k]
         relative = one.scaling == "logarithmic"
         row = [
-            plain(one.name), one.unit, f"{found.start[k]:.4g}", f"{found.values[k]:.4g}",
-            f"{100 * error:.2f} %" if relative else f"{error:.2e}",
+            plain(one.name), "" if one.unit == "1" else one.unit, f"{found.start[k]:.4g}",
+            f"{found.values[k]:.4g}", f"{100 * error:.2f} %" if relative else f"{error:.2e}",
             f"{found.low[k]:.4g} ... {found.high[k]:.4g}",
         ]  # fmt: skip
         if hidden:
@@ -54,7 +54,7 @@ def write(
         "Parameters from recordings",
         f"Which {', '.join(plain(name) for name in found.names)} make the simulation do what was "
         f"recorded in {len(records)} recording{'s' if len(records) > 1 else ''}?",
-        told + ("." if found.converged else ". The search did NOT converge."),
+        pages.sentences(told, "" if found.converged else "the search did NOT converge"),
         succeeded,
         [
             Section("The recordings", [Table(["source", "rows", "signals"], records)]),
@@ -67,8 +67,8 @@ def write(
             Section("Figures",
                     html_report.figures(config.out, captions) if config.plots else []),
             Section("Statuses and checks", [
-                f"The search ended after {found.evaluations} evaluations: {found.stop}. Condition "
-                f"{found.condition:.3g}, misfit {found.misfit:.3g}.",
+                f"The search ended after {found.evaluations} evaluations: {found.stop.rstrip('.')}.",
+                f"Condition {found.condition:.3g}, misfit {found.misfit:.3g}.",
                 Text("\n".join(f"- warning: {text}" for text in found.warnings)),
             ]),
             pages.assumptions(

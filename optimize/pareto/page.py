@@ -42,8 +42,9 @@ def write(front: Front, verdict: str, unit_of_margin: float) -> None:
     title = "the paper's sorter" if machine is None else machine.title
     Report(
         f"Peak force against {name}: {title}",
-        f"How much less does the fence hit for more {name}, over {encounters.lanes} "
-        f"{config.kind}, within the limits that hold in any case?",
+        f"How much less does the fence hit for more {name}, over "
+        f"{pages.many(encounters.lanes, config.kind.removesuffix('s'))}, within the limits that "
+        "hold in any case?",
         pages.sentences(verdict),
         front.succeeded,
         [
@@ -114,7 +115,8 @@ def _decides(front: Front, point: Point | None, of_margin: float) -> list[Part |
     left = point.optimum.margins.size - lanes * len(rows)
     unit, bound = tradeoff.quantity.unit, point.bound
     # The bound that the front steps; of the points without one it is loose, and decides nothing.
-    rows.append(nearby.Rows(tradeoff.quantity.name, bound, unit, of_margin, True, left))
+    name = f"{tradeoff.quantity.name}, as the front steps it"
+    rows.append(nearby.Rows(name, bound, unit, of_margin, True, left))
     return [
         *nearby.price_parts(tradeoff.space, point.optimum, rows, "N"),
         *nearby.tolerance_parts(tradeoff.space, point.optimum, rows, "N", 0.0),

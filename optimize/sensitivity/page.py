@@ -34,7 +34,7 @@ def write(
     Report(
         f"What {outputs} depend on",
         f"Which of {len(outcome.names)} numbers move {outputs}, at a point and over whole ranges?",
-        "\n".join(_answer(outcome, response)),
+        pages.sentences(*_answer(outcome, response)),
         outcome.succeeded,
         [
             Section("The scene", [pages.scene_table(response.scene)]),
