@@ -34,8 +34,8 @@ def write(outcome: Outcome, verdict: str) -> None:
     Report(
         f"Fence and motion together: {title}",
         "Which fence, and which motion of its drive, make the worst peak force over "
-        f"{pages.many(joint.encounters.lanes, 'whole sort')} least, within the limits of fence, sort, drive and "
-        "ring-down?",
+        f"{pages.many(joint.encounters.lanes, 'whole sort')} least, within the limits of fence, "
+        "sort, drive and ring-down?",
         pages.sentences(verdict.removeprefix(report.conditions(optimum))),
         outcome.succeeded,
         [

@@ -74,6 +74,8 @@ def tolerance_parts(
 ) -> list[Part | str]:
     """What 5 % of each number of the design do to objective and margins, by the exact gradient;
     `reserve`: what the search kept in hand of each margin."""
+    if optimum.last.failed:
+        return ["The design cannot be evaluated."]
     at, names = optimum.last, [row.name for row in rows for _ in range(row.lanes)]
     values = np.asarray(space.from_shares(optimum.point))
     margins = at.margins + reserve

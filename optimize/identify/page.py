@@ -67,7 +67,8 @@ def write(
             Section("Figures",
                     html_report.figures(config.out, captions) if config.plots else []),
             Section("Statuses and checks", [
-                f"The search ended after {found.evaluations} evaluations: {found.stop.rstrip('.')}.",
+                f"The search ended after {found.evaluations} evaluations: "
+                f"{found.stop.rstrip('.')}.",
                 f"Condition {found.condition:.3g}, misfit {found.misfit:.3g}.",
                 Text("\n".join(f"- warning: {text}" for text in found.warnings)),
             ]),
