@@ -31,12 +31,13 @@ def write(outcome: Outcome, verdict: str) -> None:
     material = ""
     if config.machine is not None and not any("youngs_modulus" in n for n in space.names):
         material = config.machine.materials[0].name
+    checked, *told = verdict.removeprefix(report.conditions(optimum)).splitlines()
     Report(
         f"Fence and motion together: {title}",
         "Which fence, and which motion of its drive, make the worst peak force over "
         f"{pages.many(joint.encounters.lanes, 'whole sort')} least, within the limits of fence, "
         "sort, drive and ring-down?",
-        pages.sentences(verdict.removeprefix(report.conditions(optimum))),
+        pages.sentences(*told, checked),
         outcome.succeeded,
         [
             pages.machine_section(

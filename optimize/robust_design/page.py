@@ -18,6 +18,7 @@ _FIGURES = {
     "search": "The search: the measure and the violation at every step.",
 }
 _WHEN = ("before", "after")
+_MEASURES = {"mean": "mean", "cvar": "CVaR", "worst": "worst"}
 
 
 def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: str) -> None:
@@ -33,9 +34,9 @@ def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: s
         material = config.machine.materials[0].name
     Report(
         f"A robust fence: {title}",
-        f"Which fence makes the {config.measure} of the {severity} least over parcels as they "
+        f"Which fence makes the {_MEASURES[config.measure]} of the {severity} least over parcels as they "
         f"come, each limit held for {100 * config.fraction:g} % of them?",
-        pages.sentences(verdict),
+        pages.sentences(f"the {_MEASURES[config.measure]}{verdict.removeprefix(config.measure)}"),
         outcome.succeeded,
         [
             pages.machine_section(config.machine, scene),
@@ -84,11 +85,11 @@ def _results(population: Population, outcome: Outcome) -> list[Part | str]:
     config, judged = outcome.config, outcome.judged
     titles = ["", *(cell for when in _WHEN for cell in (when, "interval"))]
     measures = [
-        [f"{name} {plain(config.severity)}",
+        [f"{_MEASURES[name]} {plain(config.severity)}",
          *(cell for when in _WHEN for cell in _interval(judged[when].measures[name], config.unit))]
-        for name in ("mean", "cvar", "worst")
+        for name in _MEASURES
     ]  # fmt: skip
-    strong = frozenset({("mean", "cvar", "worst").index(config.measure)})
+    strong = frozenset({list(_MEASURES).index(config.measure)})
     limits = [
         [plain(limit.name),
          f"{'≤' if limit.sense == 'at most' else '≥'} "
