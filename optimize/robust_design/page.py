@@ -34,8 +34,8 @@ def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: s
         material = config.machine.materials[0].name
     Report(
         f"A robust fence: {title}",
-        f"Which fence makes the {_MEASURES[config.measure]} of the {severity} least over parcels as they "
-        f"come, each limit held for {100 * config.fraction:g} % of them?",
+        f"Which fence makes the {_MEASURES[config.measure]} of the {severity} least over parcels "
+        f"as they come, each limit held for {100 * config.fraction:g} % of them?",
         pages.sentences(f"the {_MEASURES[config.measure]}{verdict.removeprefix(config.measure)}"),
         outcome.succeeded,
         [
