@@ -40,7 +40,7 @@ class Text:
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """Rows of cells under titles; the first column is written to the left, numbers to the right.
+    """Rows of cells under titles; the first column is set to the left, numbers to the right.
     `strong`: rows set in bold."""
 
     titles: Sequence[str]
@@ -52,9 +52,11 @@ class Table:
 
     @property
     def cells(self) -> list[list[tuple[str, bool]]]:
-        """Texts of the cells, and whether each is a number."""
+        """Texts of the cells, and whether the column is one of numbers: more of it than not."""
         texts = [[_raised(str(cell)) for cell in row] for row in self.rows]
-        return [[(text, _numeric(text)) for text in row] for row in texts]
+        columns = [[text for text in column if text] for column in zip(*texts, strict=True)]
+        numeric = [2 * sum(map(_numeric, column)) > len(column) for column in columns]
+        return [list(zip(row, numeric, strict=True)) for row in texts]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -172,8 +174,8 @@ def _raised(text: str) -> str:
 
 
 def _numeric(text: str) -> bool:
-    """Whether a cell is a number, with a unit or a margin perhaps."""
-    return text[:1].isdigit() or (text[:1] in "+-−≤≥<>±" and text[1:].strip()[:1].isdigit())
+    """Whether a cell is a number, with a unit perhaps."""
+    return len(text) < 32 and (text[:1].isdigit() or (text[:1] in "+-−≤≥<>±" and text[1:].strip()[:1].isdigit()))
 
 
 def _url(kind: str, data: bytes) -> str:

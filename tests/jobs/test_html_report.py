@@ -53,12 +53,15 @@ def test_figures_are_within_the_page(tmp_path):
 
 
 def test_numbers_are_told_from_words():
-    table = Table(["", ""], [["5 kg", "+0.1"], ["≤ 80 mm", "a 5"], ["-0.2 m/s^2", "kg^-0.4 m^-3"]])
+    table = Table(["", ""], [["5 kg", ""], ["≤ 80 mm", "a 5"], ["-0.2 m/s^2", "kg^-0.4 m^-3"]])
     assert table.cells == [
-        [("5 kg", True), ("+0.1", True)],
+        [("5 kg", True), ("", False)],
         [("≤ 80 mm", True), ("a 5", False)],
         [("-0.2 m/s²", True), ("kg^-0.4 m⁻³", False)],
     ]
+    # By columns, whatever most of them is.
+    mixed = Table([""], [["+0.1"], ["none"], ["> 100 %"]])
+    assert [number for ((_, number),) in mixed.cells] == [True] * 3
 
 
 def test_markdown_of_headings_tables_and_paragraphs():
