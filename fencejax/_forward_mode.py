@@ -25,9 +25,17 @@ def by_columns(
     `judge(value, columns)` gives both back, changed where one says something about the other; the
     columns stand in a first axis of each leaf.
 
-    First derivatives only: the implicit steps inside are right to that order, so that a second
-    one is refused with `NotImplementedError` rather than given wrong.
+    Value and columns are again such a map, so that second derivatives (`jax.hessian`, `jax.grad` of
+    `jax.grad`) are made in the same way, in one pass with a column for each pair of inputs, and
+    higher ones likewise. `judge` sees the columns of the highest order.
     """
+
+    return _differentiable(function, judge, function)
+
+
+def _differentiable(function, judge, evaluate):
+    """`evaluate`, the same map as `function`, with derivatives made column by column of
+    `function`."""
 
     @functools.cache
     def columns_in(moved, structure):
@@ -43,7 +51,7 @@ def by_columns(
             # Traced once as it is, so that only what the results need is differentiated.
             plain, shapes = jax.make_jaxpr(flat, return_shape=True)(leaves)
             needed, _ = dce_jaxpr(plain.jaxpr, [True] * len(plain.out_avals), instantiate=True)
-            evaluate = jaxpr_as_fun(ClosedJaxpr(needed, plain.consts))
+            run = jaxpr_as_fun(ClosedJaxpr(needed, plain.consts))
             results = jax.tree.structure(shapes)
 
             def along(direction):
@@ -54,18 +62,19 @@ def by_columns(
 
                 def restricted(parts):
                     full = [parts.get(i, leaf) for i, leaf in enumerate(leaves)]
-                    return jax.tree.unflatten(results, evaluate(*full))
+                    return jax.tree.unflatten(results, run(*full))
 
                 return jax.jvp(restricted, ({i: leaves[i] for i in moved},), (unit,))
 
             found = jax.vmap(along, out_axes=(None, 0))(jnp.eye(sum(sizes), dtype=dtype))
             return found if judge is None else judge(*found)
 
-        return _opaque(jax.jit(value_and_columns))
+        again = None if judge is None else _of_columns(judge)
+        return _differentiable(value_and_columns, again, _opaque(jax.jit(value_and_columns)))
 
     @jax.custom_jvp
     def wrapped(inputs):
-        return function(inputs)
+        return evaluate(inputs)
 
     def rule(primals, tangents):
         (inputs,), (dots,) = primals, tangents
@@ -77,12 +86,22 @@ def by_columns(
             return value, jax.tree.map(jnp.zeros_like, value)
         value, columns = columns_in(moved, structure)(leaves)
         flat = jnp.concatenate([dots[i].reshape(-1) for i in moved])
-        columns = jax.tree.map(_final, columns)
         change = jax.tree.map(lambda c: jnp.tensordot(flat.astype(c.dtype), c, 1), columns)
         return value, change
 
     wrapped.defjvp(rule, symbolic_zeros=True)
     return wrapped
+
+
+def _of_columns(judge):
+    """The judge of the columns' own derivatives."""
+
+    def judged(found, columns):
+        value, first = found
+        value, second = judge(value, columns[1])
+        return (value, first), (columns[0], second)
+
+    return judged
 
 
 def _opaque(function):
@@ -98,17 +117,3 @@ def _opaque(function):
         return result, jax.tree.map(lambda _: True, result)
 
     return whole
-
-
-@jax.custom_jvp
-def _final(array):
-    """The array itself, which may not be differentiated further."""
-    return array
-
-
-@_final.defjvp
-def _refuse(primals, tangents):
-    raise NotImplementedError(
-        "Second derivatives of a simulation are not available: its implicit steps are "
-        "differentiated to the first order. Difference the gradient instead."
-    )

@@ -81,6 +81,14 @@ def simulate(
     - `estimate_error`: put an `ErrorEstimate` into `Result.error`, from two more runs of half as
       many steps (one where there is no friction): about twice the cost.
 
+    **Derivatives** of the first and the second order are exact for the steps that are taken, by
+    `jax.grad`, `jax.jvp`, `jax.hessian` and their compositions. A Hessian in n numbers has n^2
+    columns beside the n of a gradient: it costs some n times as much, less what both share, and
+    several times as long to compile. Second derivatives ask for `Fidelity.gradient = "forward"`.
+    Where friction turns round within its smoothing, or a force just begins or ends, they are large
+    or jump: a difference of two gradients tells whether a Hessian holds over the distance that is
+    wanted.
+
     Raises `TypeError` for arguments of the wrong kind, `ValueError` for names in `only` that are
     none of `Result`'s fields and for a fidelity that the scene or JAX's settings do not allow and,
     with `throw=True`, `RuntimeError` with the status' text.

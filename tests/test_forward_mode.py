@@ -184,3 +184,36 @@ def test_a_judge_sees_value_and_columns():
     np.testing.assert_array_equal(fine, [1.0, 0.0])
     # Without a derivative it is not asked.
     np.testing.assert_array_equal(jax.vmap(judged)(at)["fine"], [1.0, 1.0])
+
+
+def test_second_derivatives():
+    def total(function):
+        return lambda x: function(x)["sum"] + 0.3 * function(x)["product"]
+
+    theirs = jax.hessian(total(unrolled))(inputs())
+    assert_equal(jax.hessian(total(wrapped))(inputs()), theirs)
+    assert_equal(jax.jacrev(jax.grad(total(wrapped)))(inputs()), theirs)
+    assert_equal(jax.jit(jax.jacfwd(jax.jacfwd(total(wrapped))))(inputs()), theirs)
+
+
+def test_a_judge_sees_the_columns_of_the_second_derivative():
+    def judge(value, columns):
+        fine = jnp.all(jnp.isfinite(columns["power"]))
+        said = value | {"fine": jnp.where(fine, value["fine"], 0.0)}
+        return said, jax.tree.map(lambda c: jnp.where(fine, c, 0.0), columns)
+
+    # x^1.5 has a first derivative at 0, and no second one.
+    judged = by_columns(lambda x: {"power": x**1.5, "fine": jnp.ones(())}, judge)
+    one = jnp.ones(())
+
+    def second(x):
+        def first(x):
+            value, slope = jax.jvp(judged, (x,), (one,))
+            return slope["power"], value["fine"]
+
+        _, bend, fine = jax.jvp(first, (x,), (one,), has_aux=True)
+        return bend, fine
+
+    bend, fine = jax.vmap(second)(jnp.array([4.0, 0.0]))
+    np.testing.assert_allclose(bend, [0.375, 0.0])
+    np.testing.assert_array_equal(fine, [1.0, 0.0])

@@ -30,10 +30,16 @@ FLOORS = {
     "_check": 0,
     "_xla": 0,
     "_forward_mode": 0,
+    "_loop_carry": 0,
 }
-TOOLS = {"fidelity", "_check", "_xla", "_forward_mode"}
+TOOLS = {"fidelity", "_check", "_xla", "_forward_mode", "_loop_carry"}
 # Private tools have no face; the tests of a tool import its file, and nobody else outside does.
-TESTED_TOOLS = {"tests/scenes/test_checks.py", "tests/test_forward_mode.py", "tests/test_xla.py"}
+TESTED_TOOLS = {
+    "tests/scenes/test_checks.py",
+    "tests/test_forward_mode.py",
+    "tests/test_loop_carry.py",
+    "tests/test_xla.py",
+}
 DEPTH, LINES = 10, 400
 
 

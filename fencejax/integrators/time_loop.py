@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._loop_carry import complete
 from ..fidelity import Fidelity
 from ..model import Mechanics
 from . import modal_step
@@ -102,7 +103,13 @@ def run_steps(
         leaves = [] if sample is None else jax.tree.leaves(sample(y))
         return jnp.concatenate([jnp.ravel(leaf) for leaf in leaves]) if leaves else None
 
+    def trip(y, given):
+        args, end = given
+        return strict(solver.step(Scene(), end - 1, end, y, args, None, False)[0])
+
     reverse = fidelity.gradient == "reverse"
+    one = jnp.ones((), precision)
+    begin = complete(strict(begin), trip, (args, one))
     if clock is None or clock.counts[-1] == 1:
         ends = jnp.arange(steps + 1, dtype=precision)
 
@@ -111,12 +118,12 @@ def run_steps(
             return y, row(y)
 
         scan = partial(eqxi.scan, kind="checkpointed") if reverse else jax.lax.scan
-        y, rows = scan(advance, strict(begin), ends)
+        y, rows = scan(advance, begin, ends)
     else:
-        y, rows = _run_adaptively(step, strict(begin), clock, row, steps, reverse)
+        y, rows = _run_adaptively(step, begin, clock, row, steps, reverse)
     if sample is None or rows is None:
         return y, None
-    return y, _unpacked(rows, sample(strict(begin)))
+    return y, _unpacked(rows, sample(begin))
 
 
 def _unpacked(rows: Array, like):

@@ -51,6 +51,10 @@ from .recording import (
     read_recording as read_recording,
     write_recording as write_recording,
 )
+from .reliability import (
+    Reliability as Reliability,
+    failure_probability as failure_probability,
+)
 from .response import (
     Response as Response,
     quantities_of as quantities_of,

@@ -65,7 +65,7 @@ class AbstractDrive(eqx.Module):
         """The time [s] on the way out at which alpha_w equals `angle` [rad].
 
         Bisection on [0, `turning_time`], which ends at a bound where the angle is never reached,
-        followed by one Newton step, which carries the derivative.
+        followed by two Newton steps, which carry the first and the second derivative.
         """
         angle = 1.0 * jnp.asarray(angle)
         frozen = jax.lax.stop_gradient(self)
@@ -83,6 +83,7 @@ class AbstractDrive(eqx.Module):
         time = 0.5 * (low + high)
         speed = frozen.motion(time).speed
         moving = (speed > 0) & (low > 0) & (high < frozen.turning_time)
-        return time - jnp.where(
-            moving, (self.angle(time) - angle) / jnp.where(moving, speed, 1.0), 0.0
-        )
+        rate = jnp.where(moving, 1 / jnp.where(moving, speed, 1.0), 0.0)
+        for _ in range(2):
+            time = time - rate * (self.angle(time) - angle)
+        return time

@@ -1,0 +1,177 @@
+"""How probably scattered numbers break a limit, told by the point where they most likely do."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .. import _check
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Reliability:
+    """The probability that a limit is broken, and by what; n scattered numbers.
+
+    **Fields:**
+
+    - `first_order`: the probability with the limit as a plane through the design point (FORM) [1];
+      `probability`: with its curvatures there (SORM) [1].
+    - `index`: beta [1], the distance of the design point from the medians in standard deviations,
+      below 0 where the medians break the limit.
+    - `point`: the numbers [SI] with which the limit is most probably broken, by name.
+    - `importance`: the share [1] of each number in the scatter of the margin there; they sum to 1.
+    - `curvatures`: of the limit at the point [1], n - 1, above 0 where it bends away.
+    - `evaluations`: of the margin with its gradient.
+    """
+
+    probability: float
+    first_order: float
+    index: float
+    point: dict[str, float]
+    importance: dict[str, float]
+    curvatures: np.ndarray
+    evaluations: int
+
+    def __str__(self) -> str:
+        rows = [
+            f"probability of breaking the limit {self.probability:.3g} "
+            f"(a plane limit: {self.first_order:.3g}), reliability index {self.index:.3f}",
+            f"{'number':<24}{'most probable':>14}{'importance':>12}",
+        ]
+        for name, value in self.point.items():
+            rows.append(f"{name:<24}{value:>14.4g}{100 * self.importance[name]:>10.1f} %")
+        return "\n".join(rows)
+
+
+def failure_probability(
+    margin: Callable[[dict[str, Array]], Array],
+    scatter: Mapping[str, Callable[[Array], Array]],
+    *,
+    tolerance: float = 1e-6,
+    budget: int = 100,
+) -> Reliability:
+    """The probability that `margin(values)` is below 0 where its values scatter independently.
+
+    In terms of standard normal numbers u, the design point is the one nearest to 0 with
+    margin = 0; its distance is the reliability index beta. The first-order probability is
+    Phi(-beta) (Hasofer and Lind, 1974), the second-order one
+    Phi(-beta) prod (1 + psi k_i)^(-1/2), psi = phi(beta) / Phi(-beta), with the curvatures k_i of
+    the limit at the point (Hohenbichler and Rackwitz, 1988; Breitung, 1984), from the margin's
+    exact Hessian. Both grow exact for rare failures of one design point; where several parts of the
+    limit are as near, they count one of them.
+
+    The point is found by SciPy's sequential quadratic programming.
+
+    **Arguments:**
+
+    - `margin`: of a dictionary of numbers [SI], below 0 where the limit is broken. Traced, and
+      differentiated twice: smooth near the point.
+    - `scatter`: each number [SI] as a function of a standard normal one:
+      `{"mass": lambda u: 8.0 * jnp.exp(0.4 * u)}` is lognormal about 8 kg,
+      `lambda u: low + (high - low) * jax.scipy.stats.norm.cdf(u)` uniform.
+    - `tolerance`: how near to the limit, relative to the margin at the medians, the point is.
+    - `budget`: the most evaluations of the margin and its gradient.
+
+    Raises `ValueError` where `scatter` is empty, where the margin or a derivative is not a finite
+    number, where the numbers do not move it, and where within the budget no point of the limit is
+    found.
+    """
+    from scipy import stats
+    from scipy.optimize import minimize
+
+    if not scatter:
+        raise ValueError("Argument `scatter` must hold at least one number's distribution.")
+    budget = _check.count("budget", budget, least=1)
+    tolerance = _check.number("tolerance", tolerance, above=0.0)
+    names = tuple(scatter)
+
+    def values_at(u):
+        return {name: scatter[name](u[k]) for k, name in enumerate(names)}
+
+    def of(u):
+        return margin(values_at(u))
+
+    both = jax.jit(jax.value_and_grad(of))
+    evaluations = 0
+    kept: tuple[bytes, float, np.ndarray] | None = None
+
+    def evaluated(u) -> tuple[float, np.ndarray]:
+        nonlocal evaluations, kept
+        u = np.asarray(u, dtype=float)
+        if kept is None or kept[0] != u.tobytes():
+            if evaluations >= budget:
+                raise ValueError(
+                    f"Argument `budget` of {budget} evaluations is used up, and no point of the "
+                    "limit is found. The limit may be out of reach of these numbers."
+                )
+            value, slope = both(jnp.asarray(u))
+            evaluations += 1
+            value, slope = float(value), np.asarray(slope, dtype=float)
+            if not (np.isfinite(value) and np.all(np.isfinite(slope))):
+                raise ValueError(
+                    f"Argument `margin` must give finite numbers and derivatives, but gives {value}"
+                    f" with {slope} at {_told(values_at(u))}."
+                )
+            kept = u.tobytes(), value, slope
+        return kept[1], kept[2]
+
+    begin, slope = evaluated(np.zeros(len(names)))
+    if not np.any(slope):
+        raise ValueError(
+            "Argument `margin` must depend on the scattered numbers, but its derivatives at their "
+            f"medians, {_told(values_at(np.zeros(len(names))))}, are all 0."
+        )
+    scale = max(abs(begin), float(np.linalg.norm(slope)))
+    found = minimize(
+        lambda u: 0.5 * float(u @ u),
+        # The nearest point of the tangent plane: a start off the medians, where the objective is
+        # flat.
+        -begin * slope / (slope @ slope),
+        jac=lambda u: u,
+        method="SLSQP",
+        constraints={
+            "type": "eq",
+            "fun": lambda u: evaluated(u)[0] / scale,
+            "jac": lambda u: evaluated(u)[1] / scale,
+        },
+        options={"maxiter": budget, "ftol": tolerance**2},
+    )
+    point = found.x
+    value, slope = evaluated(point)
+    if abs(value) > tolerance * scale:
+        raise ValueError(
+            f"No point of the limit is found: {found.message}. The margin is {begin:.4g} at the "
+            f"medians and {value:.4g} at {_told(values_at(point))}."
+        )
+    steepness = float(np.linalg.norm(slope))
+    outward = -slope / steepness
+    index = float(point @ outward)
+    hessian = np.asarray(jax.jit(jax.hessian(of))(jnp.asarray(point))) / steepness
+    across = np.linalg.svd(outward[None])[2][1:]
+    curvatures = np.linalg.eigvalsh(across @ hessian @ across.T)
+    first = float(stats.norm.sf(index))
+    # exp of a difference of logarithms: both factors may be smaller than any number.
+    psi = float(np.exp(stats.norm.logpdf(index) - stats.norm.logsf(index)))
+    factors = 1 + psi * curvatures
+    if not np.all(factors > 0):
+        raise ValueError(
+            f"The limit bends round the medians at {_told(values_at(point))} (curvatures "
+            f"{curvatures}, reliability index {index:.3g}): it is broken in many places equally "
+            "probably, and no single one tells how often. Draw samples instead."
+        )
+    return Reliability(
+        probability=first * float(np.prod(factors**-0.5)),
+        first_order=first,
+        index=index,
+        point={name: float(value) for name, value in values_at(point).items()},
+        importance={name: float(a * a) for name, a in zip(names, outward, strict=True)},
+        curvatures=curvatures,
+        evaluations=evaluations,
+    )
+
+
+def _told(values) -> str:
+    return ", ".join(f"{name} = {float(value):.4g}" for name, value in values.items())
