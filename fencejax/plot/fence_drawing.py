@@ -120,7 +120,7 @@ class _Sheet:
         if tip > 0:
             end = _HINGE + self.reach / self.scale
             self._down("tip", end, end + 6, face - tip / self.scale, face, tip)
-        return face - deep - 4
+        return face - deep - 8
 
     def _profile(self, top: float) -> None:
         """The flexible link's thickness, enlarged across, with numbers at stations."""
@@ -236,10 +236,9 @@ class _Sheet:
         if high - low < 8:
             self._arrow((at, high + 4), (at, high))
             self._arrow((at, low - 4), (at, low))
-            if side > 0:
-                self._text(at, high + 4.5, text, name, ha="center", va="bottom", size=_PLAIN)
-            else:
-                self._text(at - 1.8, middle, text, name, ha="right", va="center", size=_PLAIN)
+            # Beside the arrow that the lengths along the fence leave free.
+            end, place = (high + 4.5, "bottom") if side > 0 else (low - 4.5, "top")
+            self._text(at, end, text, name, ha="center", va=place, size=_PLAIN)
             return
         self._arrow((at, middle), (at, low))
         self._arrow((at, middle), (at, high))

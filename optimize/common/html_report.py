@@ -175,7 +175,8 @@ def _raised(text: str) -> str:
 
 def _numeric(text: str) -> bool:
     """Whether a cell is a number, with a unit perhaps."""
-    return len(text) < 32 and (text[:1].isdigit() or (text[:1] in "+-−≤≥<>±" and text[1:].strip()[:1].isdigit()))
+    bare = text[1:].strip() if text[:1] in ("+", "-", "−", "≤", "≥", "<", ">", "±") else text
+    return len(text) < 32 and bare[:1].isdigit()
 
 
 def _url(kind: str, data: bytes) -> str:

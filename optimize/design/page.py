@@ -18,7 +18,7 @@ from . import words
 from .outcome import Outcome
 from .tolerances import Moved, tolerances
 
-_MOST_PARCELS, _MOST_BARS = 40, 5
+_MOST_PARCELS, _MOST_BARS, _MOST_COLUMNS = 40, 5, 6
 
 
 def write(outcome: Outcome) -> None:
@@ -63,6 +63,11 @@ def _question(outcome: Outcome) -> str:
 def _answer(outcome: Outcome) -> list[str]:
     problem, best = outcome.problem, outcome.best
     lines = [words.mine(problem, best, outcome.stiff)]
+    if not best.feasible:
+        fighting = ", ".join(plain(price.name) for price in best.prices[:4])
+        lines.insert(0, "No design was found that holds all limits; the nearest one is shown." + (
+            f" These fight: {fighting}." if fighting else ""
+        ))  # fmt: skip
     design = problem.values(best.after.point)
     told = ", ".join(
         f"{plain(n.rpartition('.')[2])} {shown(v, problem.unit(n))}" for n, v in design.items()
@@ -106,10 +111,15 @@ _OTHERS = ("parcel", "start", "belt", "fence", "fence_friction", "border")
 
 def _candidates(outcome: Outcome) -> list[Part | str]:
     titles, *rows = words.ranking_rows(outcome.problem, outcome.solutions)
-    stops = [[*row, one.stop] for row, one in zip(rows, outcome.solutions, strict=True)]
-    table = Table([*titles, "the search ended"], stops, "", "", frozenset({0}))
+    titles = [*map(plain, titles[:-1]), "limits", "the search ended"]
+    every = [[*row, one.stop] for row, one in zip(rows, outcome.solutions, strict=True)]
+    if len(every) == 1:
+        return ["There is one candidate."]
     head = "Each was designed for itself; the first in rank is told below and drawn above."
-    return [head if len(rows) > 1 else "There is one candidate.", table]
+    if len(every) > _MOST_COLUMNS:
+        return [head, Table(titles, every, "", "", frozenset({0}))]
+    across = [list(row) for row in zip(titles, *every, strict=True)]
+    return [head, Table(across[0], across[1:])]
 
 
 # ---- results
@@ -214,16 +224,20 @@ def _elasticities(outcome: Outcome) -> dict[str, dict[str, float]]:
     if at is None or at.failed or problem.space is None or not best.improved:
         return {}
     quantity, values = problem.machine.objective.quantity, best.after.measured.values
+    bars = report.elasticities(problem.space, (), at, values, quantity)
+    factor, start, near = report.to_logarithms(problem.space, at), 0, []
     limits = problem.limits(best.candidate)
-    rows = sum(problem.margin_rows)
-    if problem.machine.objective.over != "worst" or rows != at.objectives.size * len(limits):
-        # Some limits have one margin for all sorts: those that have one a sort are shown.
-        return report.elasticities(problem.space, (), at, values, quantity)
-    bars = report.elasticities(problem.space, tuple(x for _, x in limits), at, values, quantity)
-    near = sorted(limits, key=lambda pair: float(np.min(pair[1].margin_of(values[pair[1].name]))))
-    shown_ones = [quantity.name, *(limit.name for _, limit in near)]
-    kept = [name for name in dict.fromkeys(shown_ones) if name in bars][:_MOST_BARS]
-    return {name: dict(_short(bars[name])) for name in kept}
+    for (name, limit), rows in zip(limits, problem.margin_rows, strict=True):
+        value, lane = words.worst(problem, best.after, name)
+        slope = at.margin_rows[start + (lane or 0)] * limit.unit_of_margin
+        start += rows
+        if value > 0 and limit.name not in bars:
+            slope = (-slope if limit.sense == "at most" else slope) / value * factor
+            near.append((float(limit.margin_of(value)), limit.name, slope))
+    for _, name, slope in sorted(near, key=lambda row: row[0]):
+        bars[name] = dict(zip(problem.space.names, slope.tolist(), strict=True))
+    kept = list(bars)[:_MOST_BARS]
+    return {name: dict(_short(bars[name])) for name in kept if any(bars[name].values())}
 
 
 def _short(row: dict[str, float]) -> list[tuple[str, float]]:
@@ -288,15 +302,21 @@ def _tolerances(outcome: Outcome) -> list[Part | str]:
         "may be off by so much",
     ]  # fmt: skip
     rows = [row(one) for one in found.rows]
+    holds = found.margin >= -outcome.config.feasibility
+    kept = [0, 1, 2, 3, 4, 5, 6, 7, 8] if holds else [0, 1, 2, 3, 4, 5, 6, 7]
     if not any(r[3] for r in rows):
         kept = [0, 1, 2, 4, 6, 7]
-        titles, rows = [titles[k] for k in kept], [[r[k] for k in kept] for r in rows]
+    titles, rows = [titles[k] for k in kept], [[r[k] for k in kept] for r in rows]
     note = (
         f"The design as it is: {shown(found.objective, unit)}, least margin {found.margin:+.3f}. "
         "Gradient: exact derivatives from the search, along a straight line. Simulated: every sort "
-        f"again with the number moved, at {outcome.config.check}. The last column: how far the "
-        "number may be off that way until the first limit is used up, by the gradient."
+        f"again with the number moved, at {outcome.config.check}."
     )
+    if 8 in kept:
+        note += (
+            " The last column: how far the number may be off that way until the first limit is "
+            "used up, by the gradient."
+        )
     parts: list[Part | str] = [
         f"Each number of the design by itself is {100 * SHARE:g} % smaller and larger; all else "
         "is as designed.",

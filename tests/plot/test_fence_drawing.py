@@ -19,6 +19,7 @@ FENCES = {
     "strip": fj.Fence(0.02, 0.98, 0.2, 0.006, taper=fj.Uniform()),
     "power": fj.Fence(0.3, 0.7, taper=fj.PowerTaper(0.3)),
     "profile": fj.Fence(0.3, 0.8, taper=ProfileTaper([0.9, 1.0, 0.5, 0.7, 0.1])),
+    "thin": fj.Fence(0.59196, 0.40804, 0.2, 0.021332),
     "stepped": fj.Fence(0.0, 1.2, taper=SteppedTaper(STRENGTH, 4)),
 }
 
