@@ -58,7 +58,7 @@ def write_dxf(path: Path | str, fence: Fence, title: str = "") -> FenceOutline:
         "seen from above, millimetres, upper edge: the face"
     )
     text = space.add_mtext(note, dxfattribs={**on("DIMENSIONS"), "char_height": 0.012 * reach})
-    text.set_location((0, -thick - 0.2 * reach))
+    text.set_location((0, -thick - 0.08 * reach))
     _save(drawing, Path(path))
     return shape
 
@@ -67,7 +67,7 @@ def _dimensions(space: Any, shape: FenceOutline, thick: float, reach: float) -> 
     """Lengths above the face, thicknesses at the ends."""
     size = 0.012 * reach
     style = {"dimtxt": size, "dimasz": size, "dimexe": 0.4 * size, "dimexo": 0.4 * size,
-             "dimgap": 0.4 * size, "dimdec": 2, "dimzin": 8}  # fmt: skip
+             "dimgap": 0.4 * size, "dimdec": 2, "dimzin": 8, "dimlfac": 1.0}  # fmt: skip
     layer = {"layer": "DIMENSIONS"}
     joint, tip = _MM * shape.joint, -_MM * float(shape.y[shape.x >= shape.x.max()].min())
 
@@ -78,9 +78,11 @@ def _dimensions(space: Any, shape: FenceOutline, thick: float, reach: float) -> 
         ).render()  # fmt: skip
 
     def down(x, at, depth):
+        # The number beside the line, where there is seldom room for it between the ends.
+        side = 1 if at > x else -1
         space.add_linear_dim(
             base=(at, 0), p1=(x, 0), p2=(x, -depth), angle=90, dimstyle="EZDXF", override=style,
-            dxfattribs=layer,
+            location=(at + 3.5 * side * size, -0.5 * depth), dxfattribs=layer, text_rotation=0,
         ).render()  # fmt: skip
 
     if joint > 0:

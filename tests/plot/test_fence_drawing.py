@@ -68,6 +68,10 @@ def test_layers_and_dimensions_of_the_dxf(tmp_path):
     assert {entity.dxf.layer for entity in space} == set(LAYERS)
     measured = sorted(round(d.get_measurement(), 6) for d in space.query("DIMENSION"))
     assert measured == [33.3, 450.1, 750.0, 1200.1]
+    # And so they are written.
+    said = [e.text for d in space.query("DIMENSION") for e in d.virtual_entities()
+            if e.dxftype() == "MTEXT"]  # fmt: skip
+    assert sorted(said) == ["1200.1", "33.3", "450.1", "750"]
     (joint,) = space.query('LINE[layer=="JOINT"]')
     assert tuple(joint.dxf.start)[:2] == pytest.approx((450.1, 0.0))
     (hinge,) = space.query("POINT")
