@@ -161,8 +161,8 @@ def of_markdown(text: str) -> list[Section]:
         if not lines or lines[0].startswith("!["):
             continue
         if lines[0].startswith("|"):
-            rows = [[cell.strip(" `") for cell in row.strip("|").split("|")] for row in lines]
-            sections[-1][1].append(Table(rows[0], rows[2:]))
+            rows = [[cell.strip(" `*") for cell in row.strip("|").split("|")] for row in lines]
+            sections[-1][1] += [Table(rows[0], rows[2:])] if rows[2:] else []
         else:
             sections[-1][1].append(" ".join(lines))
     return [Section(title, parts) for title, parts in sections]
