@@ -18,7 +18,7 @@ from . import (
     sorter as sorter,
     study as study,
 )
-from ._xla import tune_compiler as tune_compiler
+from ._xla import cache_programs as cache_programs, tune_compiler as tune_compiler
 from .design import (
     LIMITS as LIMITS,
     OBJECTIVES as OBJECTIVES,
@@ -69,6 +69,7 @@ from .parts import (
 )
 from .results import (
     ErrorEstimate as ErrorEstimate,
+    Gradient as Gradient,
     GradientEstimate as GradientEstimate,
     Ledger as Ledger,
     Measure as Measure,
@@ -118,6 +119,7 @@ __all__ = [
     "Fence",
     "Fidelity",
     "Friction",
+    "Gradient",
     "GradientEstimate",
     "HarmonicDrive",
     "HeldDrive",
@@ -156,6 +158,7 @@ __all__ = [
     "Trial",
     "Uniform",
     "Verification",
+    "cache_programs",
     "choose_fidelity",
     "contact_laws",
     "design",

@@ -2,6 +2,7 @@
 
 import math
 import operator
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -177,6 +178,11 @@ def choice(name: str, value: str, options: tuple[str, ...]) -> str:
     if value not in options:
         raise ValueError(f"Argument `{name}` must be one of {options}, but is {value!r}.")
     return value
+
+
+def several(value: str | Sequence[str]) -> tuple[str, ...]:
+    """Names as a tuple, of a sequence of them or of one alone."""
+    return (value,) if isinstance(value, str) else tuple(value)
 
 
 def flag(name: str, value: object) -> bool:

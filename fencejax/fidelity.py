@@ -4,6 +4,7 @@ import dataclasses
 from typing import TYPE_CHECKING, NamedTuple
 
 from . import _check
+from .printing import Readable, Table
 
 if TYPE_CHECKING:
     from diffrax import AbstractSolver
@@ -23,8 +24,8 @@ class Smoothing(NamedTuple):
     static_speed: float
 
 
-@dataclasses.dataclass(frozen=True)
-class Fidelity:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Fidelity(Readable):
     """How finely a scene is computed. All fields are static: they change the program.
 
     **Fields:**
@@ -135,6 +136,16 @@ class Fidelity:
         if self.precision is not None:
             _check.choice("precision", self.precision, ("float32", "float64"))
         _check.choice("gradient", self.gradient, ("forward", "reverse"))
+
+    def _printed(self) -> Table:
+        """The rung that most knobs are of, with those that differ from it: text that makes it."""
+
+        def others(rung: str) -> tuple[tuple[str, str], ...]:
+            usual = vars(getattr(Fidelity, rung)())
+            return tuple((k, repr(v)) for k, v in vars(self).items() if v != usual[k])
+
+        rung = min(("standard", "fast", "coarse", "reference"), key=lambda name: len(others(name)))
+        return Table(f"Fidelity.{rung}", others(rung), inline=True)
 
     @property
     def mode_count(self) -> int:

@@ -55,7 +55,7 @@ def simulate(
     *,
     fidelity: Fidelity | None = None,
     history: bool = True,
-    only: Sequence[str] | None = None,
+    only: str | Sequence[str] | None = None,
     measures: Sequence[Measure] = (),
     refine: bool = False,
     throw: bool = False,
@@ -70,8 +70,9 @@ def simulate(
     - `history`: keep every sample (`Result.history`). Inside `jit`, what is not used is not
       computed; outside, `history=False` is lighter. Where steps are of different lengths, so are
       the times between samples; inside `jit` the last sample is then repeated to fill the room.
-    - `only`: names of the fields of `Result` that are wanted; the others but `status` are `None`
-      and cost nothing, also in compiling a derivative. `history` then counts only if it is named.
+    - `only`: names of the fields of `Result` that are wanted, or one name; the others but `status`
+      are `None` and cost nothing, also in compiling a derivative. `history` then counts only if it
+      is named.
     - `measures`: measures of one's own, beside those of `fencejax.results.MEASURES`: fields of the
       result by their names.
     - `refine`: where the status doubts the numbers (`Status.numerical`), compute them again at the
@@ -122,6 +123,7 @@ def simulate(
                 f"holds {measure!r}."
             )
     if only is not None:
+        only = _check.several(only)
         for name in only:
             _check.choice("only", name, (*MEASURES, *(m.name for m in own), *_PARTS, "status"))
         only = tuple(sorted({*only, "status"}))

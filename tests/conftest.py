@@ -16,6 +16,13 @@ if not any(argument.startswith("--bench") for argument in sys.argv):
 # takes a fifth of its time.
 gc.set_threshold(200_000, 50, 100)
 
+# What one process of a session has compiled serves the others, those of jobs that tests start too;
+# gone when the session ends.
+if "FENCEJAX_TEST_CACHE" not in os.environ:
+    os.environ["FENCEJAX_TEST_CACHE"] = tempfile.mkdtemp(prefix="fencejax-")
+    atexit.register(shutil.rmtree, os.environ["FENCEJAX_TEST_CACHE"], ignore_errors=True)
+os.environ["JAX_COMPILATION_CACHE_DIR"] = os.environ["FENCEJAX_TEST_CACHE"]
+
 import jax  # noqa: E402
 
 import fencejax as fj  # noqa: E402
@@ -25,12 +32,6 @@ fj.tune_compiler()
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
-
-# What one process of a session has compiled serves the others; gone when the session ends.
-if "FENCEJAX_TEST_CACHE" not in os.environ:
-    os.environ["FENCEJAX_TEST_CACHE"] = tempfile.mkdtemp(prefix="fencejax-")
-    atexit.register(shutil.rmtree, os.environ["FENCEJAX_TEST_CACHE"], ignore_errors=True)
-jax.config.update("jax_compilation_cache_dir", os.environ["FENCEJAX_TEST_CACHE"])
 
 from pathlib import Path  # noqa: E402
 

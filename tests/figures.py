@@ -1,13 +1,13 @@
-"""The README's measured figures: one record, and the blocks of text that show them.
+"""The measured figures of the README and its pages: one record, and the blocks that show them.
 
     python tests/figures.py            # every figure, with the command that measures it again
-    python tests/figures.py --write    # writes the README's blocks anew
+    python tests/figures.py --write    # writes the pages' blocks anew
 
 `figures.json` is the record. A group holds figures, or the rows of a table, and the `command` that
 measures them; those of jobs are written by `headlines.py --record`, the others by hand from
 what their command says. `figures.md` holds the text of the blocks: `{group[name]}` is a figure,
 with a format such as `{group[name]:.0f}`, and with ` u` at the format's end its unit follows;
-`{group}` is a whole table. In the README a block stands between `<!-- figures: NAME -->` and
+`{group}` is a whole table. In a page of `PAGES` a block stands between `<!-- figures: NAME -->` and
 `<!-- end of figures -->`; whoever changes its text changes it in `figures.md`.
 """
 
@@ -20,6 +20,14 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).parents[1]
 RECORD = Path(__file__).with_suffix(".json")
 TEXTS = Path(__file__).with_suffix(".md")
+# The README, and what referees read, beside what makes it.
+PAGES = (
+    ROOT / "README.md",
+    ROOT / "tests/design/OPTIMIZERS.md",
+    ROOT / "tests/peers/SPEED.md",
+    ROOT / "tests/reference/VERIFICATION.md",
+    ROOT / "tests/robustness/TRUST.md",
+)
 _LISTS = {"figures", "rows"}
 BLOCK = re.compile(r"<!-- figures: (\w+) -->\n(.*?)\n<!-- end of figures -->", re.DOTALL)
 
@@ -103,20 +111,20 @@ def blocks() -> tuple[dict[str, str], list[str]]:
     return texts, unused
 
 
-def written(readme: str) -> str:
-    """The README's text with its blocks as they are to be."""
+def written(page: str) -> str:
+    """A page's text with its blocks as they are to be."""
     texts, _ = blocks()
 
     def block(match: re.Match) -> str:
         return f"<!-- figures: {match[1]} -->\n{texts[match[1]]}\n<!-- end of figures -->"
 
-    return BLOCK.sub(block, readme)
+    return BLOCK.sub(block, page)
 
 
 def main(arguments) -> int:
     if "--write" in arguments:
-        readme = ROOT / "README.md"
-        readme.write_text(written(readme.read_text()))
+        for page in PAGES:
+            page.write_text(written(page.read_text()))
         return 0
     for name, group in record().items():
         print(f"\n{name}: {group['command']}")

@@ -1,4 +1,4 @@
-"""The README's measured figures come from the record, all of them, each with its command."""
+"""The pages' measured figures come from the record, all of them, each with its command."""
 
 import importlib.util
 import re
@@ -8,25 +8,40 @@ import figures
 import headlines
 import pytest
 
-README = (figures.ROOT / "README.md").read_text()
-# What the text of the README may say outside its blocks: what was given, not what was measured.
+PAGES = {page.name: page.read_text() for page in figures.PAGES}
+# What the pages may say outside their blocks: what was given, not what was measured.
 GIVEN = {"0.13 s"}
 MEASURED = re.compile(r"\d[\d.,]*\s?(?:%|ms|us|s|N|m|mm|kg|×|MB|GHz|minutes)(?!\w)")
 
 
-def test_readme_shows_the_record():
-    shown = figures.written(README)
-    assert shown == README, "run python tests/figures.py --write"
-    names = [name for name, _ in figures.BLOCK.findall(README)]
+@pytest.mark.parametrize("page", PAGES)
+def test_page_shows_the_record(page):
+    assert figures.written(PAGES[page]) == PAGES[page], "run python tests/figures.py --write"
+
+
+def test_every_block_stands_in_one_page():
+    names = [name for text in PAGES.values() for name, _ in figures.BLOCK.findall(text)]
     assert sorted(names) == sorted(figures.blocks()[0])
+
+
+def test_the_readme_is_read_in_one_sitting():
+    assert len(PAGES["README.md"].splitlines()) <= 200
+
+
+@pytest.mark.parametrize("page", figures.PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    """Every file that a page shows or refers to is there."""
+    links = re.findall(r"\]\(([^)#]+)\)", page.read_text())
+    assert [link for link in links if not (page.parent / link).exists()] == []
 
 
 def test_every_figure_is_shown():
     assert figures.blocks()[1] == []
 
 
-def test_no_measured_number_stands_outside_the_blocks():
-    rest = re.sub(r"```.*?```", "", figures.BLOCK.sub("", README), flags=re.DOTALL)
+@pytest.mark.parametrize("page", PAGES)
+def test_no_measured_number_stands_outside_the_blocks(page):
+    rest = re.sub(r"```.*?```", "", figures.BLOCK.sub("", PAGES[page]), flags=re.DOTALL)
     assert {found for found in MEASURED.findall(rest) if found not in GIVEN} == set()
 
 

@@ -16,6 +16,7 @@ TOP = {"README.md", "fencejax", "notebooks", "optimize", "pyproject.toml", "test
 
 # A room imports rooms of lower floors only. The tools may be used by every room.
 FLOORS = {
+    "__main__": 7,
     "sorter": 6,
     "study": 5,
     "design": 4,
@@ -27,12 +28,13 @@ FLOORS = {
     "scenes": 1,
     "parts": 0,
     "fidelity": 0,
+    "printing": 0,
     "_check": 0,
     "_xla": 0,
     "_forward_mode": 0,
     "_loop_carry": 0,
 }
-TOOLS = {"fidelity", "_check", "_xla", "_forward_mode", "_loop_carry"}
+TOOLS = {"fidelity", "printing", "_check", "_xla", "_forward_mode", "_loop_carry"}
 # Private tools have no face; the tests of a tool import its file, and nobody else outside does.
 TESTED_TOOLS = {
     "tests/scenes/test_checks.py",

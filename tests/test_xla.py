@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -95,3 +96,63 @@ def test_settings_change_results_by_rounding_only():
 def test_devices_are_counted():
     with pytest.raises(ValueError, match=r"`devices` must be at least 1 \[1\], but is 0"):
         fj.tune_compiler(devices=0)
+
+
+CACHED = """
+import os, sys
+sys.path.insert(0, {path!r})
+import fencejax as fj
+fj.tune_compiler()
+import jax
+jax.jit(lambda x: x + 1)(1.0)
+print(fj.cache_programs({folder}))
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+jax.jit(lambda x: jax.numpy.sin(x) + 1)(1.0)
+"""
+
+
+def cached(tmp_path, folder="", **environment):
+    """The folder that a process says it keeps its programs in, and how many are there."""
+    code = CACHED.format(path=str(Path(fj.__file__).parents[1]), folder=folder)
+    usual = {"XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path), "LOCALAPPDATA": str(tmp_path)}
+    outside = {k: v for k, v in os.environ.items() if not k.startswith("JAX_")}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=outside | usual | environment, capture_output=True,
+        text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    said = done.stdout.strip()
+    return said, 0 if said == "None" else len(list(Path(said).iterdir()))
+
+
+def test_programs_are_kept_in_the_users_folder_or_in_one_that_is_given(tmp_path):
+    # Also where something has compiled before.
+    said, count = cached(tmp_path)
+    assert Path(said).is_relative_to(tmp_path)
+    assert Path(said).parent.name == "fencejax"
+    assert count
+    own = tmp_path / "own"
+    assert cached(tmp_path, repr(str(own)))[0] == str(own)
+    # What JAX is told in its own way goes first, and so does its switch.
+    told = tmp_path / "told"
+    said, count = cached(tmp_path, JAX_COMPILATION_CACHE_DIR=str(told))
+    assert (said, count > 0) == (str(told), True)
+    assert cached(tmp_path, JAX_ENABLE_COMPILATION_CACHE="false")[0] == "None"
+    # A folder that cannot be made: the user's own is done without, one that is given is told.
+    file = tmp_path / "file"
+    file.touch()
+    assert cached(tmp_path, XDG_CACHE_HOME=str(file), HOME=str(file))[0] == "None"
+    with pytest.raises(OSError, match="file"):
+        fj.cache_programs(file / "inner")
+
+
+def test_the_package_says_what_it_is_and_what_to_run_next(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "fencejax"], capture_output=True, text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f"fencejax {fj.__version__}\n")
+    for text in ("devices", "cpu", os.environ["FENCEJAX_TEST_CACHE"], "optimize.design --help"):
+        assert text in done.stdout

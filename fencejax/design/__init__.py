@@ -37,9 +37,16 @@ from .objectives import (
     fields as fields,
 )
 from .optimizer import (
+    minimize as minimize,
+)
+from .optimum import (
     Optimum as Optimum,
     Stop as Stop,
-    minimize as minimize,
+    shadow_prices as shadow_prices,
+)
+from .prices import (
+    ShadowPrices as ShadowPrices,
+    conflict as conflict,
 )
 from .program import (
     LaneProgram as LaneProgram,
@@ -51,11 +58,6 @@ from .ring_down import (
     ring_amplitude as ring_amplitude,
 )
 from .risk import quantile as quantile
-from .shadow_prices import (
-    ShadowPrices as ShadowPrices,
-    conflict as conflict,
-    shadow_prices as shadow_prices,
-)
 from .spline_motion import (
     extremes as extremes,
 )

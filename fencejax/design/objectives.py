@@ -10,6 +10,7 @@ from jaxtyping import Array
 
 from .. import _check
 from ..parts import Fence
+from ..printing import shown
 from ..results import MEASURES, Measure, Result
 from ..scenes import NormalScene, Scene
 
@@ -36,6 +37,9 @@ class Quantity:
     read: Callable[..., Array]
     needs: tuple[str, ...] = ()
     fields: tuple[str, ...] | None = None
+
+    def __repr__(self) -> str:
+        return f"{self.name} [{self.unit}]: {self.meaning}"
 
     def applies_to(self, scene: AnyScene) -> bool:
         """Whether the scene has the parts that the quantity needs."""
@@ -179,6 +183,9 @@ class Limit:
             unit=unit,
             remedy="Give `scale`, what the margin is to be measured in.",
         )
+
+    def __repr__(self) -> str:
+        return f"{self.name} {self.sense} {shown(self.bound, self.quantity.unit)}"
 
     @property
     def name(self) -> str:

@@ -1,7 +1,6 @@
 """Constrained design: the smallest worst case under limits."""
 
 import dataclasses
-import enum
 from collections.abc import Callable
 from typing import Any
 
@@ -15,19 +14,9 @@ from .evaluator import Evaluator, Record as Record
 from .first_order import FirstOrder
 from .journal import Journal
 from .lagrangian import Evaluation, Multipliers, Residual, Vector, onto_simplex, residual, updated
+from .optimum import Optimum, Stop
 from .program import LaneProgram, Numbers, Problem, Program
 from .sqp import Sequence
-
-
-class Stop(enum.Enum):
-    """Why an optimisation ended."""
-
-    OPTIMAL = "the conditions of Karush, Kuhn and Tucker hold within the tolerance"
-    INFEASIBLE = "no feasible design found: the violation falls no further"
-    STAGNATED = "no further progress, short of the tolerance"
-    BUDGET = "the budget of evaluations is spent"
-    FAILED_START = "the first design cannot be evaluated; see its status"
-
 
 _ENDS = {
     "optimal": Stop.OPTIMAL,
@@ -35,60 +24,6 @@ _ENDS = {
     "stalled": Stop.STAGNATED,
     "infeasible": Stop.INFEASIBLE,
 }
-
-
-@dataclasses.dataclass(frozen=True)
-class Optimum:
-    """The outcome of `minimize`.
-
-    **Fields:**
-
-    - `first`, `last`: the evaluations at the start and at the end, objectives over `scale`; where
-      nothing feasible was found, the last one is the least-violating of all that were made.
-    - `weights`: share of each objective in the worst case's gradient [1].
-    - `multipliers`: of the margins: the rate at which the worst case (over `scale`) grows with the
-      margin that is demanded.
-    - `scale`: what the objectives were divided by.
-    - `residual`: stationarity, complementarity and violation at `last`; by `"sqp"`, on a kink,
-      with the slopes that points within a hundredth of the ranges found on its sides.
-    - `stop`, `feasible`: why it ended; whether all limits hold.
-    - `history`: every evaluation.
-    """
-
-    first: Evaluation
-    last: Evaluation
-    weights: Vector
-    multipliers: Vector
-    scale: float
-    residual: Residual
-    stop: Stop
-    feasible: bool
-    history: tuple[Record, ...]
-
-    @property
-    def point(self) -> Vector:
-        """The design z, shape (n,)."""
-        return self.last.point
-
-    @property
-    def objectives(self) -> Vector:
-        """Every objective there, in its own unit."""
-        return self.last.objectives * self.scale
-
-    @property
-    def objective(self) -> float:
-        """The worst case there, in the objective's own unit."""
-        return self.last.worst * self.scale
-
-    @property
-    def margins(self) -> Vector:
-        """Every margin there [1]."""
-        return self.last.margins
-
-    @property
-    def converged(self) -> bool:
-        """Whether the point meets the conditions of Karush, Kuhn and Tucker."""
-        return self.stop is Stop.OPTIMAL
 
 
 def minimize(

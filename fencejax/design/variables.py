@@ -12,6 +12,7 @@ from jaxtyping import Array, ArrayLike
 
 from .. import _check
 from ..parts import AbstractDrive, Fence, HarmonicDrive
+from ..printing import Readable, Table, shown
 from ..scenes import names as scene_names, numbers
 
 _SCALINGS = ("logarithmic", "linear")
@@ -118,7 +119,7 @@ class _Designed(eqx.Module):
     drive: AbstractDrive
 
 
-class DesignSpace:
+class DesignSpace(Readable):
     """An ordered choice of design variables over a base fence and drive.
 
     Values are vectors of shape (n,) in the order of `variables`, in SI units. An optimiser works
@@ -158,6 +159,13 @@ class DesignSpace:
             )
         numbers.together(self._base, self.names)
         self._in_bounds(self.values_of(self.fence, self.drive))
+
+    def _printed(self) -> Table:
+        rows = []
+        for variable in self.variables:
+            ends = (shown(end, variable.unit) for end in (variable.lower, variable.upper))
+            rows.append((variable.name, f"{' ... '.join(ends)}, {variable.scaling}"))
+        return Table(f"{len(rows)} design variables", tuple(rows))
 
     def _expand(self, given: str | DesignVariable) -> list[DesignVariable]:
         """The scalar variables that a name or a variable stands for."""

@@ -10,13 +10,14 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from .. import _check
+from ..printing import Readable, Table, shown
 from ..results import Status
 from .lagrangian import Vector
-from .optimizer import Optimum
+from .optimum import Optimum
 
 
-@dataclasses.dataclass(frozen=True)
-class Verification:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Verification(Readable):
     """What a finer fidelity says of an optimum.
 
     **Fields:**
@@ -46,6 +47,14 @@ class Verification:
     def text(self) -> str:
         """`confirmed`, or what speaks against it."""
         return "NOT confirmed, as " + "; ".join(self.doubts) if self.doubts else "confirmed"
+
+    def _printed(self) -> Table:
+        return Table("Verification", (
+            ("verdict", self.text),
+            ("worst case", f"{shown(self.objective)}; the search's is off by "
+             f"{100 * self.error:+.2g} %"),
+            ("margins", f"differ by up to {shown(self.margin_error)}"),
+        ))  # fmt: skip
 
     @property
     def objective(self) -> float:

@@ -2,15 +2,15 @@
 
 from typing import ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
 from .._check import Bounds
+from ..printing import Part
 from .friction_laws import AbstractFriction, Friction
 
 
-class Belt(eqx.Module):
+class Belt(Part):
     """A belt that runs along +x and carries the parcel by friction."""
 
     speed: Array

@@ -2,16 +2,16 @@
 
 from typing import ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
 from .._check import Bounds
+from ..printing import Part
 from .material import Material
 from .taper import AbstractTaper, ConstantStrength
 
 
-class Fence(eqx.Module):
+class Fence(Part):
     """A rigid link of length l_s and a flexible link of length l_p, both of width z.
 
     The thickness of the flexible link is h(x) = h_1 g(x / l_p); the rigid link is h_1 thick

@@ -2,14 +2,14 @@
 
 from typing import ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
 from .._check import Bounds
+from ..printing import Part
 
 
-class Material(eqx.Module):
+class Material(Part):
     """A linear elastic material with stiffness-proportional (Kelvin-Voigt) damping.
 
     The defaults are those of dry polyamide PA6 (data sheets).

@@ -24,10 +24,11 @@ from jaxtyping import Array, ArrayLike
 
 from .. import _check
 from .._check import Bounds
+from ..printing import Part
 from .material import Material
 
 
-class DataSheet(eqx.Module):
+class DataSheet(Part):
     """A material with what it bears, and under which conditions."""
 
     name: str = eqx.field(static=True)

@@ -2,14 +2,14 @@
 
 from typing import ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
 from .._check import Bounds
+from ..printing import Part
 
 
-class Motor(eqx.Module):
+class Motor(Part):
     """What the drive can give at the fence's hinge, behind its gear. A number that is `None` is not
     known, and bounds nothing."""
 

@@ -2,19 +2,19 @@
 
 from typing import ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
 from .._check import Bounds
+from ..printing import Part
 from .contact_laws import AbstractContactLaw, Kelvin
 
 SIDES = {1: 2, 2: 3, 3: 4, 4: 1}
 """The other corner of the side behind each corner, clockwise."""
 
 
-class Parcel(eqx.Module):
+class Parcel(Part):
     """A rigid rectangle A x B, with A along x at phi = 0, that touches with its corners.
 
     Corners, seen from the centre of gravity C_s in the parcel's frame: 1 leading lower,

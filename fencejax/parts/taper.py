@@ -11,9 +11,10 @@ from jaxtyping import Array, ArrayLike
 
 from .. import _check
 from .._check import Bounds
+from ..printing import Part
 
 
-class AbstractTaper(eqx.Module):
+class AbstractTaper(Part):
     """A profile g of the thickness over the relative position x / l_p in [0, 1].
 
     Any fixed g is self-similar: the mass and stiffness matrices of the link scale with

@@ -16,6 +16,9 @@ from .error import (
     estimate_gradient_error as estimate_gradient_error,
 )
 from .error_estimate import ErrorEstimate as ErrorEstimate
+from .gradient import (
+    Gradient as Gradient,
+)
 from .ledger import Ledger as Ledger
 from .measures import ESTIMATED as ESTIMATED, MEASURES as MEASURES, Measure as Measure
 from .recorder import (

@@ -1,12 +1,15 @@
 """A dictionary of measures that reads as fields."""
 
+import abc
 from collections.abc import Collection
 from typing import Any, ClassVar
 
 import equinox as eqx
 
+from ..printing import Readable, Table
 
-class AbstractByName(eqx.Module):
+
+class AbstractByName(Readable, eqx.Module):
     """Numbers by the names of measures, each of them a field: `self.peak_force`. One that is known
     and not there is `None`."""
 
@@ -26,6 +29,21 @@ class AbstractByName(eqx.Module):
             f"`{type(self).__name__}` has no field `{name}`. Its measures are "
             f"{', '.join(numbers)}."
         )
+
+    @abc.abstractmethod
+    def _rows(self) -> list[tuple[str, str]] | None:
+        """Names with what is shown of each, or a line with no name; `None` where it is traced."""
+
+    def _printed(self) -> Table:
+        rows, title = self._rows(), type(self).__name__
+        return Table(f"{title}(traced)") if rows is None else Table(title, tuple(rows))
+
+    def __str__(self) -> str:
+        rows = self._rows()
+        if rows is None:
+            return self._printed().title
+        lines = (f"{name:>18}  {text}" if name else text for name, text in rows)
+        return "\n".join(line.rstrip() for line in lines)
 
     def __dir__(self):
         return [*super().__dir__(), *getattr(self, self._table)]

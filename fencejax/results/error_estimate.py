@@ -1,8 +1,8 @@
 """Estimated errors of a result, measure by measure."""
 
-from jax.core import Tracer
 from jaxtyping import Array
 
+from ..printing import known
 from .by_name import AbstractByName
 from .measures import ESTIMATED, MEASURES
 
@@ -33,11 +33,11 @@ class ErrorEstimate(AbstractByName):
     _table = "errors"
     _known = ESTIMATED
 
-    def __str__(self) -> str:
-        if any(isinstance(leaf, Tracer) for leaf in self.errors.values()):
-            return "ErrorEstimate(traced)"
+    def _rows(self):
+        if not known(*self.errors.values()):
+            return None
         rows = []
         for name, leaf in self.errors.items():
             shown = f"{float(leaf):.3g}" if leaf.ndim == 0 else f"up to {float(leaf.max()):.3g}"
-            rows.append(f"{name:>18}  +- {shown} {MEASURES[name].unit}")
-        return "\n".join(rows)
+            rows.append((name, f"+- {shown} {MEASURES[name].unit}"))
+        return rows

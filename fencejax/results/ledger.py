@@ -1,12 +1,12 @@
 """The energy ledger: what is held, what work is done, what is dissipated."""
 
-import equinox as eqx
 from jaxtyping import Array
 
+from ..printing import Part
 from .sample import Energy, Power
 
 
-class Ledger(eqx.Module):
+class Ledger(Part):
     """The energy ledger of a scene [J]: changes of what is held, work done, energy dissipated.
 
     residual = changes + dissipated + contact - work. It vanishes at the order of the step.
@@ -36,6 +36,9 @@ class Ledger(eqx.Module):
     """Dissipated between parcel and belt."""
     damping_loss: Array
     """Dissipated in the fence's material."""
+
+    def _unit(self, name):
+        return "J"
 
     @property
     def residual(self) -> Array:

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array
 
+from ..printing import known, numbers
 from ..scenes import Body
 from .by_name import AbstractByName
 from .error_estimate import ErrorEstimate
@@ -46,25 +46,31 @@ class Result(AbstractByName):
     _table = "measures"
     _known = MEASURES
 
-    def __str__(self) -> str:
+    def _rows(self):
         named = {name: self.measures[name] for name in self._names}
         named |= {"start_time": self.start_time, "status": self.status}
         named = {name: leaf for name, leaf in named.items() if leaf is not None}
-        if any(isinstance(leaf, Tracer) for leaf in named.values()):
-            return "Result(traced)"
+        if not known(*named.values()):
+            return None
         if self.energy is None or self.final is None:
-            return self._with_errors("\n".join(f"{name} {leaf}" for name, leaf in named.items()))
-        if self.status.ndim:
-            return self._summary()
-        rows = [("status", Status(int(self.status)).text)]
-        if self.rung:
-            rows.append(("computed", f"{self.rung} rungs finer than asked for, as it was in doubt"))
-        rows += [row for name in self._names if (row := self._row(name))]
-        rows.append(("energy residual", f"{self.energy.residual:.2e} J"))
-        return self._with_errors("\n".join(f"{n:>16}  {value}".rstrip() for n, value in rows))
+            rows = [(name, self._partial(name, leaf)) for name, leaf in named.items()]
+        elif self.status.ndim:
+            rows = [("", self._summary())]
+        else:
+            rows = [("status", Status(int(self.status)).text)]
+            if self.rung:
+                finer = f"{self.rung} rungs finer than asked for, as it was in doubt"
+                rows.append(("computed", finer))
+            rows += [row for name in self._names if (row := self._row(name))]
+            rows.append(("energy residual", f"{self.energy.residual:.2e} J"))
+        return rows if self.error is None else [*rows, ("errors", f"estimated:\n{self.error}")]
 
-    def _with_errors(self, text: str) -> str:
-        return text if self.error is None else f"{text}\n{'errors':>16}  estimated:\n{self.error}"
+    def _partial(self, name: str, leaf) -> str:
+        """A number of a result that holds only what was asked for."""
+        if name == "status" and not leaf.ndim:
+            return Status(int(leaf)).text
+        measure = MEASURES.get(name)
+        return numbers(leaf, "1" if measure is None else measure.unit)
 
     @property
     def _names(self) -> list[str]:

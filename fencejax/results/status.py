@@ -43,35 +43,34 @@ class Status(enum.IntEnum):
 
 _TEXT = {
     Status.SUCCESSFUL: "successful",
-    Status.NEVER_TOUCHED: "the parcel never touched the fence; start it nearer or run longer",
+    Status.NEVER_TOUCHED: "the parcel did not touch the fence before the end; run longer with "
+    "`duration=...`",
     Status.IN_CONTACT_AT_END: "still in contact with the fence at the end; run longer with "
     "`duration=...` if what follows matters",
     Status.LEFT_OVER_TIP: "a corner ran over the fence's tip while pressed on it, and the force "
     "was ended there; let the tip carry on against the parcel's side by `tip_contact=True` in the "
-    "scene, and name the corners that follow in `fence_corners`",
-    Status.PEAK_AT_TIP: "the force was largest while a corner ran over the fence's tip: how it "
-    "ends there makes the peak; let the tip carry on by `tip_contact=True` in the scene, or "
-    "lengthen the fence",
+    "scene, with the corner that follows in `fence_corners`",
+    Status.PEAK_AT_TIP: "the force was largest while a corner ran over the fence's tip, where it "
+    "is ended; let the tip carry on against the parcel's side by `tip_contact=True` in the scene, "
+    "with the corner that follows in `fence_corners`",
     Status.LARGE_DEFLECTION: "the tip deflects by more than a quarter of the flexible link, "
-    "beyond the linear beam; stiffen the fence",
+    "beyond the linear beam; make the fence thicker",
     Status.DEEP_PENETRATION: "a corner goes in by more than half the parcel's shorter side, "
-    "beyond the contact law; check its stiffness and the speed",
-    Status.FRICTION_SMOOTHED: "the parcel slips on the belt hardly faster than dry friction is "
-    "smoothed over, or stuck to it and lets go; lower `slip_speed` and `static_speed` in the "
+    "beyond the contact law; give the parcel a larger contact stiffness",
+    Status.FRICTION_SMOOTHED: "what dry friction on the belt is smoothed over bears on the peak "
+    "force; lower `slip_speed` and `static_speed` in the fidelity, both alike",
+    Status.MODES_TOO_FEW: "the bending modes kept do not follow the force; raise `modes` in the "
     "fidelity",
-    Status.MODES_TOO_FEW: "the force changes faster than the bending modes left out can follow, or "
-    "bends the fence in them; raise `modes` in the fidelity",
     Status.ENERGY_GAINED: "the energy ledger ends with more than the work done accounts for; "
     "lower `step` in the fidelity",
-    Status.STEP_TOO_COARSE: "a step's equations were not solved, the force rose or fell within a "
-    "step or two, was largest in a later blow, or followed when in a step the parcel turned round "
-    "on the belt; lower `step` or raise `iterations` in the fidelity",
+    Status.STEP_TOO_COARSE: "the steps are too long for what happens within one (a blow, a second "
+    "one, friction that turns round); lower `step` in the fidelity",
     Status.LIMIT_REACHED: "a general integrator came to its limit of steps; use "
-    "`integrator=\"modal\"`, raise `tolerance`, or smooth friction over a higher `slip_speed`",
-    Status.INCONSISTENT: "a number of the scene is out of its bounds, or the start is none that "
-    "the fence reaches; build the scene outside the transformation to be told which",
-    Status.NON_FINITE: "the state is not finite, or runs away; check the inputs for extreme "
-    "values, then lower `step`",
+    "`integrator=\"modal\"` in the fidelity",
+    Status.INCONSISTENT: "the scene's numbers do not go together; build the scene outside the "
+    "transformation, which names the number and its bound",
+    Status.NON_FINITE: "the state is not finite, or runs away; print the scene, and correct the "
+    "number that is extreme",
 }
 
 

@@ -5,10 +5,12 @@ import equinox as eqx
 from jaxtyping import Array
 
 from ..parts import AbstractDrive, AbstractFriction, AbstractSurface, Belt, Border, Fence, Parcel
+from ..printing import Part
+from .names import BY_PATH
 from .start import AbstractStart
 
 
-class Scene(eqx.Module):
+class Scene(Part):
     """A parcel and the parts that act on it. A part that is `None` costs nothing.
 
     Made by the functions of this module; a field is changed with `equinox.tree_at`.
@@ -28,8 +30,11 @@ class Scene(eqx.Module):
     surfaces: tuple[AbstractSurface, ...] = ()
     surface_corners: tuple[int, ...] = eqx.field(static=True, default=())
 
+    def _unit(self, name):
+        return "s" if name == "duration" else super()._unit(name)
 
-class NormalScene(eqx.Module):
+
+class NormalScene(Part):
     """A parcel with one coordinate, against the fence held still or, without one, against an
     undeformable wall of infinite mass; no belt, no friction."""
 
@@ -38,3 +43,6 @@ class NormalScene(eqx.Module):
     fence: Fence | None
     distance: Array | None
     duration: float = eqx.field(static=True)
+
+    def _unit(self, name):
+        return "s" if name == "duration" else BY_PATH[name].unit

@@ -8,7 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..parts import AbstractDrive, Belt, DriveMotion, Parcel, turned
+from ..printing import Part
 from .body import Body
+from .names import BY_PATH
 
 
 class Pose(eqx.Module):
@@ -22,8 +24,12 @@ class Pose(eqx.Module):
     drive: DriveMotion
 
 
-class AbstractStart(eqx.Module):
+class AbstractStart(Part):
     """Initial conditions of a scene."""
+
+    def _unit(self, name):
+        found = BY_PATH.get(f"start.{name}")
+        return super()._unit(name) if found is None else found.unit
 
     def time(self, drive: AbstractDrive | None) -> Array | None:
         """Time [s] on the drive's clock; `None` for 0, where the fence is at rest."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..fidelity import Fidelity
 from ..parts import AbstractDrive, AbstractFriction, Belt, Border, DataSheet, Fence, Motor
+from ..printing import Readable, Table, as_table
 from ..scenes import Scene
 from ..study import SceneFamily
 from . import machine, overrides
@@ -23,7 +24,7 @@ class ImplausibleNumberWarning(UserWarning):
     """A number that no such machine has, probably given in another unit."""
 
 
-class Sorter:
+class Sorter(Readable):
     """A sorter with its parcels, what of it is free, and what is asked of it.
 
     It is described by tables, those of a sorter file:
@@ -94,6 +95,9 @@ class Sorter:
         self.machine: Machine = machine.read(self.tables, self.folder)
         for doubt in self.doubts:
             warnings.warn(doubt, ImplausibleNumberWarning, stacklevel=2)
+
+    def _printed(self) -> Table:
+        return as_table(self.machine)
 
     @classmethod
     def parse(

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .. import _check
+from .. import _check, printing
 from .._check import Bounds
 from ..design import OBJECTIVES, Quantity, risk
 from ..parts import (
@@ -23,6 +23,7 @@ from ..parts import (
     Motor,
     Parcel,
 )
+from ..printing import Readable, as_table, shown
 from ..scenes import Scene, numbers as scene_numbers
 from ..study import SceneFamily
 from . import limits as limit_table, parcels as parcel_table, plausibility, reading
@@ -56,8 +57,8 @@ class _Parts(eqx.Module):
     border: Border | None
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Machine:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Machine(Readable):
     """A sorter's parts, its parcels, what is free, and what is asked of it.
 
     **Fields:**
@@ -87,6 +88,39 @@ class Machine:
     choices: Mapping[str, tuple[float, ...]]
     bounds: tuple[limit_table.Bound, ...]
     objective: Objective
+
+    def _printed(self) -> printing.Table:
+        rows: list[tuple[str, str | printing.Table]] = [
+            ("belt", as_table(self.belt)),
+            ("fence", as_table(self.fence)),
+            ("materials", ", ".join(sheet.name for sheet in self.materials)),
+            ("drive", as_table(self.drive)),
+            ("motor", as_table(self.motor)),
+            ("fence friction", repr(self.fence_friction)),
+            ("border", repr(self.border)),
+            ("parcels", as_table(self.parcels)),
+        ]
+        if self.period is not None:
+            rows.append(("period", shown(self.period, "s")))
+        for path, values in self.choices.items():
+            rows.append((path, "one of " + ", ".join(self._text(path, v) for v in values)))
+        for path, span in self.free.items():
+            ends = (self._text(path, end) for end in span[:2])
+            rows.append((path, "free, " + " ... ".join(ends)))
+        sheet = self.materials[0]
+        several = f" ({sheet.name})" if len(self.materials) > 1 else ""
+        rows += [
+            (f"limit {name}", f"{limit.sense} {shown(limit.bound, limit.quantity.unit)}{several}")
+            for name, limit in limit_table.settled(self.bounds, self, sheet)
+        ]
+        rows.append(("objective", f"{self.objective.over} {self.objective.quantity.name}"))
+        return printing.Table(f"Sorter: {self.title}" if self.title else "Sorter", tuple(rows))
+
+    def _text(self, path: str, value: float) -> str:
+        """A free or chosen number with its unit."""
+        parts = _Parts(self.belt, self.fence, self.drive, self.fence_friction, self.border)
+        name = scene_numbers.elements(parts, scene_path(path))[0]
+        return shown(value, scene_numbers.number(parts, name).unit)
 
     @property
     def duration(self) -> float:

@@ -11,9 +11,10 @@ import numpy as np
 from scipy import stats
 from scipy.stats import qmc
 
-from .. import _check
+from .. import _check, printing
 from .._check import Bounds
 from ..parts import Parcel
+from ..printing import Readable, shown
 from .amounts import amount, refuse_unknown
 from .reading import Table
 
@@ -35,8 +36,8 @@ _PATHS = {
 }
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Parcels:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Parcels(Readable):
     """The parcels that are sorted, one a lane.
 
     **Fields:**
@@ -55,6 +56,14 @@ class Parcels:
     def count(self) -> int:
         """How many there are."""
         return self.weights.size
+
+    def _printed(self) -> printing.Table:
+        rows = []
+        for path, column in self.columns.items():
+            name = path.rpartition(".")[2].removeprefix("given_")
+            ends = [shown(end, FIELDS[name].unit) for end in (column.min(), column.max())]
+            rows.append((name, " ... ".join(dict.fromkeys(ends))))
+        return printing.Table(f"{self.count} parcels and places", tuple(rows))
 
     def text(self, lane: int) -> str:
         """A parcel by the numbers in which it differs from others: `"30 kg, offset 0.2 m"`."""

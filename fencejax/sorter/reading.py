@@ -4,7 +4,7 @@ import dataclasses
 import inspect
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 
@@ -26,6 +26,7 @@ from ..parts import (
 )
 from .amounts import amount, nearest, refuse_unknown
 
+_P = TypeVar("_P")
 Table = Mapping[str, Any]
 VECTORS = ("control_angles", "ratios")
 _SPAN = ("lower", "upper", "start", "scaling")
@@ -145,52 +146,50 @@ def friction(path: str, raw: Any, reading: Reading) -> AbstractFriction | None:
     """A law of friction; `False` for none."""
     if raw is False:
         return None
-    if isinstance(raw, AbstractFriction):
-        return raw
-    kind, table = _choice(path, raw, FRICTIONS, "coulomb")
-    return _made(path, kind, table, reading)
+    return _law(path, raw, AbstractFriction, FRICTIONS, "coulomb", reading)
 
 
 def belt(raw: Any, reading: Reading) -> Belt:
     """The belt."""
-    if isinstance(raw, Belt):
-        return raw
-    table = dict(_a_table("belt", raw, "belt=fj.Belt(speed=2.0)"))
-    inner = {}
-    if "friction" in table:
-        inner["friction"] = friction("belt.friction", table.pop("friction"), reading)
-    return _made("belt", Belt, table, reading, **inner)
+    return _rubbing("belt", raw, Belt, reading)
 
 
 def border(raw: Any, reading: Reading) -> Border | None:
     """The border; `False` for none."""
-    if raw is False or isinstance(raw, Border):
-        return raw or None
-    table = dict(_a_table("border", raw, "border=fj.Border()"))
-    inner = {}
-    if "friction" in table:
-        inner["friction"] = friction("border.friction", table.pop("friction"), reading)
-    return _made("border", Border, table, reading, **inner)
+    return None if raw is False else _rubbing("border", raw, Border, reading)
 
 
 def drive(raw: Any, reading: Reading) -> AbstractDrive:
     """The drive's law."""
-    if isinstance(raw, AbstractDrive):
-        return raw
-    if isinstance(raw, type):
-        _check.part("drive", raw, AbstractDrive, "drive=fj.HarmonicDrive(top_speed=1.53)")
-    kind, table = _choice("drive", raw, DRIVES, "harmonic")
-    return _made("drive", kind, table, reading)
+    return _law("drive", raw, AbstractDrive, DRIVES, "harmonic", reading)
 
 
 def taper(raw: Any, reading: Reading) -> AbstractTaper:
     """The profile of the fence's thickness."""
-    if isinstance(raw, AbstractTaper):
+    return _law("fence.taper", raw, AbstractTaper, TAPERS, "constant_strength", reading)
+
+
+def _law(
+    path: str, raw: Any, kind: type[_P], laws: Mapping[str, type[_P]], usual: str, reading: Reading
+) -> _P:
+    """A part of one of several laws: as it is, or from its law's name and numbers."""
+    if isinstance(raw, kind):
         return raw
     if isinstance(raw, type):
-        _check.part("fence.taper", raw, AbstractTaper, "taper=fj.Uniform()")
-    kind, table = _choice("fence.taper", raw, TAPERS, "constant_strength")
-    return _made("fence.taper", kind, table, reading)
+        _check.part(path, raw, kind, f"{path.rpartition('.')[2]}=fj.{laws[usual].__name__}(...)")
+    law, table = _choice(path, raw, laws, usual)
+    return _made(path, law, table, reading)
+
+
+def _rubbing(path: str, raw: Any, kind: type[_P], reading: Reading) -> _P:
+    """A part with friction on it: as it is, or from its numbers and those of its friction."""
+    if isinstance(raw, kind):
+        return raw
+    table = dict(_a_table(path, raw, f"{path}=fj.{kind.__name__}()"))
+    inner = {}
+    if "friction" in table:
+        inner["friction"] = friction(f"{path}.friction", table.pop("friction"), reading)
+    return _made(path, kind, table, reading, **inner)
 
 
 _LENGTHS = ("rigid_length", "flexible_length", "reach", "length_ratio")

@@ -101,3 +101,7 @@ from .sweep_table import (
 from .trial import (
     Trial as Trial,
 )
+from .trigger import (
+    Aligned as Aligned,
+    align as align,
+)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import jax
 import numpy as np
 
+from .. import _check
 from ..fidelity import Fidelity
 from ..results import Measure, Result, refined
 from ..scenes import NormalScene, Scene
@@ -28,7 +29,7 @@ def simulate_many(
     scenes: NormalScene | Scene,
     *,
     fidelity: Fidelity | None = None,
-    only: Sequence[str] | None = None,
+    only: str | Sequence[str] | None = None,
     measures: Sequence[Measure] = (),
     refine: bool = True,
 ) -> Result:
@@ -60,7 +61,7 @@ def simulate_many(
             "Argument `scenes` must have the lanes as the first axis of every leaf, but has the "
             f"first axes {sorted(sizes)}. Write jax.vmap(make_scene)(numbers)."
         )
-    names = None if only is None else tuple(only)
+    names = None if only is None else _check.several(only)
     if names is not None and "history" in names:
         raise ValueError(
             "Argument `only` must not hold 'history': lanes of different fidelities have different "

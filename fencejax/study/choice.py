@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from .. import _check
 from ..fidelity import Fidelity
+from ..printing import Readable, Table, of_lines
 from ..results import ESTIMATED
 from ..scenes import AnyScene
 from .candidates import as_fine, describe, distinct, ladder
@@ -13,8 +14,8 @@ from .scene_groups import Selector, grouped, names
 from .trial import GRADIENT_FAILS, VALUE_FAILS, Judge, Trial
 
 
-@dataclasses.dataclass(frozen=True)
-class Choice:
+@dataclasses.dataclass(frozen=True, repr=False)
+class Choice(Readable):
     """A fidelity with the measurements that speak for it. `print` shows them as a table.
 
     **Fields:**
@@ -69,6 +70,9 @@ class Choice:
                 f"{_shown(trial.gradient_error):>10}{spent:>12}  {trial.outcome}"
             )
         return "\n".join(rows)
+
+    def _printed(self) -> Table:
+        return of_lines("Choice", str(self))
 
 
 class NoFidelityError(RuntimeError):

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from ..design import DesignVariable
+from ..printing import Readable, Table, of_lines
 from ..results import Status
 from .fit_problem import Problem
 from .fit_search import residual_deviations
@@ -13,8 +14,8 @@ from .fit_search import residual_deviations
 _ILL_CONDITIONED = 30.0
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Fit:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Fit(Readable):
     """Parameters found, n of them, and how well they are known.
 
     **Fields:**
@@ -73,6 +74,11 @@ class Fit:
                 f"{shown:>12}   {self.low[k]:.4g} ... {self.high[k]:.4g} {p.unit}"
             )
         return "\n".join(rows)
+
+    def _printed(self) -> Table:
+        told = [f"misfit {self.misfit:.3g}, condition {self.condition:.3g}: {self.stop}"]
+        told += [f"warning: {warning}" for warning in self.warnings]
+        return of_lines("Fit", "\n".join([str(self), *told]))
 
 
 def judged(
@@ -148,12 +154,13 @@ def judged(
 
 
 def _autocorrelation(problem: Problem, models) -> dict[str, tuple[float, float]]:
-    """Of residuals from one row to the next, by signal, and what noise alone would stay below."""
+    """Of residuals from one sample to the next, by signal, and what noise would stay below."""
     above: dict[str, float] = {}
     below: dict[str, float] = {}
     rows: dict[str, int] = {}
     for (modelled, _, _), (_, recording) in zip(models, problem.experiments, strict=True):
         for name, row in zip(recording.names, modelled - recording.values, strict=True):
+            row = row[np.isfinite(row)]
             above[name] = above.get(name, 0.0) + float(row[1:] @ row[:-1])
             below[name] = below.get(name, 0.0) + float(row @ row)
             rows[name] = rows.get(name, 0) + row.size

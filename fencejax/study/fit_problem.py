@@ -103,14 +103,16 @@ class Problem:
         return found
 
     def stacked(self, shares, noise: Mapping[str, float]):
-        """Residuals (N,) and Jacobian (N, n), in units of the noise."""
+        """Residuals (N,) and Jacobian (N, n) of all samples that there are, in units of the noise.
+        """
         residuals, rows = [], []
         for (modelled, slopes, _), (_, recording) in zip(
             self.models(shares), self.experiments, strict=True
         ):
             weight = np.array([1 / noise[name] for name in recording.names])[:, None]
-            residuals.append((weight * (modelled - recording.values)).ravel())
-            rows.append((weight[..., None] * slopes).reshape(-1, slopes.shape[-1]))
+            there = recording.present
+            residuals.append((weight * (modelled - recording.values))[there])
+            rows.append((weight[..., None] * slopes)[there])
         return np.concatenate(residuals), np.concatenate(rows)
 
 

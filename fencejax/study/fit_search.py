@@ -18,7 +18,7 @@ def first_scales(experiments, noise: Mapping[str, float] | None) -> dict[str, fl
     largest: dict[str, float] = {}
     for _, recording in experiments:
         for name, column in recording.signals.items():
-            size = float(np.max(np.abs(np.asarray(column))))
+            size = float(np.nanmax(np.abs(np.asarray(column))))
             largest[name] = max(largest.get(name, 0.0), size)
     if noise is None:
         return {name: size if size > 0 else 1.0 for name, size in largest.items()}
@@ -41,8 +41,8 @@ def residual_deviations(problem: Problem, shares, count: int) -> dict[str, float
         problem.models(shares), problem.experiments, strict=True
     ):
         for name, a, b in zip(recording.names, modelled, recording.values, strict=True):
-            sums[name] = sums.get(name, 0.0) + float(np.sum((a - b) ** 2))
-            rows[name] = rows.get(name, 0) + a.size
+            sums[name] = sums.get(name, 0.0) + float(np.nansum((a - b) ** 2))
+            rows[name] = rows.get(name, 0) + int(np.sum(np.isfinite(b)))
     share = 1 - count / sum(rows.values())
     return {name: float(np.sqrt(sums[name] / (rows[name] * share))) for name in sums}
 

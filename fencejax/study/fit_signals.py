@@ -49,6 +49,18 @@ def _signal(history: Sample, name: str) -> Array:
     return getattr(history.body, name)
 
 
+def _read(time: Array, history: Sample, name: str) -> Array:
+    """A signal at some times: before the scene's start there is no force, and what moves goes on
+    backwards as it moves then."""
+    knots, values = history.time, _signal(history, name)
+    found = interpolate(time, knots, values)
+    if name == "force":
+        return jnp.where(time < knots[0], 0.0, found)
+    apart = knots[1] > knots[0]
+    rate = jnp.where(apart, values[1] - values[0], 0.0) / jnp.where(apart, knots[1] - knots[0], 1.0)
+    return found + rate * jnp.minimum(time - knots[0], 0.0)
+
+
 @functools.lru_cache(maxsize=64)
 def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fidelity: Fidelity):
     """Signals at given times with their derivatives in the parameters and in the offset."""
@@ -58,7 +70,7 @@ def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fid
         result = simulate(scene, fidelity=fidelity, only=("history",))
         history = result.history
         assert history is not None
-        shown = [interpolate(time + offset, history.time, _signal(history, s)) for s in signals]
+        shown = [_read(time + offset, history, name) for name in signals]
         return jnp.stack(shown), result.status
 
     def run(parameters, offset, leaves, time):

@@ -53,7 +53,8 @@ def fit(
 
     **Arguments:**
 
-    - `experiments`: one or more; the scenes hold the numbers that are known, and the search starts
+    - `experiments`: one or more, on the scenes' clocks (see `fencejax.study.align`); samples that
+      are missing do not count. The scenes hold the numbers that are known, and the search starts
       from those of the first one. Parameters are common to all, but each recording has a
       `time_offset` of its own if that is asked for.
     - `parameters`: names of `PARAMETERS`, or any number of the scenes (`fencejax.scene_numbers`) as
@@ -79,7 +80,7 @@ def fit(
     if not 0 < _check.number("confidence", confidence) < 1:
         raise ValueError(f"Argument `confidence` must be within 0 and 1, but is {confidence:g}.")
     chosen = parameters_of(parameters, experiments)
-    rows = sum(recording.values.size for _, recording in experiments)
+    rows = sum(int(np.sum(recording.present)) for _, recording in experiments)
     if rows <= len(chosen):
         raise ValueError(
             f"Argument `experiments` must hold more recorded numbers than the {len(chosen)} "
@@ -106,20 +107,17 @@ def _check_times(experiments, parameters, fidelity: Fidelity) -> None:
         time = np.asarray(recording.time)
         last, span = float(time[-1]), float(time[-1] - time[0])
         if last + latest > scene.duration * (1 + 1e-9):
-            milliseconds = last > 20 * scene.duration
-            remedy = (
-                "Are these milliseconds? Write `time [ms]` in the header."
-                if milliseconds
-                else f"Give the scene duration={last + latest:g}, or cut the recording."
-            )
             raise ValueError(
                 f"{recording.source}: times must end within the scene, {scene.duration:g} s less "
-                f"the largest time_offset {latest:g} s, but end at {last:g} s. {remedy}"
+                f"the largest time_offset {latest:g} s, but end at {last:g} s. Give the scene "
+                f"duration={last + latest:g}, cut the recording (`fencejax.study.align`) or, if "
+                "these are milliseconds, write `time [ms]` in the header."
             )
         if span < 10 * fidelity.step:
             raise ValueError(
                 f"{recording.source}: times must span at least ten steps of {fidelity.step:g} s, "
-                f"but span {span:g} s. Are they in seconds?"
+                f"but span {span:g} s. If they are not in seconds, name their unit in the header, "
+                "for example `time [ms]`."
             )
 
 
@@ -139,7 +137,8 @@ def _check_sizes(problem: Problem, shares) -> None:
             # Of a position only the change counts.
             shift = name in ("x", "y", "angle")
             size, own = (
-                float(np.ptp(a) if shift else np.max(np.abs(a))) for a in (of_record, of_model)
+                float(np.ptp(a) if shift else np.max(np.abs(a)))
+                for a in (of_record[np.isfinite(of_record)], of_model)
             )
             if own == 0 or not 1 / _SUSPICIOUS < size / own < _SUSPICIOUS:
                 raise ValueError(

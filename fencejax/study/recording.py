@@ -1,241 +1,262 @@
-"""Recordings of an impact: columns of numbers over time, read from a file and checked."""
+"""Recordings of an impact in files: text of several dialects, read into columns and checked."""
 
 import csv
-import dataclasses
+import difflib
 import io
 import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-SIGNALS: Mapping[str, str] = {
-    "force": "N",
-    "tip_deflection": "m",
-    "x": "m",
-    "y": "m",
-    "angle": "rad",
-}
-"""What can be recorded, with its unit: the normal force of the fence on the parcel, the deflection
-of the tip from the rigid link's line, positive where the parcel bends it, and C_s and the angle of
-the parcel."""
+from .recorded_signals import SIGNALS as SIGNALS, Recording as Recording
 
 # Units that a header may name, with their factor to the SI.
 _FACTORS = {
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6, "\u03bcs": 1e-6},
     "N": {"N": 1.0, "kN": 1e3},
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-    "rad": {"rad": 1.0, "deg": np.pi / 180, "mrad": 1e-3},
+    "rad": {"rad": 1.0, "deg": np.pi / 180, "\u00b0": np.pi / 180, "mrad": 1e-3},
 }
 _HEADER = re.compile(r"\s*([^\[\]()]+?)\s*(?:[\[(]\s*([^\[\]()]*?)\s*[\])])?\s*")
-_LEAST_ROWS = 5
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Recording:
-    """Signals over time, in SI units.
-
-    **Fields:**
-
-    - `time`: [s] since the scene's start, rising, shape (K,).
-    - `signals`: by name (see `SIGNALS`), each of shape (K,).
-    - `source`: where it is from, for messages.
-
-    Raises `ValueError` where a name is unknown, shapes differ, a number is not finite, times do
-    not rise, or there are fewer than five.
-    """
-
-    time: np.ndarray
-    signals: Mapping[str, np.ndarray]
-    source: str = "the recording"
-
-    def __post_init__(self):
-        time = np.asarray(self.time, dtype=float)
-        signals = {name: np.asarray(v, dtype=float) for name, v in self.signals.items()}
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "signals", signals)
-        if not signals:
-            raise ValueError(f"{self.source}: must hold a signal of {list(SIGNALS)}, but has none.")
-        if time.ndim != 1 or time.size < _LEAST_ROWS:
-            raise ValueError(
-                f"{self.source}: must hold at least {_LEAST_ROWS} rows, but has the shape "
-                f"{time.shape}."
-            )
-        for name, column in {"time": time, **signals}.items():
-            if name != "time" and name not in SIGNALS:
-                raise ValueError(
-                    f"{self.source}: signals must be of {list(SIGNALS)}, but one is {name!r}."
-                )
-            if column.shape != time.shape:
-                raise ValueError(
-                    f"{self.source}: `{name}` must have the shape {time.shape} of the times, but "
-                    f"has {column.shape}."
-                )
-            if not np.all(np.isfinite(column)):
-                row = int(np.flatnonzero(~np.isfinite(column))[0])
-                raise ValueError(
-                    f"{self.source}: `{name}` must be finite, but is {column[row]} in row {row}."
-                )
-        steps = np.diff(time)
-        if np.any(steps <= 0):
-            row = int(np.flatnonzero(steps <= 0)[0]) + 1
-            raise ValueError(
-                f"{self.source}: times must rise, but go from {time[row - 1]:g} to {time[row]:g} s "
-                f"in row {row}."
-            )
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The signals' names, in order."""
-        return tuple(self.signals)
-
-    @property
-    def values(self) -> np.ndarray:
-        """The signals, of shape (signals, K)."""
-        return np.stack(list(self.signals.values()))
-
-    def chosen(self, names: Sequence[str]) -> "Recording":
-        """The same with some of its signals.
-
-        Raises `ValueError` for one that it does not have.
-        """
-        for name in names:
-            if name not in self.signals:
-                raise ValueError(
-                    f"{self.source}: must hold the signal {name!r}, but has {list(self.signals)}."
-                )
-        return dataclasses.replace(self, signals={n: self.signals[n] for n in names})
+# What stands for a sample that is missing.
+_MISSING = {"", "-", "--", "nan", "na", "n/a", "null", "none"}
+# A number with a decimal comma, points between its thousands or none.
+_WITH_COMMA = re.compile(r"[+-]?(?:\d{1,3}(?:\.\d{3})+|\d*),\d*(?:[eE][+-]?\d+)?")
 
 
 def write_recording(path: str | os.PathLike, recording: Recording) -> None:
-    """Write a recording as a CSV file that `read_recording` reads."""
+    """Write a recording as a CSV file that `read_recording` reads; a missing sample is empty."""
     titles = ["time [s]", *(f"{name} [{SIGNALS[name]}]" for name in recording.names)]
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(titles)
         for row in np.stack([recording.time, *recording.values], axis=1):
-            writer.writerow([repr(float(number)) for number in row])
+            writer.writerow(["" if np.isnan(n) else repr(float(n)) for n in row])
 
 
-def read_recording(path: str | os.PathLike, names: Sequence[str] = ()) -> Recording:
-    """Read a CSV file: a header, then one row of numbers a moment.
+class _Column(NamedTuple):
+    """Place and title of a column, its unit in the SI, and the factor to it."""
 
-    The header names its columns as in `time [ms],force [N],tip_deflection [mm]`; without a unit a
-    column is in the SI's. Known are `time` and the names of `SIGNALS`; other columns are passed
-    over. Columns are separated by commas, semicolons or tabs, and numbers have a decimal point.
-    Empty lines, and lines that start with #, are passed over.
+    place: int
+    title: str
+    unit: str
+    factor: float
+
+
+class _File:
+    """The lines of a file that count, cut into cells."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        lines = [
+            (number, line)
+            for number, line in enumerate(_text(path).splitlines(), start=1)
+            if line.strip() and not line.lstrip().startswith("#")
+        ]
+        if not lines:
+            raise ValueError(f"{path}: must hold a header and rows of numbers, but is empty.")
+        self.first, self.header = lines[0]
+        self.separator = max(",;\t", key=self.header.count)
+        self.titles = [title.strip() for title in self._cells(*lines[0])]
+        self.rows = [(number, self._row(number, line)) for number, line in lines[1:]]
+
+    def _cells(self, line: int, text: str) -> list[str]:
+        try:
+            return next(csv.reader(io.StringIO(text), delimiter=self.separator, strict=True))
+        except csv.Error as error:
+            raise ValueError(
+                f"{self.path}, line {line}: cannot be read as CSV: {error}."
+            ) from error
+
+    def _row(self, line: int, text: str) -> list[str]:
+        cells, wanted = self._cells(line, text), len(self.titles)
+        if len(cells) != wanted:
+            # Each number in two.
+            commas = self.separator == "," and len(cells) == 2 * wanted
+            remedy = " If these are decimal commas, separate columns by semicolons." * commas
+            raise ValueError(
+                f"{self.path}, line {line}: must have {wanted} columns as the header, but has "
+                f"{len(cells)}.{remedy}"
+            )
+        return cells
+
+    def columns(self, named: Mapping[str, str]) -> dict[str, _Column]:
+        """The columns of time and signals, by the titles that are `named` or by their own."""
+        where = f"{self.path}, line {self.first}"
+        found: dict[str, _Column] = {}
+        for name, title in named.items():
+            if name != "time" and name not in SIGNALS:
+                raise ValueError(
+                    f"Argument `columns` must name columns of time and {', '.join(SIGNALS)}, but "
+                    f"names one of {name!r}."
+                )
+            places = [k for k, each in enumerate(self.titles) if _same(each, title)]
+            if len(places) != 1:
+                near = difflib.get_close_matches(title, self.titles, 1, 0.5)
+                meant = f" Did you mean {near[0]!r}?" if near and not places else ""
+                raise ValueError(
+                    f"{where}: must have one column {title!r} for `{name}`, but has "
+                    f"{self.titles}.{meant}"
+                )
+            found[name] = self._column(places[0], name)
+        for place, title in enumerate(self.titles):
+            name = re.sub(r"[\s-]+", "_", _parted(title)[0].lower())
+            if name in named or (name != "time" and name not in SIGNALS):
+                continue
+            if name in found:
+                raise ValueError(f"{where}: names the column `{name}` twice.")
+            found[name] = self._column(place, name)
+        return found
+
+    def _column(self, place: int, name: str) -> _Column:
+        title, unit = self.titles[place], "s" if name == "time" else SIGNALS[name]
+        given = _parted(title)[1]
+        where = f"{self.path}, line {self.first}, column `{title}`"
+        return _Column(place, title, unit, _factor(where, unit if given is None else given, unit))
+
+    def in_units(self, columns: Mapping[str, _Column]) -> dict[str, _Column]:
+        """The columns with the units of a line of its own under the header, if there is one, which
+        is then no row."""
+        if not self.rows:
+            return dict(columns)
+        line, cells = self.rows[0]
+        told = {name: cells[c.place].strip().strip("[]()").strip() for name, c in columns.items()}
+        if not all(unit in _FACTORS[columns[name].unit] for name, unit in told.items()):
+            return dict(columns)
+        self.rows = self.rows[1:]
+        return {
+            name: c._replace(factor=_factor(f"{self.path}, line {line}", told[name], c.unit))
+            for name, c in columns.items()
+        }
+
+    def numbers(self, column: _Column, commas: bool) -> np.ndarray:
+        """A column's numbers in the SI, NaN where one is missing."""
+        return column.factor * np.array([
+            self._number(line, column.title, cells[column.place].strip(), commas)
+            for line, cells in self.rows
+        ])  # fmt: skip
+
+    def _number(self, line: int, title: str, cell: str, commas: bool) -> float:
+        if cell.lower() in _MISSING:
+            return np.nan
+        where = f"{self.path}, line {line}, column `{title}`"
+        text = cell
+        if commas and "," in cell:
+            text = cell.replace(".", "").replace(",", ".") if _WITH_COMMA.fullmatch(cell) else cell
+        elif commas and "." in cell:
+            raise ValueError(
+                f"{where}: must be written as the other numbers, with a decimal comma, but is "
+                f"{cell!r}."
+            )
+        try:
+            number = float(text)
+        except ValueError as error:
+            raise ValueError(f"{where}: must be a number, but is {cell!r}.") from error
+        if not np.isfinite(number):
+            raise ValueError(f"{where}: must be finite, but is {cell!r}.")
+        return number
+
+    def has_commas(self, columns: Mapping[str, _Column]) -> bool:
+        """Whether a number has a decimal comma."""
+        cells = (row[c.place].strip() for _, row in self.rows for c in columns.values())
+        return any(_WITH_COMMA.fullmatch(cell) for cell in cells)
+
+
+def read_recording(
+    path: str | os.PathLike, names: Sequence[str] = (), columns: Mapping[str, str] | None = None
+) -> Recording:
+    """Read a text file of columns: a header, then one row a moment.
+
+    The header names its columns as in `time [ms],force [N],tip_deflection [mm]`; units may stand in
+    a line of their own below, and without one a column is in the SI's. Known are `time` and the
+    names of `SIGNALS`, and what `columns` says; other columns are passed over. Columns are
+    separated by commas, semicolons or tabs; numbers have a decimal point or, except between commas,
+    a decimal comma. Empty lines, and lines that start with #, are passed over. A sample that is
+    empty or `NaN` is missing (`Recording.missing`), and a row without a time is left out.
 
     **Arguments:**
 
-    - `path`: of the file.
+    - `path`: of the file, in UTF-8, UTF-16 or the Windows encoding of western Europe.
     - `names`: the signals that are wanted; by default all that there are.
+    - `columns`: titles of columns that have other names, `{"time": "Zeit", "force": "Kraft"}`, with
+      or without the unit.
 
     Raises `ValueError` that names the file, and the line and the column, where it cannot be read, a
     column is missing, twice there, or in an unknown unit, a row has another number of fields, a
-    number is none or not finite, times do not rise, or rows are too few. Raises `OSError` where
+    number is none or infinite, times do not rise, or samples are too few. Raises `OSError` where
     there is no such file.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
+    file = _File(path)
+    found = file.columns(columns or {})
+    where = f"{path}, line {file.first}"
+    if "time" not in found:
         raise ValueError(
-            f"{path}: must be text in UTF-8, but byte {error.start} is not. Save it as CSV."
-        ) from error
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not lines:
-        raise ValueError(f"{path}: must hold a header and rows of numbers, but is empty.")
-    first, header = lines[0]
-    separator = max(",;\t", key=header.count)
-    titles = _fields(path, first, header, separator)
-    columns = _columns(path, first, titles)
-    if "time" not in columns:
-        raise ValueError(
-            f"{path}, line {first}: must name a column `time [s]`, but the header is {header!r}. "
-            f"Write, for example, time [s],force [N]."
+            f"{where}: must name a column `time [s]`, but the header is {file.header!r}. Write "
+            "columns={\"time\": its title}, or change the header."
         )
-    present = tuple(name for name in columns if name != "time")
+    present = tuple(name for name in found if name != "time")
     wanted = tuple(names) or present
     for name in wanted:
         if name not in present:
-            raise ValueError(
-                f"{path}, line {first}: must name a column `{name}`, but has "
-                f"{[title.strip() for title in titles]}."
-            )
+            raise ValueError(f"{where}: must name a column `{name}`, but has {file.titles}.")
     if not wanted:
         raise ValueError(
-            f"{path}, line {first}: must name a column of {list(SIGNALS)}, but has "
-            f"{[title.strip() for title in titles]}."
+            f"{where}: must name a column of {list(SIGNALS)}, but has {file.titles}. Write "
+            "columns={\"force\": its title}, or change the header."
         )
-    numbers = {name: [] for name in ("time", *wanted)}
-    last = None
-    for line, row in lines[1:]:
-        cells = _fields(path, line, row, separator)
-        if len(cells) != len(titles):
-            raise ValueError(
-                f"{path}, line {line}: must have {len(titles)} columns as the header, but has "
-                f"{len(cells)}."
-            )
-        for name, found in numbers.items():
-            place, factor = columns[name]
-            found.append(factor * _number(path, line, titles[place].strip(), cells[place]))
-        now = numbers["time"][-1]
-        if last is not None and now <= last:
-            raise ValueError(
-                f"{path}, line {line}, column `{titles[columns['time'][0]].strip()}`: times must "
-                f"rise, but go from {last:g} to {now:g} s."
-            )
-        last = now
-    if len(numbers["time"]) < _LEAST_ROWS:
+    chosen = file.in_units({name: found[name] for name in ("time", *wanted)})
+    commas = file.separator != "," and file.has_commas(chosen)
+    read = {name: file.numbers(column, commas) for name, column in chosen.items()}
+    time = read.pop("time")
+    timed = np.isfinite(time)
+    kept = np.flatnonzero(timed)
+    falls = np.flatnonzero(np.diff(time[kept]) <= 0)
+    if falls.size:
+        before, after = (float(time[kept[falls[0] + k]]) for k in (0, 1))
         raise ValueError(
-            f"{path}: must hold at least {_LEAST_ROWS} rows of numbers, but has "
-            f"{len(numbers['time'])}."
+            f"{path}, line {file.rows[kept[falls[0] + 1]][0]}, column `{chosen['time'].title}`: "
+            f"times must rise, but go from {before:g} to {after:g} s."
         )
-    time = np.array(numbers.pop("time"))
-    return Recording(time, {name: np.array(v) for name, v in numbers.items()}, str(path))
+    signals = {name: column[timed] for name, column in read.items()}
+    return Recording(time[timed], signals, str(path), int(np.sum(~timed)))
 
 
-def _fields(path: Path, line: int, text: str, separator: str) -> list[str]:
+def _text(path: Path) -> str:
+    """A file's text, in one of the encodings that such files have."""
+    data = path.read_bytes()
+    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
-        return next(csv.reader(io.StringIO(text), delimiter=separator, strict=True))
-    except csv.Error as error:
-        raise ValueError(f"{path}, line {line}: cannot be read as CSV: {error}.") from error
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        if encoding == "utf-8-sig" and 0 not in data:
+            try:
+                return data.decode("cp1252")
+            except UnicodeDecodeError:
+                pass
+        raise ValueError(
+            f"{path}: must be text in UTF-8, but byte {error.start} is not. Save it as CSV."
+        ) from error
 
 
-def _columns(path: Path, line: int, titles: list[str]) -> dict[str, tuple[int, float]]:
-    """Place of every known column, and the factor to its SI unit."""
-    found = {}
-    for place, title in enumerate(titles):
-        match = _HEADER.fullmatch(title)
-        name = "" if match is None else re.sub(r"[\s-]+", "_", match[1].strip().lower())
-        if match is None or (name != "time" and name not in SIGNALS):
-            continue
-        unit = "s" if name == "time" else SIGNALS[name]
-        factors = _FACTORS[unit]
-        given = match[2] if match[2] is not None else unit
-        if given not in factors:
-            raise ValueError(
-                f"{path}, line {line}, column `{title.strip()}`: the unit must be one of "
-                f"{list(factors)}, but is {given!r}."
-            )
-        if name in found:
-            raise ValueError(f"{path}, line {line}: names the column `{name}` twice.")
-        found[name] = place, factors[given]
-    return found
+def _parted(title: str) -> tuple[str, str | None]:
+    """A title's name and unit."""
+    match = _HEADER.fullmatch(title)
+    return ("", None) if match is None else (match[1].strip(), match[2])
 
 
-def _number(path: Path, line: int, title: str, cell: str) -> float:
-    where = f"{path}, line {line}, column `{title}`"
-    try:
-        number = float(cell)
-    except ValueError as error:
-        remedy = " Write decimal points." if re.fullmatch(r"\s*-?\d+,\d+\s*", cell) else ""
-        raise ValueError(f"{where}: must be a number, but is {cell.strip()!r}.{remedy}") from error
-    if not np.isfinite(number):
-        raise ValueError(f"{where}: must be finite, but is {cell.strip()!r}.")
-    return number
+def _same(title: str, given: str) -> bool:
+    """Whether a title is the one given, with or without its unit."""
+    return given.strip().lower() in (title.lower(), _parted(title)[0].lower())
+
+
+def _factor(where: str, given: str, unit: str) -> float:
+    factors = _FACTORS[unit]
+    if given not in factors:
+        raise ValueError(
+            f"{where}: the unit must be one of {list(factors)}, but is {given!r}."
+        )
+    return factors[given]

@@ -67,7 +67,7 @@ class Sweep:
     measures: Sequence[Measure] = ()
 
     def __post_init__(self):
-        object.__setattr__(self, "outputs", tuple(dict.fromkeys(self.outputs)))
+        object.__setattr__(self, "outputs", tuple(dict.fromkeys(_check.several(self.outputs))))
         for name in self.outputs:
             _check.choice("outputs", name, tuple(self._known))
         if not self.outputs:

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..printing import Readable, Table, numbers
 from ..results import Status
 from . import sweep_store
+from .sweep_figures import draw
 
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.figure import Figure
 
 IMPOSSIBLE = -1
 """Status of a lane whose numbers give no scene (`SceneFamily.possible`); its outputs are NaN."""
@@ -68,8 +71,8 @@ def lanes(
     })  # fmt: skip
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class SweepTable:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class SweepTable(Readable):
     """The points of a sweep and what came out, N lanes in the order of the samples.
 
     **Fields:**
@@ -204,5 +207,30 @@ class SweepTable:
         return xarray.Dataset(data, coords=axes, attrs=self.dataset.attrs)
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """A row a lane: variables, outputs, derivatives and the status, a number of `Status`."""
+        """A row a lane: variables, outputs, derivatives and the status, a number of `Status`.
+
+        Raises `ImportError` where pandas is not installed.
+        """
+        sweep_store.sweep_library("pandas")
         return self.dataset.reset_coords().to_dataframe()
+
+    def plot(self) -> "dict[str, Figure]":
+        """A figure of every output by name, and of the `elasticities` where there is a gradient: a
+        map of two variables on a grid, a line of one, and else scatter and medians."""
+        return draw(self)
+
+    def _printed(self) -> Table:
+        rows = [
+            (f"{name} [{self.units[name]}]", numbers(column, self.units[name]))
+            for name, column in self.variables.items()
+        ]
+        rows += [
+            (f"{name} [{self.units[name]}]", numbers(np.where(self.good, column, np.nan),
+             self.units[name]))
+            for name, column in self.outputs.items()
+        ]  # fmt: skip
+        if self.gradient_of is not None:
+            rows.append(("derivatives", f"of {self.gradient_of}"))
+        rows.append(("status", ", ".join(f"{name} {n}" for name, n in self.counts().items())))
+        shape = " x ".join(map(str, self.shape))
+        return Table(f"SweepTable of {shape} lanes", tuple(rows))

@@ -9,7 +9,7 @@ import numpy as np
 import fencejax as fj
 from fencejax.design import Limit, objectives
 
-from ..common import designs, flags, machine, named
+from ..common import flags, machine, named
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,6 +20,8 @@ class CoDesignConfig:
         "out", "tolerance", "feasibility", "budget", "verify", "agreement", "plots",
     })  # fmt: skip
     """Fields that do not bear on the numbers of an evaluation: those kept hold for any."""
+    designs_drive = True
+    """The motion is the job's own: what is free of it is not the sorter file's."""
 
     out: Path = flags.field(
         Path("out"),
@@ -44,11 +46,6 @@ class CoDesignConfig:
     variables: tuple[str, ...] = flags.field(
         ("thickness", "length_ratio", "youngs_modulus", "control_angles", "cycle_time"),
         "what is designed; control_angles stands for all of them",
-    )
-    bounds: tuple[tuple[str, float, float], ...] = flags.field(
-        (),
-        "bounds in SI units instead of the default ones, as name=lower:upper",
-        **designs.BOUNDS_FLAG,
     )
     tip_limit: float = flags.field(0.08, "largest tip deflection [m]", above=0)
     stress_limit: float = flags.field(40e6, "largest bending stress [Pa]", above=0)
@@ -141,11 +138,12 @@ class CoDesignConfig:
         return machine.space(self, self.machine, drive, spans)
 
     def quick(self) -> "CoDesignConfig":
-        """A small version: two sorts, few control angles, the fast fidelity throughout."""
+        """A small version: two sorts, or those of the sorter file, few control angles, the fast
+        fidelity throughout."""
+        own = {} if self.sorter != machine.NONE else dict(masses=(15.0,), offsets=(0.05, 0.2))
         return dataclasses.replace(
-            self, masses=(15.0,), offsets=(0.05, 0.2), controls=5, budget=40, fidelity="fast",
-            verify="standard",
-        )  # fmt: skip
+            self, controls=5, budget=40, fidelity="fast", verify="standard", **own
+        )
 
 
 configure = flags.reader(

@@ -18,10 +18,10 @@ import time
 
 import numpy as np
 
-from fencejax.design import Journal, minimize, objectives, verify
+from fencejax.design import Journal, Stop, minimize, objectives, verify
 from fencejax.results import counted
 
-from ..common import command, designs, evaluations, report
+from ..common import command, designs, evaluations, machine, report
 from . import page
 from .configuration import CoDesignConfig, configure
 from .outcome import Outcome
@@ -36,6 +36,8 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
     config.out.mkdir(parents=True, exist_ok=True)
     joint = Joint(config)
     journal = evaluations.journal(config, say)
+    for line in machine.notes(config.machine):
+        say(line)
     say(
         f"{joint.encounters.lanes} sorts, {len(joint.space.names)} variables: "
         f"{', '.join(joint.space.names)}; compiling ..."
@@ -108,6 +110,10 @@ def _table(outcome: Outcome) -> str:
 
 def _verdict(outcome: Outcome) -> str:
     optimum, verified, config = outcome.optimum, outcome.verified, outcome.config
+    if optimum.stop is Stop.FAILED_START:
+        return report.failed_start(
+            outcome.joint.encounters.text, outcome.measured["before"]["status"]
+        )
     text = report.conditions(optimum)
     text += report.verdict(config.verify, objectives.PEAK_FORCE, verified) + "\n"
     if not optimum.feasible:

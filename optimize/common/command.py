@@ -49,6 +49,7 @@ def run(
     refused: tuple[type[Exception], ...] = (ValueError, TypeError),
     stopped: str = "stopped",
     tune: bool = True,
+    cached: bool = True,
 ) -> None:
     """Do the job that the flags describe and leave Python: with status 0 where it succeeded, with
     130 where somebody interrupts it, and with 1 otherwise, after `name: ...` on the standard error
@@ -62,11 +63,15 @@ def run(
       memory; others are raised.
     - `stopped`: what to say where somebody interrupts the job.
     - `tune`: set the compiler for this machine first; not where `main` does so.
+    - `cached`: keep compiled programs for the next run; not where it is measured how long they take
+      to compile.
     """
     interrupts.say(f"{name}: {stopped}")
     try:
         if tune:
             fj.tune_compiler()
+        if cached:
+            fj.cache_programs()
         found = main(configure())
     except OSError as error:
         sys.exit(f"{name}: {_said(error)}")

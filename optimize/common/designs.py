@@ -1,26 +1,12 @@
 """Design variables as flags give them, and tables of designs."""
 
-import argparse
 from collections.abc import Sequence
 
 import fencejax as fj
 from fencejax.design import DesignSpace, variable
+from fencejax.scenes import names
 
 Bounds = tuple[tuple[str, float, float], ...]
-
-
-def bounds(text: str) -> tuple[str, float, float]:
-    """`name=lower:upper` as a name and two numbers in SI units."""
-    name, _, span = text.partition("=")
-    lower, _, upper = span.partition(":")
-    try:
-        return name, float(lower), float(upper)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"must be name=lower:upper, but is {text!r}") from error
-
-
-BOUNDS_FLAG = dict(type=bounds, nargs="*", metavar="NAME=LOWER:UPPER")
-"""Settings of `add_argument` for a field of bounds."""
 
 
 def space(
@@ -30,20 +16,19 @@ def space(
     drive: fj.AbstractDrive | None = None,
     default: Bounds = (),
 ) -> DesignSpace:
-    """The design space of some variables, with `given` bounds or else those of `default`.
+    """The design space of some variables and of what bounds are `given` for; the variables' own
+    bounds are those of `default` or of the table of names."""
+    spans = {_place(name): (lower, upper) for name, lower, upper in (*default, *given)}
+    chosen = {_place(name): name for name in (*variables, *(name for name, *_ in given))}
+    return DesignSpace(
+        [variable(n, *spans[p]) if p in spans else n for p, n in chosen.items()], fence, drive
+    )
 
-    Raises `ValueError` for bounds of what is not designed.
-    """
-    spans = {name: (lower, upper) for name, lower, upper in default}
-    for name, lower, upper in given:
-        if name not in variables:
-            raise ValueError(
-                f"Argument `bounds` must be of designed variables {list(variables)}, but names "
-                f"{name!r}. Add it to `variables`."
-            )
-        spans[name] = (lower, upper)
-    chosen = [variable(name, *spans[name]) if name in spans else name for name in variables]
-    return DesignSpace(chosen, fence, drive)
+
+def _place(name: str) -> str:
+    """What a name stands for, whichever of its names it is."""
+    known = names.known(name)
+    return name if known is None or names.element(name)[1] is not None else known.path
 
 
 def on_bounds(space: DesignSpace, values) -> list[str]:

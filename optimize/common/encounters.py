@@ -11,6 +11,8 @@ from jaxtyping import Array, ArrayLike
 import fencejax as fj
 from fencejax.design import Quantity
 from fencejax.parts import AbstractFriction
+from fencejax.printing import shown
+from fencejax.scenes import names
 from fencejax.sorter import Machine
 from fencejax.study import measured
 
@@ -93,6 +95,18 @@ class Encounter(NamedTuple):
     def lanes(self) -> int:
         """How many there are."""
         return int(np.asarray(self.mass).shape[0])
+
+    def text(self, lane: int) -> str:
+        """One of them by its mass and by the numbers in which it differs from others:
+        `"30 kg, offset 200 mm"`."""
+        told = []
+        for name, part in self._asdict().items():
+            values = np.asarray(part)
+            if name == "mass" or np.ptp(values) > 0:
+                known = names.known(name)
+                number = shown(values[lane], "1" if known is None else known.unit)
+                told.append(number if name == "mass" else f"{name.replace('_', ' ')} {number}")
+        return ", ".join(told)
 
     def named(self, lane: int) -> dict[str, float]:
         """One of them, as plain numbers by name."""

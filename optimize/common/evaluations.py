@@ -16,7 +16,8 @@ def key(config: Any) -> str:
     ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
     machine = getattr(config, "machine", None)
     said = machine.signature if isinstance(machine, Machine) else ""
-    return repr({name: getattr(config, name) for name in fields}) + repr(ladder) + said
+    rungs = [vars(rung) for rung in ladder]
+    return repr({name: getattr(config, name) for name in fields}) + repr(rungs) + said
 
 
 def journal(config: Any, say: Callable[..., None]) -> Journal:

@@ -3,12 +3,13 @@ is asked of it; the parser and the checks are made of that."""
 
 import argparse
 import dataclasses
+import difflib
 import operator
 import re
 import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
@@ -60,11 +61,27 @@ def one_of(name: str, value: str, options: tuple[str, ...]) -> None:
         raise ValueError(f"Argument `{name}` must be one of {options}, but is {value!r}.")
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser whose refusal is one line: what is wrong, and the flag that is nearest."""
+
+    def error(self, message: str) -> NoReturn:
+        unknown = message.partition("unrecognized arguments: ")[2].split()
+        wrong = next((word.partition("=")[0] for word in unknown if word.startswith("-")), None)
+        if unknown and wrong is None:
+            message = f"{' '.join(unknown)} belongs to no flag"
+        elif wrong is not None:
+            near = difflib.get_close_matches(wrong, list(self._option_string_actions), 1, 0.5)
+            meant = f" Did you mean {near[0]}?" if near else ""
+            message = f"there is no flag {wrong}.{meant}"
+        end = "" if message.endswith((".", "?")) else "."
+        self.exit(2, f"{self.prog}: {message}{end} All flags: --help\n")
+
+
 def parser(
     configuration: type, prog: str, description: str, **switches: str
 ) -> argparse.ArgumentParser:
     """A flag for each field of a configuration, and one for each switch, with its help."""
-    result = argparse.ArgumentParser(
+    result = Parser(
         prog=f"python -m {prog}",
         description=description,
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,

@@ -162,7 +162,7 @@ def of_markdown(text: str) -> list[Section]:
             continue
         if lines[0].startswith("|"):
             rows = [[cell.strip(" `*") for cell in row.strip("|").split("|")] for row in lines]
-            sections[-1][1] += [Table(rows[0], rows[2:])] if rows[2:] else []
+            sections[-1][1].extend([Table(rows[0], rows[2:])] if rows[2:] else [])
         else:
             sections[-1][1].append(" ".join(lines))
     return [Section(title, parts) for title, parts in sections]

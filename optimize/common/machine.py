@@ -36,7 +36,7 @@ def set_field() -> tuple[str, ...]:
 
 def free_field() -> tuple[str, ...]:
     """The field of a configuration that frees numbers."""
-    text = "what is designed, as NAME=LOWER:UPPER: fence.thickness=4mm:90mm; both alike: fixed"
+    text = "what is designed, as NAME=LOWER:UPPER: fence.thickness=4mm:90mm (SI or a unit)"
     return flags.field((), text, nargs="*", metavar="NAME=LOWER:UPPER")
 
 
@@ -152,14 +152,52 @@ def chosen(config: Any) -> fj.sorter.Machine | None:
     """The machine of a configuration with `sorter`, `set` and `free`; `None` where it names none
     and changes nothing of the paper's."""
     if config.sorter == NONE:
-        if config.set or config.free:
+        if config.set:
             raise ValueError(
-                "Arguments `set` and `free` must come with a sorter file, but there is none. Write "
+                "Argument `set` must come with a sorter file, but there is none. Write "
                 "--sorter paper for the paper's machine."
             )
         return None
     changed = file_of(config.sorter).stat().st_mtime_ns
-    return _machine(config.sorter, config.set, config.free, changed)
+    free = tuple(text for text in config.free if not _of_job(config, text))
+    return _machine(config.sorter, config.set, free, changed)
+
+
+def _of_job(config: Any, text: str) -> bool:
+    """Whether what is freed is of a drive that the job designs, and not of the sorter's."""
+    known = names.known(text.partition("=")[0].strip())
+    return getattr(config, "designs_drive", False) and known is not None and _of_drive(known.path)
+
+
+def _bounds(texts: tuple[str, ...]) -> designs.Bounds:
+    """Names with lower and upper bound [SI], of `NAME=LOWER:UPPER`."""
+    found = []
+    for name, text in pairs("free", texts).items():
+        name, ends = fj.sorter.scene_path(name), span(text)
+        known = names.known(name)
+        unit = "1" if known is None else known.unit
+        lower, upper = (amount(f"{name}.{end}", ends[end], unit) for end in ("lower", "upper"))
+        found.append((name, lower, upper))
+    return tuple(found)
+
+
+def notes(machine: fj.sorter.Machine | None) -> list[str]:
+    """What of a sorter's choices a job takes that designs for one of them, a line each."""
+    if machine is None:
+        return []
+    first, *others = (sheet.name for sheet in machine.materials)
+    lines = [f"the fence is of {first}"]
+    if others:
+        lines[0] += (
+            f", the first of the sorter's {1 + len(others)} materials; for another write "
+            f"--set fence.material={others[0]!r}, for all of them python -m optimize.design"
+        )
+    for path, values in machine.choices.items():
+        lines.append(
+            f"{path} is {values[0]:g}, the first of the sorter's list; for another write "
+            f"--set {path}={values[1]:g}"
+        )
+    return lines
 
 
 @functools.lru_cache(maxsize=16)
@@ -199,7 +237,7 @@ def space(
     if machine is None:
         fence = fj.Fence(taper=named.taper(config.taper))
         drive = named.drive(config.drive) if drive is None else drive
-        return designs.space(config.variables, config.bounds, fence, drive, default)
+        return designs.space(config.variables, _bounds(config.free), fence, drive, default)
     free = machine.free
     if drive is not None:
         free = {path: span for path, span in free.items() if path.startswith("fence.")}
@@ -210,7 +248,8 @@ def space(
         own = (*map(fj.sorter.scene_path, free), *(moved if drive is not None else ()))
     spans = tuple((fj.sorter.scene_path(p), s.lower, s.upper) for p, s in free.items())
     drive = machine.drive if drive is None else drive
-    return designs.space(own, config.bounds, machine.fence, drive, (*default, *spans))
+    given = _bounds(tuple(text for text in config.free if _of_job(config, text)))
+    return designs.space(own, given, machine.fence, drive, (*default, *spans))
 
 
 def _of_drive(path: str) -> bool:

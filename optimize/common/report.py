@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ from fencejax.design import (
 from fencejax.results import Status
 
 _FORCE = objectives.PEAK_FORCE
+# Lanes that a line names.
+_SAID = 3
 _SHOWN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N": (1.0, "N"), "1": (1.0, "1")}
 
 
@@ -160,6 +163,25 @@ def verified(fidelity: str, found: Verification) -> dict[str, Any]:
         "margin_error": found.margin_error,
         "violation": found.violation,
     }
+
+
+def failed_start(text: Callable[[int], str], statuses: np.ndarray) -> str:
+    """What is said where the first design cannot be evaluated: in which lanes, each as its `text`,
+    with which status, what that means, and what to do."""
+    lines = ["the search cannot begin, for the first design cannot be evaluated:"]
+    for code in sorted(set(np.asarray(statuses).tolist()), reverse=True):
+        status = Status(int(code))
+        if status <= Status.LEFT_OVER_TIP or status.numerical:
+            continue
+        lanes = np.flatnonzero(np.asarray(statuses) == code)
+        where = "; ".join(text(int(lane)) for lane in lanes[:_SAID])
+        more = f"; and {len(lanes) - _SAID} more" if len(lanes) > _SAID else ""
+        lines.append(f"  {where}{more}: {status.name}, {status.text}")
+    lines.append(
+        "Begin at another design, by --set with a sorter file; python -m optimize.design looks for "
+        "one that can be evaluated by itself."
+    )
+    return "\n".join(lines)
 
 
 def infeasible(optimum: Optimum) -> str:

@@ -3,15 +3,19 @@
 import dataclasses
 from pathlib import Path
 
+import numpy as np
+
 import fencejax as fj
 from fencejax.scenes import AnyScene, numbers as scene_numbers
-from fencejax.study import OFFSET, PARAMETERS, SIGNALS, Recording
+from fencejax.sorter import amount
+from fencejax.study import OFFSET, PARAMETERS, SIGNALS, Aligned, Recording, align
 
 from ..common import assignments, flags, machine
 
 SCENES = ("oblique_impact", "normal_impact")
-# The longest impact that a recording in seconds would hold [s].
-_LONGEST = 5.0
+AUTO, ALL = "auto", "all"
+# How long a scene is in which the first touch of a recording is looked for [s].
+_LOOKED_AT = 0.25
 _PAIRS = "hold numbers as name=value[,name=value ...]"
 
 
@@ -22,11 +26,28 @@ class IdentifyConfig:
     out: Path = flags.field(Path("out"), "folder for result.json and the figures")
     records: tuple[str, ...] = flags.field(
         (),
-        "CSV files, one an impact: a header such as `time [ms],force [N]`, then rows; "
-        f"signals are {', '.join(SIGNALS)}, and time counts from the first touch",
+        "text files, one an impact: a header such as `time [ms],force [N]`, then rows, with a "
+        "decimal point or, between semicolons, a decimal comma; signals are "
+        f"{', '.join(SIGNALS)}",
         nargs="*",
         metavar="CSV",
     )
+    columns: tuple[str, ...] = flags.field(
+        (),
+        "columns that have other titles, as NAME=TITLE: time=Zeit force='Kraft [kN]'",
+        nargs="*",
+        metavar="NAME=TITLE",
+    )
+    delay: tuple[str, ...] = flags.field(
+        (AUTO,),
+        f"time of the first touch by the recordings' clocks, such as '12.5 ms', for all or one a "
+        f"record; {AUTO}: found in the recording, and fitted with the other numbers",
+        metavar="TIME",
+    )
+    length: str = flags.field(
+        ALL, f"how much of a recording is used, from the first touch on, such as '150 ms'; {ALL}: "
+        "to its end", metavar="TIME",
+    )  # fmt: skip
     demo: bool = flags.field(
         False,
         "make a recording with noise from numbers that are known, and find them again",
@@ -99,6 +120,12 @@ class IdentifyConfig:
                 f"{len(self.records)} records, but holds {len(self.set)}."
             )
 
+        if len(self.delay) not in (1, len(self.records)) or AUTO in self.delay[1:]:
+            raise ValueError(
+                f"Argument `delay` must be {AUTO}, or hold one time, or one for each of the "
+                f"{len(self.records)} records, but holds {self.delay}."
+            )
+
     @property
     def knobs(self) -> fj.Fidelity:
         """The fidelity by its name."""
@@ -149,24 +176,23 @@ class IdentifyConfig:
             return scene
         return scene_numbers.replace(scene, tuple(numbers), list(numbers.values()))
 
-    def setting(self, index: int, recording: Recording) -> AnyScene:
-        """The scene of a record, as long as it lasts.
+    def titles(self) -> dict[str, str]:
+        """The titles of columns that have names of their own."""
+        return machine.pairs("columns", self.columns)
 
-        Raises `ValueError` where it lasts too long for an impact.
+    def aligned(self, index: int, recording: Recording) -> Aligned:
+        """A record on the clock of its scene.
+
+        Raises `ValueError` where its first touch cannot be found, and where it lasts too long for
+        an impact.
         """
-        latest = 0.0
-        for parameter in self.searched():
-            name = parameter if isinstance(parameter, str) else parameter.name
-            if name == OFFSET:
-                latest = PARAMETERS[name].upper if isinstance(parameter, str) else parameter.upper
-        last = float(recording.time[-1]) + latest
-        if not 0 < last <= _LONGEST:
-            raise ValueError(
-                f"{recording.source}: times must end within 0 and {_LONGEST:g} s after the first "
-                f"touch, but end at {float(recording.time[-1]):g} s. Are these milliseconds? Write "
-                "`time [ms]` in the header."
-            )
-        return self.base(self.numbers(index), last)
+        length = None if self.length == ALL else amount("length", self.length, "s")
+        text = self.delay[index if len(self.delay) > 1 else 0]
+        delay = None if text == AUTO else amount("delay", text, "s")
+        span = float(np.ptp(recording.time))
+        looked_at = min(_LOOKED_AT, span if length is None else length)
+        scene = self.base(self.numbers(index), looked_at)
+        return align(scene, recording, delay=delay, length=length, fidelity=self.knobs)
 
     def quick(self) -> "IdentifyConfig":
         """A small version: one start, the fast fidelity."""

@@ -18,6 +18,8 @@ TRUTH = {
 """The numbers that the demonstration hides [SI]: those of another fence and another parcel."""
 DURATION = 0.13
 """Of the demonstration's impact [s]."""
+DELAY = 0.0213
+"""When it begins, by the clock of its recording [s]."""
 
 
 def record(
@@ -37,4 +39,4 @@ def record(
         clean = np.asarray(jax.device_get(interpolate(jnp.asarray(time), history.time, knots)))
         scale = noise * float(np.max(np.abs(clean)))
         signals[name] = clean + scale * generator.normal(size=rows)
-    return Recording(time, signals)
+    return Recording(time + DELAY, signals)

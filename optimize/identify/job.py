@@ -17,12 +17,23 @@ demonstration's own numbers lie further from the estimates than noise can explai
 import dataclasses
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import fencejax as fj
-from fencejax.study import SIGNALS, Experiment, Fit, identify, read_recording, write_recording
+from fencejax.printing import shown
+from fencejax.study import (
+    OFFSET,
+    SIGNALS,
+    Aligned,
+    Experiment,
+    Fit,
+    Recording,
+    identify,
+    read_recording,
+    write_recording,
+)
 
 from ..common import command
 from ..common.report import write_json
@@ -34,13 +45,22 @@ FURTHEST = 4.0
 16,000 lies further away."""
 
 
+class Delay(NamedTuple):
+    """Time of the first touch by a recording's clock [s], with its standard error, which is 0 where
+    the time was given."""
+
+    value: float
+    standard_error: float
+
+
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found. `deviations`: distance of the demonstration's numbers from the estimates
-    in standard errors, by name; empty for recordings."""
+    """What the job found. `delays`: one a record. `deviations`: distance of the demonstration's
+    numbers from the estimates in standard errors, by name; empty for recordings."""
 
     fit: Fit
     experiments: list[Experiment]
+    delays: list[Delay]
     deviations: dict[str, float]
     elapsed: float
 
@@ -68,12 +88,16 @@ def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
     searched = config.searched()
     config.out.mkdir(parents=True, exist_ok=True)
     paths = [_made(config)] if config.demo else [Path(path) for path in config.records]
-    experiments, signals = [], config.signals
+    aligned, signals = [], config.signals
     for index, path in enumerate(paths):
-        recording = read_recording(path, signals)
+        recording = read_recording(path, signals, {} if config.demo else config.titles())
         signals = signals or recording.names
-        experiments.append(Experiment(config.setting(index, recording), recording))
-        say(f"{path}: {len(recording.time)} rows of {', '.join(recording.names)}")
+        aligned.append(config.aligned(index, recording))
+        say(_used(recording, aligned[-1]))
+    experiments = [one.experiment for one in aligned]
+    offsets = [one.offset for one in aligned if one.offset is not None]
+    if offsets and not any(_name(parameter) == OFFSET for parameter in searched):
+        searched = (*searched, max(offsets, key=lambda offset: offset.upper))
     say("compiling ...")
 
     last = [0.0]
@@ -95,7 +119,9 @@ def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
         most=config.budget,
         progress=progress,
     )
-    outcome = Outcome(found, experiments, _deviations(config, found), time.perf_counter() - begin)
+    delays = _delays(found, aligned)
+    deviations = _deviations(found, delays[0]) if config.demo else {}
+    outcome = Outcome(found, experiments, delays, deviations, time.perf_counter() - begin)
     write_json(config.out / "result.json", _content(config, outcome))
     if config.plots:
         for index, (experiment, fitted) in enumerate(zip(experiments, found.fitted, strict=True)):
@@ -109,16 +135,48 @@ def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
     return outcome
 
 
-def _deviations(config: IdentifyConfig, found: Fit) -> dict[str, float]:
-    """How far the hidden numbers lie from the estimates, in standard errors."""
-    if not config.demo:
-        return {}
+def _name(parameter: str | fj.DesignVariable) -> str:
+    return parameter if isinstance(parameter, str) else parameter.name
+
+
+def _used(recording: Recording, aligned: Aligned) -> str:
+    """What of a recording is used, and what of it is missing, a line."""
+    used = aligned.experiment.recording
+    text = (
+        f"{recording.source}: {len(used.time)} of {len(recording.time)} rows of "
+        f"{', '.join(recording.names)}, first touch at {shown(aligned.delay, 's')}"
+    )
+    text += "" if aligned.offset is None else " or so"
+    gaps = [f"{count} samples of {name}" for name, count in used.missing.items()]
+    gaps += [f"{recording.untimed} rows without a time"] if recording.untimed else []
+    return text + (f"; skipped, as missing: {', '.join(gaps)}" if gaps else "")
+
+
+def _delays(found: Fit, aligned: list[Aligned]) -> list[Delay]:
+    """The time of the first touch in every recording: what was taken, less the offset found."""
+    places = [k for k, name in enumerate(found.names) if name.startswith(OFFSET)]
+    delays = []
+    for index, one in enumerate(aligned):
+        if not places:
+            delays.append(Delay(one.delay, 0.0))
+            continue
+        place = places[index if len(places) > 1 else 0]
+        delays.append(
+            Delay(one.delay - float(found.values[place]), float(found.standard_errors[place]))
+        )
+    return delays
+
+
+def _deviations(found: Fit, delay: Delay) -> dict[str, float]:
+    """How far the demonstration's numbers lie from the estimates, in standard errors."""
     deviations = {}
     for k, parameter in enumerate(found.parameters):
         if parameter.name in demo.TRUTH:
             value, truth = found.values[k], demo.TRUTH[parameter.name]
             apart = value - truth if parameter.scaling == "linear" else np.log(value / truth)
             deviations[parameter.name] = float(apart / found.standard_errors[k])
+    if delay.standard_error:
+        deviations["first_touch"] = (delay.value - demo.DELAY) / delay.standard_error
     return deviations
 
 
@@ -129,13 +187,18 @@ def _report(config: IdentifyConfig, outcome: Outcome, say) -> None:
     say(f"intervals of {100 * found.confidence:g} %; residuals: {noise} (standard deviation)")
     say(f"condition {found.condition:.3g}, misfit {found.misfit:.3g}, {found.evaluations} "
         f"evaluations: {found.stop}")  # fmt: skip
+    for delay, experiment in zip(outcome.delays, outcome.experiments, strict=True):
+        if delay.standard_error:
+            value, error = shown(delay.value, "s", 6), shown(delay.standard_error, "s", 2)
+            say(f"first touch by the clock of {experiment.recording.source}: {value}, standard "
+                f"error {error}")  # fmt: skip
     for warning in found.warnings:
         say(f"warning: {warning}")
     if len(found.costs) > 1:
         same = int(np.sum(np.array(found.costs) < 1.01 * min(found.costs)))
         say(f"{same} of {len(found.costs)} starts came to the same minimum")
     for name, value in outcome.deviations.items():
-        truth = demo.TRUTH[name]
+        truth = (demo.TRUTH | {"first_touch": demo.DELAY})[name]
         say(f"  hidden {name.replace('_', ' ')} {truth:.4g}: {value:+.2f} standard errors away")
     if not found.converged:
         say("the search did NOT converge")
@@ -172,16 +235,19 @@ def _content(config: IdentifyConfig, outcome: Outcome) -> dict[str, Any]:
         "stop": found.stop,
         "costs": found.costs,
         "warnings": found.warnings,
-        "hidden": demo.TRUTH if config.demo else None,
+        "hidden": demo.TRUTH | {"first_touch": demo.DELAY} if config.demo else None,
         "deviations": outcome.deviations,
         "records": [
             {
                 "source": experiment.recording.source,
+                "first_touch": delay._asdict(),
                 "time": experiment.recording.time,
                 "recorded": dict(experiment.recording.signals),
                 "fitted": dict(zip(experiment.recording.names, fitted, strict=True)),
             }
-            for experiment, fitted in zip(outcome.experiments, found.fitted, strict=True)
+            for experiment, fitted, delay in zip(
+                outcome.experiments, found.fitted, outcome.delays, strict=True
+            )
         ],
         "elapsed": outcome.elapsed,
     }

@@ -6,7 +6,7 @@ from pathlib import Path
 import fencejax as fj
 from fencejax.design import Limit, Quantity, objectives
 
-from ..common import designs, flags, machine, named
+from ..common import flags, machine, named
 from ..common.encounters import KINDS
 
 AGAINST = {
@@ -75,11 +75,6 @@ class ParetoConfig:
     taper: str = named.taper_field()
     variables: tuple[str, ...] = flags.field(
         (), "what is designed; by default what bears on the two quantities", type=str, nargs="*"
-    )
-    bounds: tuple[tuple[str, float, float], ...] = flags.field(
-        (),
-        "bounds in SI units instead of the default ones, as name=lower:upper",
-        **designs.BOUNDS_FLAG,
     )
     tip_limit: float = flags.field(0.10, "largest tip deflection [m]")
     stress_limit: float = flags.field(40e6, "largest bending stress [Pa]")
@@ -173,10 +168,12 @@ class ParetoConfig:
         return named.limits(machine.limits(limits, self.machine), self.limit)
 
     def quick(self) -> "ParetoConfig":
-        """A small version: few parcels and points, the fast fidelity throughout."""
+        """A small version: few points and parcels, or those of the sorter file, the fast fidelity
+        throughout."""
+        own = {} if self.sorter != machine.NONE else dict(masses=(15.0,), offsets=(0.05, 0.2))
         return dataclasses.replace(
-            self, masses=(15.0,), distances=(0.9, 1.0), offsets=(0.05, 0.2), points=4, starts=1,
-            fidelity="fast", verify="standard", budget=40,
+            self, distances=(0.9, 1.0), points=4, starts=1, fidelity="fast", verify="standard",
+            budget=40, **own,
         )  # fmt: skip
 
 

@@ -20,10 +20,11 @@ import time
 
 import numpy as np
 
+from fencejax.design import Stop
 from fencejax.plot import non_dominated
 
-from ..common import command, designs, evaluations
-from ..common.report import ended, verified, write_json
+from ..common import command, designs, evaluations, machine
+from ..common.report import ended, failed_start, verified, write_json
 from . import figures, page
 from .configuration import ParetoConfig, configure
 from .constant_force import blows
@@ -85,6 +86,8 @@ def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
     config.out.mkdir(parents=True, exist_ok=True)
     tradeoff = Tradeoff(config)
     journal = evaluations.journal(config, say)
+    for line in machine.notes(config.machine):
+        say(line)
     say(
         f"peak force against {config.against.replace('_', ' ')}: {tradeoff.encounters.lanes} "
         f"{config.kind}, variables {', '.join(tradeoff.space.names)}"
@@ -138,6 +141,8 @@ def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
 def _verdict(front: Front, tracer: Tracer) -> str:
     points, name = front.points, front.tradeoff.quantity.name.replace("_", " ")
     kept = [i for i, good in enumerate(front.on_front) if good]
+    if tracer.ends[0].stop is Stop.FAILED_START:
+        return failed_start(front.tradeoff.encounters.text, tracer.start.lanes["status"])
     if not all(end.feasible for end in tracer.ends):
         worst = max(tracer.ends, key=lambda end: end.residual.violation)
         return (

@@ -6,7 +6,7 @@ from pathlib import Path
 import fencejax as fj
 from fencejax.design import VARIABLES, objectives
 
-from ..common import designs, flags, machine, named
+from ..common import flags, machine, named
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,11 +32,6 @@ class PeakForceConfig:
     variables: tuple[str, ...] = flags.field(
         ("thickness", "length_ratio", "youngs_modulus"),
         f"what is designed, of {', '.join(VARIABLES)}",
-    )
-    bounds: tuple[tuple[str, float, float], ...] = flags.field(
-        (),
-        "bounds in SI units instead of the default ones, as name=lower:upper",
-        **designs.BOUNDS_FLAG,
     )
     objective: str = named.objective_field()
     tip_limit: float = flags.field(0.08, "largest tip deflection [m]")

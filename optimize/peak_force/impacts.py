@@ -10,6 +10,7 @@ from jaxtyping import Array
 import fencejax as fj
 from fencejax.design import DesignSpace, Limit, Quantity, objectives
 from fencejax.plot import Trace
+from fencejax.printing import shown
 from fencejax.sorter import Machine
 
 
@@ -31,6 +32,11 @@ class Impacts:
     def lanes(self) -> tuple[tuple[float, float], ...]:
         """(distance, mass) of every lane."""
         return tuple((d, m) for d in self.distances for m in self.masses)
+
+    def text(self, lane: int) -> str:
+        """A lane in words: `"15 kg at R = 1 m"`."""
+        distance, mass = self.lanes[lane]
+        return f"{shown(mass, 'kg')} at R = {shown(distance, 'm')}"
 
     def scene(self, fence: fj.Fence, drive: fj.AbstractDrive, distance, mass) -> fj.Scene:
         """One of the impacts."""

@@ -33,12 +33,13 @@ from fencejax.design import (
     Evaluation,
     Optimum,
     Program,
+    Stop,
     minimize,
     verify,
 )
 from fencejax.plot import Trace
 
-from ..common import command, report
+from ..common import command, machine, report
 from . import impacts as batch, page
 from .configuration import PeakForceConfig, configure
 from .outcome import Outcome
@@ -120,6 +121,8 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     fidelity = getattr(fj.Fidelity, config.fidelity)()
     before = np.asarray(space.values_of(space.fence, space.drive))
     checks = _Checks(config, space, impacts)
+    for line in machine.notes(config.machine):
+        say(line)
     say(f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling ...")
     optimum = minimize(
         Program(
@@ -177,7 +180,7 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
         {"before": old, "found": found, "after": new, "one_link": other}, sorts, stiff,
         confirmed, sorted_out, limits, config.quantity, time.perf_counter() - begin,
     )  # fmt: skip
-    say("\n" + _verdict(outcome))
+    say("\n" + _verdict(outcome, impacts))
     _write(config, outcome, impacts, signals)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
@@ -208,8 +211,10 @@ def _drop(outcome: Outcome, paper: str) -> str:
     return f"{100 * abs(change):.1f} % {'below' if change > 0 else 'above'}"
 
 
-def _verdict(outcome: Outcome) -> str:
+def _verdict(outcome: Outcome, impacts: batch.Impacts) -> str:
     optimum = outcome.optimum
+    if optimum.stop is Stop.FAILED_START:
+        return report.failed_start(impacts.text, outcome.measured["before"]["status"])
     text = report.conditions(optimum)
     if not optimum.feasible:
         return text + report.infeasible(optimum)
@@ -304,7 +309,7 @@ def _write(config, outcome, impacts, signals) -> None:
     report.write_json(config.out / "result.json", content)
     if config.plots:
         _draw(config, outcome, impacts, signals, bars)
-    page.write(config, outcome, impacts, _verdict(outcome), content["side_by_side"])
+    page.write(config, outcome, impacts, _verdict(outcome, impacts), content["side_by_side"])
 
 
 def _draw(config, outcome, impacts, signals, bars) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import fencejax as fj
 from fencejax.design import Limit, objectives, risk
 
-from ..common import designs, flags, machine, named
+from ..common import flags, machine, named
 from ..common.encounters import KINDS
 
 SEVERITIES = {"force": "N", "g_load": "1", "drop_height": "m"}
@@ -113,11 +113,6 @@ class RobustConfig:
     taper: str = named.taper_field()
     variables: tuple[str, ...] = flags.field(
         ("thickness", "length_ratio", "youngs_modulus"), "what is designed"
-    )
-    bounds: tuple[tuple[str, float, float], ...] = flags.field(
-        (),
-        "bounds in SI units instead of the default ones, as name=lower:upper",
-        **designs.BOUNDS_FLAG,
     )
     method: str = flags.field(
         "sample",

@@ -27,7 +27,8 @@ import numpy as np
 from fencejax.design import Journal
 from fencejax.results import counted
 
-from ..common import command, designs, evaluations, report
+from ..common import command, designs, evaluations, machine, report
+from ..common.encounters import Encounter
 from . import confidence, page
 from .configuration import RobustConfig, configure
 from .descent import by_batches, by_sample
@@ -36,10 +37,10 @@ from .parcels import FRESH, draw
 from .problem import Population
 
 
-def _judgement(population: Population, read: dict[str, np.ndarray]) -> Judgement:
+def _judgement(population: Population, read: dict[str, np.ndarray], fresh: Encounter) -> Judgement:
     config, good = population.config, read["valid"]
     if not np.any(good):
-        raise ValueError("no parcel of the fresh sample has good numbers; see the statuses")
+        raise ValueError(report.failed_start(fresh.text, read["status"]))
     measures = {
         name: confidence.bootstrap(
             read["severity"][good], name, config.level, config.resamples, config.confidence,
@@ -65,6 +66,8 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
     config.out.mkdir(parents=True, exist_ok=True)
     population = Population(config)
     journal = evaluations.journal(config, say)
+    for line in machine.notes(config.machine):
+        say(line)
     count = config.sample if config.method == "sample" else config.batch
     say(
         f"{count} {config.scenes} a step, variables {', '.join(population.space.names)}; "
@@ -78,7 +81,7 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
         "before": population.judge(population.start, fresh),
         "after": population.judge(found.point, fresh),
     }
-    judged = {name: _judgement(population, lanes) for name, lanes in read.items()}
+    judged = {name: _judgement(population, lanes, fresh) for name, lanes in read.items()}
     both = read["before"]["valid"] & read["after"]["valid"]
     pairs = np.column_stack([lanes["severity"][both] for lanes in read.values()])
     ratio = confidence.bootstrap(

@@ -40,7 +40,7 @@ from fencejax.study import Progress, SweepTable, run_sweep, sweep_library
 
 from ..common import command
 from ..common.report import write_json
-from . import figures, page
+from . import page
 from .configuration import SweepConfig, configure
 from .outcome import Outcome
 
@@ -97,8 +97,9 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
     for name, number in missing.items():
         say(f"  {name}: not a number in {number} lanes whose status is good")
     share = 1 - float(np.mean(table.good))
-    drawn = figures.draw(table) if config.plots else {}
-    figures.save(drawn, config.out)
+    drawn = table.plot() if config.plots else {}
+    for name, figure in drawn.items():
+        figure.savefig(config.out / f"{name}.png", dpi=150)
     outcome = Outcome(table, share <= config.tolerated, time.perf_counter() - begin)
     quantiles = _quantiles(table)
     write_json(config.out / "result.json", {

@@ -76,7 +76,7 @@ def elsewhere(fidelity: fj.Fidelity, duration: float, repeats: int) -> dict:
 
 
 def _measured(asked: str) -> dict:
-    call = [sys.executable, "-m", "optimize.accuracy.cold", asked]
+    call = [sys.executable, "-m", "optimize.work_precision.cold", asked]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(f"The process of its own failed: {done.stderr.strip()[-400:]}")

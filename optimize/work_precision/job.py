@@ -292,4 +292,4 @@ def _write(report: Report, say) -> None:
 
 def run():
     """The job from the command line."""
-    command.run("work_precision", configure, main)
+    command.run("work_precision", configure, main, cached=False)

@@ -75,6 +75,30 @@ def test_what_the_system_refuses_is_said_with_its_remedy(tmp_path):
     assert said == "job: there is not enough memory (8 PiB). Ask for less."
 
 
+# ---- flags
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--cuont", "3"], "there is no flag --cuont. Did you mean --count?"),
+        (["--shape=2"], "there is no flag --shape. Did you mean --share?"),
+        (["--nothing-like-it"], "there is no flag --nothing-like-it."),
+        (["stray"], "stray belongs to no flag."),
+        (["--count", "many"], "argument --count: invalid int value: 'many'."),
+        (["--kind", "c"], "argument --kind: invalid choice: 'c' (choose from"),
+    ],
+)
+def test_a_wrong_flag_is_said_in_one_line(arguments, said, capsys):
+    with pytest.raises(SystemExit) as leaving:
+        flags.reader(Config, "optimize.job", "A job.")(arguments)
+    assert leaving.value.code == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.startswith(f"python -m optimize.job: {said}")
+    assert told.err.count("\n") == 1
+
+
 # ---- interrupts
 
 RUNNING = """

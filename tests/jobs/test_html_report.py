@@ -66,7 +66,8 @@ def test_numbers_are_told_from_words():
 
 def test_markdown_of_headings_tables_and_paragraphs():
     head, one = html_report.of_markdown(
-        "# A\n\nfirst\nsecond\n\n![x](y.png)\n\n## B\n\n| a | `b` |\n| --- | --- |\n| **1** | 2 |\n\n| none |\n| --- |\n"
+        "# A\n\nfirst\nsecond\n\n![x](y.png)\n\n## B\n\n| a | `b` |\n| --- | --- |\n"
+        "| **1** | 2 |\n\n| none |\n| --- |\n"
     )[1:]
     assert (head.title, list(head.parts)) == ("A", ["first second"])
     (table,) = one.parts

@@ -67,6 +67,9 @@ def test_design_jobs_take_the_machine(job):
     flags = ["--sorter", "parcel_hub", "--set", "belt.speed=2.2 m/s"]
     config = module.configure([*flags, "--free", "fence.thickness=10mm:40mm"])
     assert float(config.machine.belt.speed) == 2.2
+    if hasattr(config, "quick"):
+        # A small version takes the sorter's parcels, too.
+        assert module.configure([*flags, "--quick"]).machine.parcels.count == 6
     space = config.space
     assert float(space.fence.reach) == pytest.approx(1.0)
     span = space.variables[space.names.index("fence.thickness")]
@@ -76,8 +79,31 @@ def test_design_jobs_take_the_machine(job):
     assert bounds["peak_torque"] == 400
     with pytest.raises(ValueError, match="`taper` must be left out where a sorter file is given"):
         module.configure([*flags, "--taper", "uniform"])
-    with pytest.raises(ValueError, match="`set` and `free` must come with a sorter file"):
+    with pytest.raises(ValueError, match="`set` must come with a sorter file"):
         assert module.configure(["--set", "belt.speed=2.2"]).machine
+
+
+def test_a_job_for_one_material_says_which():
+    sorter = machine.load("parcel_hub", ("fence.thickness=30 mm",))
+    (said,) = machine.notes(sorter.machine)
+    assert said.startswith("the fence is of PA6 dry, the first of the sorter's 4 materials")
+    assert "--set fence.material='POM'" in said
+    sold = fj.Sorter(fence={"material": "POM", "thickness": ["20 mm", "30 mm"]}).machine
+    assert machine.notes(sold) == [
+        "the fence is of POM",
+        "fence.thickness is 0.02, the first of the sorter's list; for another write "
+        "--set fence.thickness=0.03",
+    ]
+    assert machine.notes(None) == []
+
+
+def test_the_motion_that_a_job_designs_is_freed_beside_the_sorter():
+    module = importlib.import_module("optimize.co_design.configuration")
+    arguments = ["--sorter", "parcel_hub", "--free", "fence.thickness=10mm:40mm"]
+    space = module.configure([*arguments, "cycle_time=0.9 s:1.3 s"]).space
+    spans = {v.name: (v.lower, v.upper) for v in space.variables}
+    assert spans["fence.thickness"] == (0.01, 0.04)
+    assert spans["cycle_time"] == (0.9, 1.3)
 
 
 def test_encounters_of_a_machine_are_its_sorts():

@@ -123,7 +123,7 @@ def configured(job, machine, arguments):
 @pytest.mark.parametrize("job", ["peak_force", "pareto", "robust_design", "co_design"])
 def test_design_jobs_take_them(machine, job):
     own = OWN_PARTS if job != "co_design" else OWN_PARTS[2:]
-    bounds = ["--bounds", "fence.taper.share=0.1:0.8"]
+    bounds = ["--free", "fence.taper.share=0.1:0.8"]
     config = configured(
         job, machine, [*own, *LIMITS, "--variables", "thickness", "fence.taper.share", *bounds]
     )

@@ -143,9 +143,10 @@ def test_no_feasible_design_is_said(small, tmp_path, capsys):
 
 def test_flags():
     assert configure([]) == ParetoConfig()
-    config = configure(["--against", "cycle_time", "--bounds", "thickness=0.02:0.08"])
+    config = configure(["--against", "cycle_time", "--free", "thickness=20mm:80mm"])
     assert config.kind == "sorts"
-    assert config.bounds == (("thickness", 0.02, 0.08),)
+    thickness = config.space.variables[config.space.names.index("thickness")]
+    assert (thickness.lower, thickness.upper) == (0.02, 0.08)
     assert "cycle_time" in config.space.names
     assert configure(["--quick"]).fidelity == "fast"
     with pytest.raises(ValueError, match="`points`"):

@@ -12,7 +12,8 @@ from pictures import shows_data
 import fencejax as fj
 from fencejax import plot
 from fencejax.design import Stop
-from optimize.common import nearby
+from optimize.common import nearby, report
+from optimize.common.encounters import Encounter
 from optimize.peak_force import main
 from optimize.peak_force.configuration import PeakForceConfig, configure
 
@@ -150,13 +151,15 @@ def test_flags():
     assert configure([]) == PeakForceConfig()
     config = configure([
         "--tip-limit", "0.05", "--masses", "10", "--sort-masses", "--no-plots",
-        "--bounds", "thickness=0.02:0.08",
+        "--free", "thickness=0.02:0.08",
     ])  # fmt: skip
     assert config.tip_limit == 0.05
     assert config.masses == (10.0,)
     assert config.sort_masses == ()
     assert not config.plots
-    assert config.bounds == (("thickness", 0.02, 0.08),)
+    assert config.space.names == PeakForceConfig().space.names
+    thickness = config.space.variables[0]
+    assert (thickness.lower, thickness.upper) == (0.02, 0.08)
     near_tip = configure(["--worst-case", "--budget", "7"])
     assert (near_tip.distances, near_tip.masses, near_tip.budget) == ((1.08,), (15.0,), 7)
 
@@ -168,9 +171,31 @@ def test_help_names_every_default(capsys):
     assert capsys.readouterr().out.count("(default:") == len(vars(PeakForceConfig())) + 1
 
 
-def test_bounds_of_what_is_not_designed_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="`bounds` must be of designed variables"):
-        main(PeakForceConfig(out=tmp_path, bounds=(("density", 1000.0, 1200.0),)))
+def test_what_is_freed_is_designed():
+    # By any of its names, and beside the job's own variables.
+    config = configure(["--free", "fence.thickness=20 mm:80 mm", "density=1000:1.2 g/cm^3"])
+    own = PeakForceConfig().space.names
+    assert config.space.names == ("fence.thickness", *own[1:], "density")
+    spans = {v.name: (v.lower, v.upper) for v in config.space.variables}
+    assert spans["fence.thickness"] == pytest.approx((0.02, 0.08))
+    assert spans["density"] == pytest.approx((1000.0, 1200.0))
+    with pytest.raises(ValueError, match="`free` must hold each name once"):
+        assert PeakForceConfig(free=("density",)).space
+    with pytest.raises(ValueError, match="thickness"):
+        assert PeakForceConfig(free=("thickness=0.08:0.02",)).space
+
+
+def test_a_start_that_cannot_be_evaluated_is_said_lane_by_lane():
+    encounters = Encounter.grid(offset=(0.05, 0.2), mass=(2.0, 30.0))
+    statuses = np.array([fj.Status.SUCCESSFUL, fj.Status.LARGE_DEFLECTION,
+                         fj.Status.STEP_TOO_COARSE, fj.Status.LARGE_DEFLECTION])  # fmt: skip
+    said = report.failed_start(encounters.text, statuses).splitlines()
+    assert "cannot be evaluated" in said[0]
+    meaning = fj.Status.LARGE_DEFLECTION.text
+    assert said[1] == f"  30 kg, offset 50 mm; 30 kg, offset 200 mm: LARGE_DEFLECTION, {meaning}"
+    # What is in numerical doubt is no reason.
+    assert len(said) == 3
+    assert "--set" in said[2]
 
 
 def test_trace_without_history_is_refused():

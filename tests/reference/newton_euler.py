@@ -163,19 +163,28 @@ def place_fence(fence, corner):
     )
 
 
-def compare_oblique_impact(j):
-    state, parcel, fence, (normal, _) = scene()
+def struck(state, parcel, fence, normal, arm):
+    """One force of the fence at the end of an arm: the fence's point there as the polar form has
+    it; the gap, its rate and the sliding speed; the friction; the accelerations."""
     t, n = fence_frame(fence)
     position, velocity = centre(state)
-    arm = corner_arm(state.phi, parcel, j)
     point, fence_point = place_fence(fence, position + arm)
-    d, d_dot, w = contact(
-        position, velocity, state.phi_dot, arm, point, fence["velocity"], t, n
-    )
-    f_2 = friction(normal, w)
-    belt = belt_force_and_torque(velocity, state.phi_dot, parcel)
+    touch = contact(position, velocity, state.phi_dot, arm, point, fence["velocity"], t, n)
+    f_2 = friction(normal, touch[2])
     push = times(normal, n) - times(f_2, t)
-    acceleration, phi_ddot = newton_euler(parcel, [(arm, push)], belt)
+    belt = belt_force_and_torque(velocity, state.phi_dot, parcel)
+    return fence_point, touch, f_2, newton_euler(parcel, [(arm, push)], belt)
+
+
+def assert_same_contact(result, touch):
+    for name, expected in zip(("gap", "gap_rate", "sliding_speed"), touch, strict=True):
+        assert_same(getattr(result, name), expected, name)
+
+
+def compare_oblique_impact(j):
+    state, parcel, fence, (normal, _) = scene()
+    arm = corner_arm(state.phi, parcel, j)
+    fence_point, touch, _, accelerations = struck(state, parcel, fence, normal, arm)
 
     w_polar = polar.sliding_speed(state, fence_point, parcel, j)
     forces = polar.FenceForces(
@@ -184,10 +193,8 @@ def compare_oblique_impact(j):
         *polar.friction_on_belt(state, parcel, V, MU_1, GRAVITY, EPSILON),
     )
     result = polar.oblique_impact(state, fence_point, parcel, forces, j)
-    assert_same(result.gap, d, "gap")
-    assert_same(result.gap_rate, d_dot, "gap_rate")
-    assert_same(result.sliding_speed, w, "sliding_speed")
-    assert_same_accelerations(state, result, acceleration, phi_ddot)
+    assert_same_contact(result, touch)
+    assert_same_accelerations(state, result, *accelerations)
 
 
 def compare_border_and_fence(j, border_j):
@@ -220,28 +227,19 @@ def compare_border_and_fence(j, border_j):
 def compare_along_fence():
     state, parcel, fence, (normal, _) = scene()
     state = state._replace(phi=fence["q5"], phi_dot=fence["q5_dot"])
-    t, n = fence_frame(fence)
-    position, velocity = centre(state)
     # Foot of C_s on the lower wall, the line through corners 1 and 2.
     arm_1, arm_2 = (corner_arm(state.phi, parcel, k) for k in (1, 2))
     wall = arm_2 - arm_1
     arm = arm_1 - times(dot(arm_1, wall) / dot(wall, wall), wall)
-    point, fence_point = place_fence(fence, position + arm)
-    d, d_dot, w = contact(
-        position, velocity, state.phi_dot, arm, point, fence["velocity"], t, n
+    fence_point, touch, f_2, (acceleration, phi_ddot_free) = struck(
+        state, parcel, fence, normal, arm
     )
-    f_2 = friction(normal, w)
-    belt = belt_force_and_torque(velocity, state.phi_dot, parcel)
-    push = times(normal, n) - times(f_2, t)
-    acceleration, phi_ddot_free = newton_euler(parcel, [(arm, push)], belt)
 
     forces = polar.FenceForces(
         normal, f_2, *polar.friction_on_belt(state, parcel, V, MU_1, GRAVITY, EPSILON)
     )
     result = polar.along_fence(state, fence_point, parcel, forces, fence["q5_ddot"])
-    assert_same(result.gap, d, "gap")
-    assert_same(result.gap_rate, d_dot, "gap_rate")
-    assert_same(result.sliding_speed, w, "sliding_speed")
+    assert_same_contact(result, touch)
     assert_same_accelerations(state, result, acceleration, fence["q5_ddot"])
     missing = parcel.inertia * (fence["q5_ddot"] - phi_ddot_free)
     assert_same(result.wall_moment, missing, "wall_moment")

@@ -71,6 +71,44 @@ def test_each_status_where_it_belongs(make, fidelity, expected):
     assert status(make(), fidelity) == fj.Status[expected]
 
 
+def limp(thickness):
+    fence = fj.Fence(thickness=thickness, taper=fj.Uniform())
+    return fj.scenes.normal_impact(fence=fence, duration=0.1)
+
+
+def soft(stiffness):
+    parcel = fj.Parcel(stiffness=stiffness, damping=0.0)
+    return fj.scenes.rigid_wall(parcel=parcel, duration=0.3)
+
+
+def slow(slip_speed):
+    """An impact on a belt of 0.2 m/s, and how far its friction is smoothed."""
+    scene = fj.scenes.oblique_impact(belt=fj.Belt(0.2), velocity=(0.2, 0.0, 0.0), duration=0.1)
+    return scene, PLAIN.replace(slip_speed=slip_speed, static_speed=5 * slip_speed)
+
+
+@pytest.mark.parametrize(
+    ("expected", "before", "after"),
+    [
+        ("NEVER_TOUCHED", (fj.scenes.rigid_wall(speed=-1.0), None), None),
+        (
+            "IN_CONTACT_AT_END", (fj.scenes.rigid_wall(duration=4e-3), None),
+            (fj.scenes.rigid_wall(duration=2e-2), None),
+        ),
+        ("LARGE_DEFLECTION", (limp(0.004), PLAIN), (limp(0.045), PLAIN)),
+        (
+            "DEEP_PENETRATION", (soft(1e3), None), (soft(1e9), None),
+        ),
+        ("FRICTION_SMOOTHED", slow(5e-2), slow(1e-3)),
+    ],
+)
+def test_what_a_status_says_to_do_helps(expected, before, after):
+    # `tip_contact` is tried in tests/model/test_tip.py, shorter steps and more modes above.
+    assert status(*before).name == expected
+    if after is not None:
+        assert status(*after) <= fj.Status.LEFT_OVER_TIP
+
+
 def traced(make, *values):
     """The status where the numbers are traced, and pass what the constructors check."""
     @jax.jit

@@ -21,17 +21,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from robustness.extreme_scenes import USUAL, WIDE, draw, impact, riding
+from robustness.peaks import DURATION, VARIED, gradient_error, peaks
 
 import fencejax as fj
 
-LANES, DURATION = 128, 0.1
+LANES = 128
 HALVES = {"wide": WIDE, "usual": USUAL}
 PROMISE = {"coarse": (0.025, 0.5), "fast": (0.025, 0.3), "standard": (0.025, 0.15)}
 """What a good status promises: of the peak force, and of its gradient."""
 FIELDS = (
     "peak_force", "tip_deflection", "impulse", "peak_stress", "deepest", "peak_time", "furthest_y"
 )
-VARIED = ("thickness", "modulus", "density", "damping_ratio", "mass", "stiffness", "belt", "reach")
 
 
 @functools.cache
@@ -77,25 +77,9 @@ TRUTH = fj.Fidelity.reference(
 )
 
 
-@functools.cache
 def truth():
-    """Numbers of lanes -> status, peak force and its time (lanes, 2), slopes of the peak force
-    x df/dx (lanes, varied)."""
-
-    @jax.jit
-    @jax.vmap
-    def run(x):
-        def peak(varied):
-            scene = impact(riding(x, varied), DURATION)
-            result = fj.simulate(scene, fidelity=TRUTH, only=("peak_force", "peak_time"))
-            found = jnp.stack([result.peak_force, result.peak_time])
-            return result.peak_force, (result.status, found)
-
-        varied = {k: x[k] for k in VARIED}
-        slopes, (status, found) = jax.jacfwd(peak, has_aux=True)(varied)
-        return status, found, jnp.stack([slopes[k] * x[k] for k in VARIED], axis=-1)
-
-    return run
+    """Numbers of lanes -> status, peak force, its time and its slopes."""
+    return peaks(TRUTH)
 
 
 def errors(outcome, true):
@@ -103,13 +87,12 @@ def errors(outcome, true):
     gradient as elasticities and relative to their norm, or to 1 if that is larger, whether both are
     at the same of several peaks, to 2 ms, and which they are of all lanes; each (lanes,)."""
     status, found, slopes, _ = outcome
-    true_status, (peak, when), true_slopes = true[0], true[1].T, true[2]
+    true_status, peak, when, true_slopes = true
     good = np.maximum(status, true_status) <= fj.Status.LEFT_OVER_TIP
     good &= (status != fj.Status.NEVER_TOUCHED) & (peak > 0)
-    off = np.linalg.norm(slopes[good, 0] - true_slopes[good], axis=-1)
-    size = np.maximum(np.linalg.norm(true_slopes[good], axis=-1), peak[good])
+    off = gradient_error(slopes[good, 0], true_slopes[good], peak[good])
     same = np.abs(found[:, FIELDS.index("peak_time")] - when) <= 2e-3
-    return np.abs(found[good, 0] / peak[good] - 1), off / size, same[good], np.flatnonzero(good)
+    return np.abs(found[good, 0] / peak[good] - 1), off, same[good], np.flatnonzero(good)
 
 
 def beyond(name, value, gradient):
@@ -148,11 +131,8 @@ def looked_at(name, numbers, outcome, lane):
     (time, force, peak), (along, slopes) = jax.device_get(closely()(one))
     found, when = (outcome[1][lane, FIELDS.index(f)] for f in ("peak_force", "peak_time"))
 
-    def off(true, size):
-        wrong = np.linalg.norm(outcome[2][lane, 0] - true)
-        return wrong / max(np.linalg.norm(true), size)
-
-    value, gradient = abs(found / peak - 1), off(slopes, peak)
+    ours = outcome[2][lane, 0]
+    value, gradient = abs(found / peak - 1), gradient_error(ours, slopes, peak)
     if gradient <= PROMISE[name][1]:
         return value, gradient, False
     beside = np.pad(force, 1, constant_values=-np.inf)
@@ -161,7 +141,7 @@ def looked_at(name, numbers, outcome, lane):
     high = peaks & (force >= (1 - PROMISE[name][0]) * peak)
     nearest = min(np.flatnonzero(high), key=lambda place: abs(time[place] - when))
     if abs(time[nearest] - when) <= 2e-3:
-        other = off(along[nearest], force[nearest])
+        other = gradient_error(ours, along[nearest], force[nearest])
         if other < gradient:
             return value, other, True
     return value, gradient, False

@@ -10,19 +10,17 @@ friction's smoothing) by fixed steps of 12.5 us, so that what is found is the er
 """
 
 import argparse
-import functools
 import json
 import time
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from robustness.extreme_scenes import ORDINARY, USUAL, WIDE, impact, riding
+from robustness.extreme_scenes import ORDINARY, USUAL, WIDE
+from robustness.peaks import gradient_error, peaks
 
 import fencejax as fj
 
-DURATION = 0.1
 REALISTIC = {
     **USUAL, "modulus": (1e8, 2.1e11), "density": (400, 8000), "thickness": (3e-3, 0.09),
     "flexible": (0.15, 1.0), "damping_ratio": (0.002, 0.1), "mass": (0.2, 60),
@@ -31,7 +29,6 @@ REALISTIC = {
 """What a real fence and parcel can have; E / rho is at most 1e8 m^2/s^2, besides."""
 BOUNDS = {"realistic": REALISTIC, "wide": WIDE}
 PLACES = ("across", "along")
-VARIED = ("thickness", "modulus", "density", "damping_ratio", "mass", "stiffness", "belt", "reach")
 
 
 def numbers(shares, bounds):
@@ -46,41 +43,18 @@ def numbers(shares, bounds):
     return found
 
 
-@functools.cache
-def program(fidelity, of):
-    """Numbers of lanes -> status, peak force and its time, and the slopes x df/dx if asked for."""
-    only = ("peak_force", "peak_time")
-
-    @jax.jit
-    @jax.vmap
-    def run(x):
-        def peak(varied):
-            scene = impact(riding(x, varied), DURATION)
-            result = fj.simulate(scene, fidelity=fidelity, only=only)
-            return result.peak_force, (result.status, result.peak_force, result.peak_time)
-
-        varied = {name: x[name] for name in VARIED}
-        if of == "value":
-            return *peak(varied)[1], jnp.zeros(len(VARIED))
-        slopes, found = jax.jacfwd(peak, has_aux=True)(varied)
-        return *found, jnp.stack([slopes[name] * x[name] for name in VARIED], axis=-1)
-
-    return run
-
-
 def errors(fidelity, truth, x, of):
     """Of each lane: the error, relative to the peak force, or of the gradient to its norm or to the
     peak if that is more; -1 where the status is not good, nothing is touched or, for gradients,
     the truth has its peak elsewhere."""
-    status, peak, when, slopes = jax.device_get(program(fidelity, of)(x))
-    true_status, true, true_when, true_slopes = jax.device_get(program(truth, of)(x))
+    status, peak, when, slopes = jax.device_get(peaks(fidelity, of)(x))
+    true_status, true, true_when, true_slopes = jax.device_get(peaks(truth, of)(x))
     good = np.maximum(status, true_status) <= fj.Status.LEFT_OVER_TIP
     good &= (status != fj.Status.NEVER_TOUCHED) & (true > 0)
     size = np.where(true > 0, true, 1.0)
     if of == "value":
         return np.where(good, np.abs(peak / size - 1), -1.0)
-    off = np.linalg.norm(slopes - true_slopes, axis=-1)
-    off = off / np.maximum(np.linalg.norm(true_slopes, axis=-1), size)
+    off = gradient_error(slopes, true_slopes, size)
     return np.where(good & (np.abs(when - true_when) < 2e-3), off, -1.0)
 
 

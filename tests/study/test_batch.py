@@ -22,7 +22,7 @@ def results():
     """A batch as it is, and refined."""
     lanes = scenes()
     return tuple(
-        fj.simulate_many(lanes, fidelity=COARSE, only=("peak_force",), refine=refine)
+        fj.simulate_many(lanes, fidelity=COARSE, only="peak_force", refine=refine)
         for refine in (False, True)
     )
 
@@ -46,7 +46,7 @@ def test_simulate_refines_as_the_batch_does():
     _, refined = results()
     lane = int(np.argmax(refined.rung))
     scene = jax.tree.map(lambda leaf: leaf[lane], scenes())
-    one = fj.simulate(scene, fidelity=COARSE, only=("peak_force",), refine=True)
+    one = fj.simulate(scene, fidelity=COARSE, only="peak_force", refine=True)
     assert int(one.rung) == refined.rung[lane]
     # The same program but for the batch: round-off, grown over some hundred steps.
     assert float(one.peak_force) == pytest.approx(refined.peak_force[lane], rel=1e-9)

@@ -1,5 +1,6 @@
 """Parameters found again from synthetic recordings, and files that cannot be used."""
 
+import dataclasses
 import json
 import re
 
@@ -16,6 +17,7 @@ from fencejax.scenes import numbers as scene_numbers
 from fencejax.study import (
     Experiment,
     Recording,
+    align,
     fit,
     identify,
     interpolate,
@@ -148,6 +150,103 @@ def test_offset_of_the_clock():
     assert found.values[:-1] == pytest.approx(list(_TRUTH.values()), rel=1e-5)
 
 
+# ---- recordings by a clock of their own
+
+_DELAY, _LENGTH = 0.0374, 0.05
+_CLOCK = np.linspace(0.0, 0.12, 241)
+
+
+def delayed(seed, gaps=()):
+    """An impact that begins at `_DELAY` on the recording's clock, with noise, and with gaps: every
+    third sample of the deflection, and what is in a span of times of both."""
+    after = _CLOCK >= _DELAY
+    scene = dataclasses.replace(impact(**_TRUTH), duration=0.09)
+    signals = clean(scene, np.maximum(_CLOCK - _DELAY, 0.0))
+    generator = np.random.default_rng(seed)
+    for name, column in signals.items():
+        column = np.where(after, column, 0.0) + _NOISE[name] * generator.normal(size=_CLOCK.size)
+        signals[name] = column
+    for start, end in gaps:
+        for column in signals.values():
+            column[(start <= _CLOCK) & (end > _CLOCK)] = np.nan
+        signals["tip_deflection"][::3] = np.nan
+    return Recording(_CLOCK, signals, "clock.csv")
+
+
+def fitted(recording):
+    found = align(impact(), recording, length=_LENGTH)
+    assert found.offset is not None
+    return found, fit(found.experiment, [*_NAMES, found.offset])
+
+
+def test_the_trigger_delay_is_found_within_its_standard_error():
+    deviations = []
+    for seed in range(6):
+        found, result = fitted(delayed(seed))
+        # The scene's own numbers are off, and so is the delay that is taken to begin with.
+        assert abs(found.delay - _DELAY) < found.offset.upper
+        delay, error = found.delay - result.values[-1], result.standard_errors[-1]
+        assert 0 < error < 1e-3
+        deviations.append((delay - _DELAY) / error)
+        assert result.values[:-1] == pytest.approx(list(_TRUTH.values()), rel=0.3)
+    # The sum of six squared normal numbers: one time in a thousand beyond either bound.
+    low, high = stats.chi2.ppf([1e-3, 1 - 1e-3], 6)
+    assert low < np.sum(np.square(deviations)) < high
+
+
+def test_missing_samples_do_not_count():
+    whole = delayed(2)
+    holed = delayed(2, gaps=[(0.045, 0.05)])
+    assert holed.missing == {"force": 10, "tip_deflection": 10 + 77}
+    (found, result), (_, full) = fitted(holed), fitted(whole)
+    there = found.experiment.recording.present
+    assert 0 < np.sum(there) < there.size
+    # Degrees of freedom are of the samples that there are: the noise found is that which is there,
+    # within four of its errors.
+    for name, sigma in _NOISE.items():
+        count = np.sum(np.isfinite(found.experiment.recording.signals[name]))
+        assert result.noise[name] == pytest.approx(sigma, rel=4 / np.sqrt(2 * count))
+    # Fewer samples tell less.
+    assert np.all(result.standard_errors > full.standard_errors)
+    assert np.abs(result.values[-1] - full.values[-1]) < 4 * result.standard_errors[-1]
+
+
+def test_a_delay_that_is_given_is_taken():
+    recording = delayed(0)
+    found = align(impact(), recording, delay=_DELAY, length=_LENGTH)
+    assert (found.delay, found.offset) == (_DELAY, None)
+    used = found.experiment.recording
+    assert used.time[0] >= 0
+    assert used.time[-1] <= _LENGTH
+    np.testing.assert_allclose(used.time + _DELAY, _CLOCK[_CLOCK >= _DELAY][: used.time.size])
+    # To the recording's end, and the scene goes on as long.
+    whole = align(impact(), recording, delay=_DELAY)
+    assert whole.experiment.scene.duration == pytest.approx(0.12 - _DELAY)
+
+
+def test_recordings_that_cannot_be_aligned_are_refused_by_their_own_cause():
+    recording = delayed(0)
+
+    def refused(**changes):
+        settings = {"length": changes.pop("length", None), "delay": changes.pop("delay", None)}
+        with pytest.raises(ValueError, match="clock.csv") as error:
+            align(impact(), dataclasses.replace(recording, **changes), **settings)
+        return str(error.value)
+
+    signals = {name: -column for name, column in recording.signals.items()}
+    assert "Change its sign" in refused(signals=signals)
+    assert "Give the `delay`" in refused(signals={"y": recording.signals["force"]})
+    assert "rows after the delay" in refused(delay=0.5)
+    # Seconds that are milliseconds, or rows that are too far apart: both are said as what they may
+    # be.
+    coarse = refused(time=1e3 * _CLOCK)
+    assert "rows must be nearer to each other" in coarse
+    assert "If these are milliseconds" in coarse
+    long = Recording(0.002 * np.arange(4000), {"force": np.full(4000, 1.0)}, "clock.csv")
+    said = refused(time=long.time, signals=long.signals, delay=0.0)
+    assert "Give the `length`" in said
+
+
 def test_what_is_not_told_is_said(truth):
     # E, the width z and rho act through E z and rho z alone; the parcel's breadth not at all.
     wanted = [
@@ -220,6 +319,36 @@ def test_units_comments_and_separators(tmp_path):
     assert found.signals["tip_deflection"] == pytest.approx(-2e-3 * np.arange(6))
 
 
+def test_german_files_with_titles_of_their_own(tmp_path):
+    path = tmp_path / "messung.csv"
+    rows = [f"{0.5 * k:.1f};{1000.25 + k:.2f};{2 * k}" for k in range(6)]
+    german = [row.replace(".", ",").replace("1000", "1.000") for row in rows]
+    # Units in a line of their own, the encoding of a German Windows, samples that are missing.
+    german[2] = german[2].partition(";")[0] + ";;4"
+    german.insert(3, ";7,0;1")
+    text = "\n".join(["Zeit;Kraft;Winkel [\u00b0]", "ms;N;\u00b0", *german])
+    path.write_bytes(text.encode("cp1252"))
+    columns = {"time": "Zeit", "force": "kraft", "angle": "Winkel"}
+    found = read_recording(path, columns=columns)
+    assert found.time == pytest.approx(5e-4 * np.arange(6))
+    expected = 1000.25 + np.arange(6)
+    expected[2] = np.nan
+    np.testing.assert_allclose(found.signals["force"], expected)
+    assert found.signals["angle"] == pytest.approx(np.deg2rad(2.0 * np.arange(6)))
+    assert (found.missing, found.untimed) == ({"force": 1}, 1)
+    # Back in the package's own form, with what is missing.
+    write_recording(tmp_path / "own.csv", found)
+    again = read_recording(tmp_path / "own.csv")
+    np.testing.assert_array_equal(again.values, found.values)
+    for wrong, text in (
+        ({"time": "Zeiten"}, "must have one column 'Zeiten' for `time`.* Did you mean 'Zeit'"),
+        ({"weight": "Kraft"}, "`columns` must name columns of time and force"),
+        ({"force": "Kraft"}, "must name a column `time"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            read_recording(path, columns=wrong)
+
+
 _GOOD = ["0.00,1.0,0.1", "0.01,2.0,0.2", "0.02,3.0,0.3", "0.03,2.0,0.2", "0.04,1.0,0.1"]
 
 
@@ -233,12 +362,12 @@ _GOOD = ["0.00,1.0,0.1", "0.01,2.0,0.2", "0.02,3.0,0.3", "0.03,2.0,0.2", "0.04,1
         ("time [s],force [N],force [kN]", ["0,1,1"], "line 1: names the column `force` twice"),
         ("time [s],force [N],x [m]", ["0.0,1.0"], "line 2: must have 3 columns"),
         ("", ["0.0,high,1"], "column `force [N]`: must be a number, but is 'high'"),
-        ("", ["0.0,,1"], "column `force [N]`: must be a number, but is ''"),
-        ("", ["0.0,nan,1"], "line 2, column `force [N]`: must be finite"),
         ("", ["0.0,1,inf"], "line 2, column `x [m]`: must be finite"),
         ("", [*_GOOD[:3], "0.02,3.0,0.3"], "line 5, column `time [s]`: times must rise"),
         ("", _GOOD[:4], "at least 5 rows"),
-        ("time [s];force [N]", ["0;1,5"], "Write decimal points"),
+        ("time [s];force [N]", ["0,1;1,5", "0.2;2,5"], "line 3, column `time [s]`: must be writ"),
+        ("time [s],force [N]", ["0,0,1,5"], "If these are decimal commas, separate columns by"),
+        ("", [*_GOOD[:4], "0.05,,1.0"], "`force` must hold at least 5 samples, but has 4"),
         ("", ['0.0,"1.0,1'], "line 2: cannot be read as CSV"),
     ],
 )
@@ -253,7 +382,7 @@ def test_bad_files(tmp_path, header, rows, text):
 
 def test_files_that_are_no_text(tmp_path):
     path = tmp_path / "bad.csv"
-    path.write_bytes(b"time [s],force [N]\n\xff\xfe")
+    path.write_bytes(b"time [s],force [N]\n\x81\x00")
     with pytest.raises(ValueError, match="UTF-8"):
         read_recording(path)
     with pytest.raises(FileNotFoundError):
@@ -270,8 +399,8 @@ def test_units_that_are_suspected(truth):
             fit(Experiment(impact(), Recording(time, signals, "a.csv")), _NAMES)
         return str(error.value)
 
-    assert "milliseconds" in refused(1e3 * _TIME, 1.0)
-    assert "seconds?" in refused(1e-3 * _TIME, 1.0)
+    assert "if these are milliseconds" in refused(1e3 * _TIME, 1.0)
+    assert "If they are not in seconds" in refused(1e-3 * _TIME, 1.0)
     assert "signal `force`" in refused(_TIME, 1e-3)
     assert "a.csv" in refused(_TIME, 1e3)
 
@@ -316,14 +445,16 @@ def test_demonstration(demonstration):
     outcome, out = demonstration
     assert outcome.succeeded
     assert report_pages.read(out / "report.html").pictures == 2
-    assert set(outcome.deviations) == set(outcome.fit.names)
-    # The chance that one of five normal numbers is further away is 3e-4.
+    named = {"time_offset": "first_touch"}
+    assert set(outcome.deviations) == {named.get(name, name) for name in outcome.fit.names}
+    # The chance that one of six normal numbers is further away is 4e-4.
     assert max(abs(v) for v in outcome.deviations.values()) < 4
-    # All five are told: friction and material too, from force and tip deflection.
+    # All are told: friction and material too, from force and tip deflection.
     assert np.all(outcome.fit.standard_errors < 0.2)
     content = json.loads((out / "result.json").read_text())
     assert content["parameters"]["youngs_modulus"]["unit"] == "Pa"
-    assert len(content["correlation"]) == 5
+    assert len(content["correlation"]) == 6
+    assert content["records"][0]["first_touch"]["value"] == outcome.delays[0].value
     for name in ("fit", "correlation"):
         assert shows_data(out / f"{name}.png")
 
@@ -349,6 +480,8 @@ def test_script_reads_what_it_wrote(demonstration, tmp_path):
         ({"demo": True, "starts": 0}, "starts"),
         ({"demo": True, "signals": ("load",)}, "signals"),
         ({"records": ("a", "b", "c"), "set": ("mass=1", "mass=2")}, "set"),
+        ({"records": ("a", "b", "c"), "delay": ("1 ms", "2 ms")}, "delay"),
+        ({"records": ("a", "b"), "delay": ("1 ms", "auto")}, "delay"),
     ],
 )
 def test_configurations_that_cannot_be(changes, text):
@@ -366,6 +499,8 @@ def test_flags_that_cannot_be(tmp_path):
         (["--parameters", "mass"], "mass=lower:upper"),
         (["--parameters", "mass=5"], "name=lower:upper"),
         (["--signals", "x"], "column `x`"),
+        (["--columns", "force=Kraft"], "one column 'Kraft' for `force`"),
+        (["--delay", "soon"], "`delay`"),
     ):
         with pytest.raises(ValueError, match=text):
             main(configure([*base, *extra]), quiet=True)

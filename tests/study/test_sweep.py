@@ -20,7 +20,7 @@ from fencejax.study import (
     run_sweep,
     sampling,
 )
-from optimize.sweep import figures, main
+from optimize.sweep import main
 from optimize.sweep.configuration import SweepConfig, configure
 
 
@@ -217,6 +217,10 @@ def test_frame_has_a_row_a_lane():
     }  # fmt: skip
     assert len(frame) == 12
     np.testing.assert_array_equal(frame["mass"], table.variables["mass"])
+    printed = repr(table)
+    assert printed.startswith("SweepTable of ")
+    assert "IMPOSSIBLE 1" in printed
+    assert "mass [kg]" in printed
     assert frame["status"].iloc[1] == IMPOSSIBLE
 
 
@@ -224,7 +228,7 @@ def test_frame_has_a_row_a_lane():
 
 
 def test_figures_fit_the_points():
-    drawn = figures.draw(table_of((4, 3), "grid"))
+    drawn = table_of((4, 3), "grid").plot()
     assert set(drawn) == {"peak_force", "leave_x", "elasticities"}
     axes, bar = drawn["peak_force"].axes[:2]
     assert axes.get_xlabel() == "distance [m]"
@@ -235,7 +239,7 @@ def test_figures_fit_the_points():
     shown = axes.collections[0].get_array()
     assert shown is not None
     assert int(np.ma.count_masked(shown)) == 1
-    loose = figures.draw(table_of((64,), "sobol"))["peak_force"]
+    loose = table_of((64,), "sobol").plot()["peak_force"]
     panels = [panel for panel in loose.axes if panel.get_visible()]
     assert [panel.get_xlabel() for panel in panels] == ["mass [kg]", "distance [m]"]
     assert panels[0].get_ylabel() == "peak force [N]"

@@ -1,14 +1,13 @@
 """What a contact law is, and what follows from any of them: the peak force at a rigid wall."""
 
 import abc
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ..._check import Bounds
+from ...printing import Part
 
 # Steps of the classical Runge-Kutta method over the time in which the parcel would cross its
 # largest penetration at the speed of approach, and how many such times are covered. Without damping
@@ -24,7 +23,7 @@ class NormalForce(NamedTuple):
     by_rate: Array
 
 
-class AbstractContactLaw(eqx.Module):
+class AbstractContactLaw(Part):
     """The normal force N(D, Ddot) [N] between a corner of the parcel and what it presses on.
 
     D [m] is the gap, positive where the corner has gone in, and Ddot [m/s] its rate. A law is a
@@ -36,8 +35,6 @@ class AbstractContactLaw(eqx.Module):
     derivatives of a result are those of the equations. All its numbers are array fields, checked
     against the `bounds` of the class by `fencejax._check.fields`.
     """
-
-    bounds: ClassVar[dict[str, Bounds]] = {}
 
     @abc.abstractmethod
     def viscosity(self, mass: Array) -> Array:

@@ -5,14 +5,13 @@ three are consistent by construction.
 """
 
 import abc
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ..._check import Bounds
+from ...printing import Part
 
 CYCLE_TIME = 1.36
 """t_c of Piatkowski (2010) [s]."""
@@ -26,10 +25,8 @@ class DriveMotion(NamedTuple):
     acceleration: Array
 
 
-class AbstractDrive(eqx.Module):
+class AbstractDrive(Part):
     """A law alpha_w(t), with alpha_w = 0 and the fence at rest at t = 0."""
-
-    bounds: ClassVar[dict[str, Bounds]] = {}
 
     @property
     def feasible(self) -> Array | None:

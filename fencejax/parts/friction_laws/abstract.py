@@ -1,12 +1,11 @@
 """What a friction law is."""
 
 import abc
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
 from jaxtyping import Array
 
-from ..._check import Bounds
+from ...printing import Part
 
 
 class FrictionScales(NamedTuple):
@@ -22,15 +21,13 @@ class FrictionScales(NamedTuple):
     largest: Array
 
 
-class AbstractFriction(eqx.Module):
+class AbstractFriction(Part):
     """The coefficient of friction mu(w) [1] between two surfaces that slide at the speed w [m/s].
 
     A law is a property of a pair of surfaces. The force that follows from it, its direction and
     what is smoothed at rest over `Fidelity.slip_speed`, are the model's (`fencejax.model`). All its
     numbers are array fields, checked against the `bounds` of the class by `fencejax._check.fields`.
     """
-
-    bounds: ClassVar[dict[str, Bounds]] = {}
 
     @abc.abstractmethod
     def coefficient(self, speed_squared: Array, static_speed: float) -> tuple[Array, Array]:

@@ -1,12 +1,12 @@
 """What a still surface is."""
 
 import abc
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 from jaxtyping import Array
 
-from ..._check import Bounds
+from ...printing import Part
 from ..friction_laws import AbstractFriction
 
 
@@ -25,7 +25,7 @@ class SurfacePoint(NamedTuple):
     beyond: Array | None
 
 
-class AbstractSurface(eqx.Module):
+class AbstractSurface(Part):
     """A still, undeformable surface that the parcel's corners touch.
 
     A surface is geometry, told by one function of a point, and the friction on it. Contact law,
@@ -34,7 +34,6 @@ class AbstractSurface(eqx.Module):
     """
 
     friction: eqx.AbstractVar[AbstractFriction | None]
-    bounds: ClassVar[dict[str, Bounds]] = {}
 
     @abc.abstractmethod
     def at(self, x: Array, y: Array) -> SurfacePoint:

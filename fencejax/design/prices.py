@@ -6,7 +6,6 @@ import numpy as np
 from scipy.optimize import linprog
 
 from .lagrangian import Evaluation, Multipliers, Vector, slope
-from .optimizer import Optimum
 
 # A share this near to 0 or 1 is on its bound; and the step in which a conflict is looked at.
 _ON_BOUND, _STEP = 1e-3, 0.05
@@ -28,16 +27,15 @@ class ShadowPrices(NamedTuple):
     upper: Vector
 
 
-def shadow_prices(optimum: Optimum) -> ShadowPrices:
-    """The prices at an optimum, in the objective's own unit: its multipliers, and the Lagrangian's
-    slope at the bounds that hold it up."""
-    at = optimum.last
-    gradient = slope(at, Multipliers(optimum.weights, optimum.multipliers))
+def prices(at: Evaluation, multipliers: Multipliers, scale: float) -> ShadowPrices:
+    """The prices at a point with its multipliers, times `scale`: the multipliers, and the
+    Lagrangian's slope at the bounds that hold it up."""
+    gradient = slope(at, multipliers)
     lower = np.where(at.point <= _ON_BOUND, np.maximum(gradient, 0.0), 0.0)
     upper = np.where(at.point >= 1 - _ON_BOUND, np.maximum(-gradient, 0.0), 0.0)
     # A margin that no variable moves is worth nothing, whatever its multiplier.
-    margins = np.where(np.any(at.margin_rows != 0, axis=1), optimum.multipliers, 0.0)
-    return ShadowPrices(*(optimum.scale * part for part in (margins, lower, upper)))
+    margins = np.where(np.any(at.margin_rows != 0, axis=1), multipliers.margins, 0.0)
+    return ShadowPrices(*(scale * part for part in (margins, lower, upper)))
 
 
 def conflict(at: Evaluation) -> ShadowPrices:

@@ -1,12 +1,11 @@
 """Figures of a sweep: a map of two variables, a line of one, scatter and medians of more."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from fencejax.results import Status
-from fencejax.study import SweepTable
+from ..results import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +20,31 @@ _MOST_POINTS = 4000
 _SLICES = 16
 
 
-def draw(table: SweepTable) -> dict[str, "Figure"]:
+class Lanes(Protocol):
+    """What is drawn: the columns of a `fencejax.SweepTable`."""
+
+    @property
+    def variables(self) -> Mapping[str, np.ndarray]: ...
+    @property
+    def outputs(self) -> Mapping[str, np.ndarray]: ...
+    @property
+    def gradient(self) -> Mapping[str, np.ndarray]: ...
+    @property
+    def gradient_of(self) -> str | None: ...
+    @property
+    def units(self) -> Mapping[str, str]: ...
+    @property
+    def scalings(self) -> Mapping[str, str]: ...
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    @property
+    def is_grid(self) -> bool: ...
+    @property
+    def good(self) -> np.ndarray: ...
+    def grid(self, name: str) -> np.ndarray: ...
+
+
+def draw(table: Lanes) -> dict[str, "Figure"]:
     """The figures of every output, and of the elasticities where there is a gradient, by name."""
     if table.is_grid and len(table.shape) == 2:
         one = heat_map
@@ -35,13 +58,7 @@ def draw(table: SweepTable) -> dict[str, "Figure"]:
     return drawn
 
 
-def save(figures: dict[str, "Figure"], folder: Path) -> None:
-    """Write every figure into `folder` as a PNG of its name."""
-    for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=150)
-
-
-def _column(table: SweepTable, name: str) -> tuple[np.ndarray, str]:
+def _column(table: Lanes, name: str) -> tuple[np.ndarray, str]:
     """A column in the unit shown, and the label of its axis."""
     column = table.variables.get(name, table.outputs.get(name))
     assert column is not None
@@ -60,7 +77,7 @@ def _figure(height: float, width: float = _WIDTH) -> "Figure":
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def _prepared(axes: "Axes", table: SweepTable, x: str) -> "Axes":
+def _prepared(axes: "Axes", table: Lanes, x: str) -> "Axes":
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
@@ -69,7 +86,7 @@ def _prepared(axes: "Axes", table: SweepTable, x: str) -> "Axes":
     return axes
 
 
-def _scale(axis, set_scale, table: SweepTable, name: str) -> None:
+def _scale(axis, set_scale, table: Lanes, name: str) -> None:
     """A logarithmic axis where the variable was spaced so, marked with plain numbers."""
     if table.scalings[name] != "logarithmic":
         return
@@ -85,7 +102,7 @@ def _scale(axis, set_scale, table: SweepTable, name: str) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def heat_map(table: SweepTable, name: str) -> "Figure":
+def heat_map(table: Lanes, name: str) -> "Figure":
     """An output over a grid of two variables; hatched where a lane has no good numbers."""
     (y, x), (height, label) = tuple(table.variables), _column(table, name)
     shown = np.where(table.good, height, np.nan).reshape(table.shape)
@@ -122,7 +139,7 @@ def heat_map(table: SweepTable, name: str) -> "Figure":
     return figure
 
 
-def line(table: SweepTable, name: str) -> "Figure":
+def line(table: Lanes, name: str) -> "Figure":
     """An output over one variable; lanes without good numbers are marked below."""
     (x,), (height, label) = tuple(table.variables), _column(table, name)
     place = _column(table, x)[0]
@@ -142,7 +159,7 @@ def _mark_bad(axes: "Axes", places: np.ndarray) -> None:
         )  # fmt: skip
 
 
-def scatter(table: SweepTable, name: str) -> "Figure":
+def scatter(table: Lanes, name: str) -> "Figure":
     """An output against each variable, the others being spread over their ranges: points, and the
     median and the middle 80 % of all of them in slices of the variable."""
     height, label = _column(table, name)
@@ -193,7 +210,7 @@ def _slices(place: np.ndarray, height: np.ndarray):
     return middle, *np.array(found).reshape(-1, 3).T
 
 
-def elasticities(table: SweepTable) -> "Figure":
+def elasticities(table: Lanes) -> "Figure":
     """Elasticities d ln Q / d ln p [1] of the output that was differentiated, over all good lanes:
     median, middle half and middle 90 %."""
     main = str(table.gradient_of)

@@ -1,0 +1,149 @@
+"""The outcome of an optimisation, and what it says of itself."""
+
+import dataclasses
+import enum
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..printing import Readable, Table, shown
+from .evaluator import Record
+from .lagrangian import Evaluation, Multipliers, Residual, Vector
+from .prices import ShadowPrices, prices
+from .variables import DesignSpace
+
+# A price that is less than this share of the largest is none.
+_LITTLE = 1e-3
+
+
+class Stop(enum.Enum):
+    """Why an optimisation ended."""
+
+    OPTIMAL = "the conditions of Karush, Kuhn and Tucker hold within the tolerance"
+    INFEASIBLE = "no feasible design found: the violation falls no further"
+    STAGNATED = "no further progress, short of the tolerance"
+    BUDGET = "the budget of evaluations is spent"
+    FAILED_START = "the first design cannot be evaluated; see its status"
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class Optimum(Readable):
+    """The outcome of `minimize`.
+
+    **Fields:**
+
+    - `first`, `last`: the evaluations at the start and at the end, objectives over `scale`; where
+      nothing feasible was found, the last one is the least-violating of all that were made.
+    - `weights`: share of each objective in the worst case's gradient [1].
+    - `multipliers`: of the margins: the rate at which the worst case (over `scale`) grows with the
+      margin that is demanded.
+    - `scale`: what the objectives were divided by.
+    - `residual`: stationarity, complementarity and violation at `last`; by `"sqp"`, on a kink,
+      with the slopes that points within a hundredth of the ranges found on its sides.
+    - `stop`, `feasible`: why it ended; whether all limits hold.
+    - `history`: every evaluation.
+    """
+
+    first: Evaluation
+    last: Evaluation
+    weights: Vector
+    multipliers: Vector
+    scale: float
+    residual: Residual
+    stop: Stop
+    feasible: bool
+    history: tuple[Record, ...]
+
+    @property
+    def point(self) -> Vector:
+        """The design z, shape (n,)."""
+        return self.last.point
+
+    @property
+    def objectives(self) -> Vector:
+        """Every objective there, in its own unit."""
+        return self.last.objectives * self.scale
+
+    @property
+    def objective(self) -> float:
+        """The worst case there, in the objective's own unit."""
+        return self.last.worst * self.scale
+
+    @property
+    def margins(self) -> Vector:
+        """Every margin there [1]."""
+        return self.last.margins
+
+    @property
+    def converged(self) -> bool:
+        """Whether the point meets the conditions of Karush, Kuhn and Tucker."""
+        return self.stop is Stop.OPTIMAL
+
+    def _printed(self) -> Table:
+        return self.told()
+
+    def told(
+        self, space: DesignSpace | None = None, margins: Sequence[str] = (), unit: str = "1"
+    ) -> Table:
+        """What was found, as a table that prints itself: why the search ended, the worst case
+        before and after, and what decides, with its price.
+
+        **Arguments:**
+
+        - `space`: names the variables and gives their units; without it they are shares.
+        - `margins`: names of the margins, in their order; by default their numbers.
+        - `unit`: of the objective.
+
+        Raises `ValueError` where `margins` or `space` are not as many as there are.
+        """
+        count, size = self.margins.size, self.point.size
+        names = tuple(margins) or tuple(f"margin {k}" for k in range(count))
+        titles = tuple(f"z[{k}]" for k in range(size)) if space is None else space.names
+        if len(names) != count or len(titles) != size:
+            raise ValueError(
+                f"Arguments `margins` and `space` must name the {count} margins and {size} "
+                f"variables of this optimum, but name {len(names)} and {len(titles)}."
+            )
+        feasible = "all limits hold" if self.feasible else (
+            f"no design that holds all limits: the nearest breaks one by "
+            f"{100 * self.residual.violation:.3g} %"
+        )  # fmt: skip
+        rows = [
+            ("ended", self.stop.value),
+            ("limits", feasible),
+            ("worst case", f"{shown(self.first.worst * self.scale, unit)} at the start, "
+             f"{shown(self.objective, unit)} found"),
+            ("evaluations", str(len(self.history))),
+        ]  # fmt: skip
+        if space is None:
+            values = [shown(share) for share in self.point]
+        else:
+            found = np.asarray(space.from_shares(self.point))
+            values = [shown(x, v.unit) for v, x in zip(space.variables, found, strict=True)]
+        rows += [(title, value) for title, value in zip(titles, values, strict=True)]
+        return Table("Optimum", (*rows, *self._deciding(names, titles, unit)))
+
+    def _deciding(self, names, titles, unit: str) -> list[tuple[str, str]]:
+        """What limits and bounds hold the worst case up, most first."""
+        if not np.isfinite(self.last.violation):
+            return []
+        found = shadow_prices(self)
+        rates = [
+            *((rate, f"{name} decides", "each 1 % that it may be smaller")
+              for rate, name in zip(found.margins, names, strict=True)),
+            *((rate, f"lower bound of {name} decides", "each 1 % of the range beyond it")
+              for rate, name in zip(found.lower, titles, strict=True)),
+            *((rate, f"upper bound of {name} decides", "each 1 % of the range beyond it")
+              for rate, name in zip(found.upper, titles, strict=True)),
+        ]  # fmt: skip
+        most = max((rate for rate, *_ in rates), default=0.0)
+        told = sorted((r for r in rates if r[0] > _LITTLE * most), key=lambda r: -r[0])
+        if not told:
+            return [("", "no limit and no bound decides")]
+        return [(name, f"{each}: {shown(0.01 * rate, unit, 3)} less") for rate, name, each in told]
+
+
+def shadow_prices(optimum: Optimum) -> ShadowPrices:
+    """The prices of limits and bounds at an optimum, in the objective's own unit."""
+    multipliers = Multipliers(optimum.weights, optimum.multipliers)
+    return prices(optimum.last, multipliers, optimum.scale)
