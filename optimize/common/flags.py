@@ -156,13 +156,5 @@ def command(configuration: Any, prog: str) -> str:
             words.append(f"--{name}" if value else f"--no-{name}")
         else:
             values = value if isinstance(value, tuple) else (value,)
-            words += [f"--{name}", *(shlex.quote(_said(one)) for one in values)]
+            words += [f"--{name}", *(shlex.quote(str(one)) for one in values)]
     return " ".join(words)
-
-
-def _said(value: Any) -> str:
-    """An element of a field as a flag has it; bounds as name=lower:upper."""
-    if isinstance(value, tuple):
-        name, lower, upper = value
-        return f"{name}={lower!r}:{upper!r}"
-    return str(value)

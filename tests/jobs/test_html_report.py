@@ -81,7 +81,7 @@ def test_the_command_gives_the_configuration(job, tmp_path):
     switch = "--worst-case" if job == "peak_force" else "--quick"
     given = ["--out", str(tmp_path / "a b"), switch, *(["--demo"] if job == "identify" else [])]
     if job == "peak_force":
-        given += ["--bounds", "thickness=0.02:0.08", "--no-plots", "--sort-masses"]
+        given += ["--free", "thickness=20mm:80mm", "--no-plots", "--sort-masses"]
     if job == "design":
         given += ["--set", "belt.speed=2 m/s", "--picture"]
     config = configure(given)
