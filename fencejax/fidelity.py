@@ -70,12 +70,10 @@ class Fidelity(Readable):
       (`jax.grad` too), best below some 30 variables; or `"reverse"`, by checkpoints, for
       `jax.grad` in very many variables.
 
-    **What a good status promises,** of any scene that touches: the peak force within 2.5 %, and its
-    gradient, as elasticities and relative to their norm (or to 1 where that is less), within 50,
-    30 and 15 % at `coarse`, `fast` and `standard`. Of 37,624 random results compared with a
-    reference one was worse, and nine more had two peaks equally high, where the gradient may be
-    that of the other one; 99 % of real designs are within 0.8, 0.5 and 0.3 %, and 8, 3 and 2 %
-    (`tests/robustness/offline_fuzz.py`). The rungs below say what ordinary impacts have.
+    What a good status has meant for the peak force and its gradient, in random scenes and under a
+    search, is told with its numbers in `tests/robustness/TRUST.md`; what each named setting costs,
+    and what errors ordinary impacts have with it, in `tests/peers/SPEED.md`. `choose_fidelity`
+    measures both on one's own scenes.
     """
 
     modes: int | None = 4
@@ -211,42 +209,28 @@ class Fidelity(Readable):
 
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":
-        """Two modes, steps of 1 ms, friction smoothed over 1 mm/s: for sweeps.
-
-        Of 256 random impacts (`optimize.work_precision`) the peak force is off by 0.1 % and its
-        gradient, as elasticities and relative to its norm, by 1.8 % in 95 % of them; in the worst
-        by 0.12 % and 6 %. A third of the cost of `standard` in a batch.
-        """
+        """Two modes, steps of 1 ms, friction smoothed over 1 mm/s: for sweeps."""
         settings = dict(modes=2, step=1e-3, slip_speed=1e-3, static_speed=5e-3)
         return cls(**{**settings, **changes})
 
     @classmethod
     def fast(cls, **changes) -> "Fidelity":
-        """Four modes, steps of 0.5 ms, friction smoothed over 0.5 mm/s: for searches.
-
-        Of the same impacts the peak force is off by 0.03 % and its gradient by 0.9 % in 95 %; in
-        the worst by 0.06 % and 6 %, where friction turns round near the peak. Six tenths of the
-        cost of `standard`.
+        """Four modes, steps of 0.5 ms, friction smoothed over 0.5 mm/s: for searches. Its worst
+        gradients are those of parcels whose friction turns round near the peak.
         """
         return cls(**{"step": 5e-4, **changes})
 
     @classmethod
     def standard(cls, **changes) -> "Fidelity":
-        """The default: four modes, steps of 0.25 ms, friction smoothed over 0.5 mm/s.
-
-        Of the same impacts the peak force is off by 0.02 % and its gradient by 0.4 % in 95 %, by
-        0.06 % and 1.9 % in the worst. Wider ranges give worse cases: ask `choose_fidelity`.
+        """The default: four modes, steps of 0.25 ms, friction smoothed over 0.5 mm/s. Wider ranges
+        than those of ordinary impacts give worse cases: ask `choose_fidelity`.
         """
         return cls(**changes)
 
     @classmethod
     def reference(cls, **changes) -> "Fidelity":
         """Twelve modes, the paper's chords, steps of 25 us, friction smoothed over 0.05 mm/s; for
-        double precision.
-
-        Within 2e-5 of an independent version with all modes and the same smoothing, which itself
-        moves the peak force of the same impacts by 0.005 % at most and its gradient by 0.1 %.
-        Thirty times the cost of `standard`.
+        double precision, and some ten times the cost of `standard`.
         """
         settings = dict(
             modes=12, geometry="chord", step=2.5e-5, longest_stride=1,

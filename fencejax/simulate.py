@@ -46,6 +46,7 @@ from .results import (
     error,
     gather,
     running,
+    traced,
 )
 from .scenes import Body, NormalScene, Pose, Scene
 
@@ -330,14 +331,14 @@ def _run(
     measures = {name: m for name, m in known.items() if only is None or name in only}
     wanted = {part: only is None or part in only for part in _PARTS}
     running_sums = running(tuple(measures.values()), wanted["energy"])
+    traces = traced(tuple(measures.values()))
     done, unmet = 1.0, None
     if isinstance(scene, NormalScene):
         link = normal_direction.prepared(scene, fidelity)
-        recorder = NormalRecorder(
-            scene.parcel, link, running_sums, fidelity.step_tolerance is None
-        )
-        record, samples, start, unmet = normal_direction.run(
-            scene, link, fidelity, recorder, history
+        alike = fidelity.step_tolerance is None
+        recorder = NormalRecorder(scene, link, running_sums, traces, alike, history)
+        record, saved, start, unmet = normal_direction.run(
+            scene, link, fidelity, recorder, recorder.saves
         )
         status = diagnostics.of_normal_record(scene, link, record, unmet)
     else:
@@ -345,15 +346,15 @@ def _run(
         mechanics, clock, memory = prepared(scene, fidelity)
         start, modal = clock.start, fidelity.integrator == "modal"
         alike = not modal or clock.counts[-1] == 1
-        recorder = SceneRecorder(mechanics, running_sums, alike)
+        recorder = SceneRecorder(scene, mechanics, running_sums, traces, alike, history)
         if modal:
-            record, samples, unmet = time_loop.modal(
-                mechanics, clock, memory, steps, recorder, history
+            record, saved, unmet = time_loop.modal(
+                mechanics, clock, memory, steps, recorder, recorder.saves
             )
         else:
             vibration = None if memory.fence is None else memory.fence.vibration
-            record, samples, done = diffrax_reference.run(
+            record, saved, done = diffrax_reference.run(
                 mechanics, clock, memory.body, vibration, steps, recorder
             )
         status = diagnostics.of_record(scene, mechanics, record, done, start, unmet)
-    return gather(record, measures, wanted, samples if history else None, start, status)
+    return gather(record, measures, wanted, saved, start, status)

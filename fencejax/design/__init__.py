@@ -1,14 +1,18 @@
 """Constrained optimisation: design variables, objectives, limits, risk, and the optimisers.
 
 May import: `results` and what is below it. Nothing here runs a simulation: a problem is a function
-that its caller writes. A new objective or limit is one row of `objectives`.
+that its caller writes. A new objective or limit is one row of `objectives`, or a `Quantity` with a
+measure of its own, as those of `drivability`, `fatigue`, `shock` and `sorting` are.
 """
 
 from . import (
+    drivability as drivability,
+    fatigue as fatigue,
     objectives as objectives,
     quadratic_program as quadratic_program,
     risk as risk,
     shock as shock,
+    sorting as sorting,
 )
 from .evaluator import (
     Evaluator as Evaluator,
@@ -35,6 +39,7 @@ from .objectives import (
     Limit as Limit,
     Quantity as Quantity,
     fields as fields,
+    measures as measures,
 )
 from .optimizer import (
     minimize as minimize,

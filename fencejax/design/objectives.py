@@ -29,6 +29,8 @@ class Quantity:
     - `read`: the function of the result and the scene behind it.
     - `needs`: the parts of the scene that it cannot do without: `"fence"`, `"belt"`, `"drive"`.
     - `fields`: the fields of the result that it reads; `None` if that is not known.
+    - `measures`: measures of its own among these, for `fencejax.simulate(measures=...)`. What is
+      not asked for is not computed.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Quantity:
     read: Callable[..., Array]
     needs: tuple[str, ...] = ()
     fields: tuple[str, ...] | None = None
+    measures: tuple[Measure, ...] = ()
 
     def __repr__(self) -> str:
         return f"{self.name} [{self.unit}]: {self.meaning}"
@@ -58,7 +61,9 @@ class Quantity:
         return self.read(result, scene)
 
 
-def of_measure(measure: Measure, name: str | None = None) -> Quantity:
+def of_measure(
+    measure: Measure, name: str | None = None, needs: tuple[str, ...] = ()
+) -> Quantity:
     """A measure of a result as a quantity, by its own name or another."""
     field = measure.name
     return Quantity(
@@ -66,7 +71,9 @@ def of_measure(measure: Measure, name: str | None = None) -> Quantity:
         measure.unit,
         measure.meaning,
         lambda result, scene: getattr(result, field),
-        fields=(field,),
+        needs,
+        (field,),
+        () if field in MEASURES else (measure,),
     )
 
 
@@ -147,6 +154,13 @@ def fields(quantities: Iterable[Quantity]) -> tuple[str, ...] | None:
             return None
         names.update(quantity.fields)
     return tuple(sorted(names))
+
+
+def measures(quantities: Iterable[Quantity]) -> tuple[Measure, ...]:
+    """The measures of their own that some quantities read, each once, for
+    `fencejax.simulate(measures=...)`."""
+    found = {m.name: m for quantity in quantities for m in quantity.measures}
+    return tuple(found.values())
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,12 +1,20 @@
-"""A blow in the parcel's own terms: as a load in g, and as the drop that hits as hard."""
+"""A blow in the parcel's own terms: as a load in g, as the drop that hits as hard, as a change of
+its velocity, and as damage or none."""
+
+import functools
 
 import jax
 import jax.numpy as jnp
+from jax.scipy.stats import norm
 from jaxtyping import Array, ArrayLike
 
 from ..parts import Parcel
+from ..results import Course, Measure, Trace, accumulators
+from .objectives import Quantity
 
 _GRAVITY = 9.81
+# The share of its peak above which a pulse lasts, as ASTM D3332 (3.2.6) has it.
+_PULSE = 0.1
 
 
 def g_load(force: ArrayLike, mass: ArrayLike, gravity: float = _GRAVITY) -> Array:
@@ -46,3 +54,155 @@ def drop_height(force: ArrayLike, parcel: Parcel, gravity: float = _GRAVITY) -> 
     # One more step carries the derivative.
     log_speed = closer(wanted, parcel, jax.lax.stop_gradient(log_speed))
     return jnp.where(none, 0.0, jnp.exp(2 * log_speed) / (2 * gravity))
+
+
+def pulse_impulse(course: Course) -> Array:
+    """The impulse [N s] of the pulse in a force [N] that holds its largest value: from where it
+    rises through a tenth of that to where it falls through it again, straight between samples."""
+    time, force = course
+    if force is None:
+        return jnp.zeros_like(time[0])
+    # The peak as `Result.peak_force` has it, at the vertex of a parabola, changes the level by
+    # 1e-4 of the force: the sample does.
+    place = jnp.argmax(jax.lax.stop_gradient(force)).astype(jnp.int32)
+    excess = force - _PULSE * force[place]
+    low = jax.lax.stop_gradient(excess) <= 0
+    here = jnp.arange(force.shape[0], dtype=jnp.int32)
+    begin = jnp.max(jnp.where(low & (here < place), here, 0))
+    end = jnp.min(jnp.where(low & (here > place), here, force.shape[0] - 1))
+    inside = (here[:-1] >= begin) & (here[1:] <= end)
+    pairs = ((signal[:-1], signal[1:]) for signal in (force, excess))
+    parts = jnp.diff(time) * jax.vmap(accumulators.mean_where)(*pairs)
+    return jnp.sum(jnp.where(inside, parts, 0.0))
+
+
+_PULSE_IMPULSE = Measure(
+    "pulse_impulse", "N s", "impulse of the blow with the largest force, above a tenth of it",
+    "at least 0", Trace("force", lambda sample: sample.fence_force), pulse_impulse,
+)  # fmt: skip
+PEAK_LOAD = Quantity(
+    "peak_load", "1", "largest force on the parcel over its weight: acceleration in g",
+    lambda result, scene: g_load(result.peak_force, scene.parcel.mass),
+    fields=("peak_force",),
+)  # fmt: skip
+VELOCITY_CHANGE = Quantity(
+    "velocity_change", "m/s", "change of the parcel's velocity by the blow with the largest force",
+    lambda result, scene: result.pulse_impulse / scene.parcel.mass,
+    fields=("pulse_impulse",),
+    measures=(_PULSE_IMPULSE,),
+)  # fmt: skip
+
+
+@functools.lru_cache
+def damage_boundary(critical_load: float, critical_velocity_change: float) -> Quantity:
+    """How near [1] a blow comes to doing damage, min(A / A_c, dV / dV_c): only where both are
+    exceeded does it, and this is above 1.
+
+    **Arguments:** `critical_load` A_c [1], an acceleration in g, and `critical_velocity_change`
+    dV_c [m/s]: the damage boundary of a product, by tests of ASTM D3332 (R. E. Newton, Fragility
+    assessment, 1968).
+    """
+
+    def read(result, scene):
+        load = PEAK_LOAD(result, scene) / critical_load
+        change = VELOCITY_CHANGE(result, scene) / critical_velocity_change
+        return jnp.minimum(load, change)
+
+    return Quantity(
+        "damage", "1", "how near the blow comes to the parcel's damage boundary", read,
+        fields=("peak_force", "pulse_impulse"), measures=(_PULSE_IMPULSE,),
+    )  # fmt: skip
+
+
+def share_damaged(
+    load: ArrayLike,
+    velocity_change: ArrayLike,
+    critical_load: ArrayLike,
+    critical_velocity_change: ArrayLike,
+    *,
+    spread: float = 0.0,
+    weights: ArrayLike | None = None,
+) -> Array:
+    """The share [1] of parcels that are damaged: those whose blow exceeds both their critical
+    acceleration and their critical velocity change.
+
+    **Arguments:**
+
+    - `load` [1], `velocity_change` [m/s]: of each parcel's blow, of shape (n,).
+    - `critical_load` [1], `critical_velocity_change` [m/s]: of each parcel, or of all.
+    - `spread` [1]: the standard deviation of the natural logarithm of both critical values among
+      parcels alike, independent of each other; the values given are then medians, and a parcel
+      counts with the probability Phi(ln(A / A_c) / s) Phi(ln(dV / dV_c) / s). With 0 it counts or
+      does not, and the share has no derivative.
+    - `weights`: how often each parcel comes, of shape (n,); by default all alike.
+    """
+    pairs = ((load, critical_load), (velocity_change, critical_velocity_change))
+    ratios = [jnp.asarray(value) / jnp.asarray(critical) for value, critical in pairs]
+    if spread == 0:
+        hurt = jnp.where((ratios[0] > 1) & (ratios[1] > 1), 1.0, 0.0)
+    else:
+        # A blow of nothing is one of 1e-30.
+        chances = [norm.cdf(jnp.log(jnp.maximum(r, 1e-30)) / spread) for r in ratios]
+        hurt = chances[0] * chances[1]
+    if weights is None:
+        return jnp.mean(hurt)
+    given = jnp.asarray(weights)
+    return jnp.sum(given * hurt) / jnp.sum(given)
+
+
+def pseudo_velocity_spectrum(
+    time: ArrayLike, acceleration: ArrayLike, frequencies: ArrayLike, damping_ratio: float = 0.05
+) -> Array:
+    """The pseudo-velocity shock spectrum [m/s] of a course of acceleration: omega times the largest
+    |z| of an oscillator z'' + 2 zeta omega z' + omega^2 z = -a(t) on the parcel, at rest before,
+    during the course and after it.
+
+    The acceleration is straight between samples and ends with the course; the motion between them
+    is exact, its largest value taken at the samples and, free, after the end: (pi f h)^2 / 2 of it
+    may be missed where samples are h apart, 5 % with 10 of them a period.
+
+    **Arguments:** `time` [s] and `acceleration` [m/s^2], of shape (n,); `frequencies` f [Hz], of
+    shape (k,), above 0; `damping_ratio` zeta [1], from 0 to below 1.
+
+    Source: H. A. Gaberson, Shock severity estimation, Sound and Vibration 46 (1), 2012.
+    """
+    time, acceleration = jnp.asarray(time), jnp.asarray(acceleration)
+    steps = jnp.diff(time)
+
+    def of(frequency):
+        omega = 2 * jnp.pi * frequency
+        decay, free = damping_ratio * omega, omega * (1 - damping_ratio**2) ** 0.5
+
+        def advance(state, sample):
+            (place, rate), (length, before, now) = state, sample
+            # z = -(a_0 + k t) / omega^2 + 2 zeta k / omega^3 moves with the load; what is left of
+            # the state rings freely.
+            slope = jnp.where(length > 0, now - before, 0.0) / jnp.where(length > 0, length, 1.0)
+            lag = 2 * damping_ratio * slope / omega**3
+            ringing = place + before / omega**2 - lag, rate + slope / omega**2
+            place, rate = _rung(ringing, length, decay, free)
+            place, rate = place - now / omega**2 + lag, rate - slope / omega**2
+            return (place, rate), jnp.abs(place)
+
+        zero = jnp.zeros_like(omega + acceleration[0])
+        samples = (steps, acceleration[:-1], acceleration[1:])
+        state, during = jax.lax.scan(advance, (zero, zero), samples)
+        # The first time after the end at which the free motion turns.
+        place, rate = state
+        turn = jnp.arctan2(rate * free, omega**2 * place + decay * rate) / free
+        turn = jnp.where(turn > 0, turn, turn + jnp.pi / free)
+        after = jnp.abs(_rung(state, turn, decay, free)[0])
+        return omega * jnp.maximum(jnp.max(during), after)
+
+    return jax.vmap(of)(jnp.asarray(frequencies))
+
+
+def _rung(state, time, decay, free):
+    """A free oscillator's state after a time."""
+    place, rate = state
+    sine, cosine = jnp.sin(free * time), jnp.cos(free * time)
+    other = (rate + decay * place) / free
+    shrink = jnp.exp(-decay * time)
+    moved = shrink * (place * cosine + other * sine)
+    speed = shrink * (rate * cosine - (decay * other + free * place) * sine)
+    return moved, speed

@@ -313,7 +313,11 @@ class FlexibleLink(eqx.Module):
         )
 
     def bending_stress(self, amplitude: Blocks, loads, shapes) -> Array:
-        """|sigma_b| [Pa] at the nodes 0 ... n - 1 of the link.
+        """|sigma_b| [Pa] at the nodes 0 ... n - 1 of the link."""
+        return jnp.abs(self.signed_stress(amplitude, loads, shapes))
+
+    def signed_stress(self, amplitude: Blocks, loads, shapes) -> Array:
+        """sigma_b [Pa] at the nodes 0 ... n - 1 of the link, positive where w'' is.
 
         Moment of the modes kept plus that of the contact loads carried statically by the modes
         left out: M = sum EI phi_i'' eta_i - sum_j r_j [(sigma_j - x)_+ - sum EI phi_i''
@@ -327,13 +331,13 @@ class FlexibleLink(eqx.Module):
             reached = jnp.minimum(shape.place, self.reach)
             moment = moment - load * jnp.maximum(reached - self.rigid_length - self.stations, 0.0)
             moment = moment + load * _combined(self.bending_flexibility, shape.load)
-        return jnp.abs(moment) * self.stress_scale
+        return moment * self.stress_scale
 
 
 def _combined(tables: Blocks, values: Blocks) -> Array:
     """Sum over the modes of a table over the nodes (first axis) times the modes' values."""
     parts = [
-        table @ value if jnp.ndim(value) else table * value
+        jnp.sum(table * value, axis=-1) if jnp.ndim(value) else table * value
         for table, value in zip(tables, values, strict=True)
     ]
     return sum(parts[1:], parts[0])

@@ -14,9 +14,75 @@ class Motor(Part):
     known, and bounds nothing."""
 
     torque: Array | None
+    rated_torque: Array | None
+    no_load_speed: Array | None
+    stall_torque: Array | None
+    rotor_inertia: Array | None
+    gear_ratio: Array | None
+    efficiency: Array | None
 
-    bounds: ClassVar[dict[str, Bounds]] = {"torque": Bounds("N m", above=0, size=100.0)}
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "torque": Bounds("N m", above=0, size=100.0),
+        "rated_torque": Bounds("N m", above=0, size=100.0),
+        "no_load_speed": Bounds("rad/s", above=0, size=10.0),
+        "stall_torque": Bounds("N m", above=0, size=100.0),
+        "rotor_inertia": Bounds("kg m^2", least=0, size=1e-3),
+        "gear_ratio": Bounds(above=0, size=10.0),
+        "efficiency": Bounds(above=0, most=1, size=1.0),
+    }
 
-    def __init__(self, torque: ArrayLike | None = None):
-        """**Arguments:** `torque` [N m]: the largest that it gives, either way, above 0."""
-        self.torque = None if torque is None else _check.field(self, "torque", torque)
+    def __init__(
+        self,
+        torque: ArrayLike | None = None,
+        rated_torque: ArrayLike | None = None,
+        no_load_speed: ArrayLike | None = None,
+        stall_torque: ArrayLike | None = None,
+        rotor_inertia: ArrayLike | None = None,
+        gear_ratio: ArrayLike | None = None,
+        efficiency: ArrayLike | None = None,
+    ):
+        """**Arguments,** all but the rotor's inertia at the hinge, that is torques times, and
+        speeds over, the gear ratio:
+
+        - `torque` [N m]: the largest that it gives, either way, above 0.
+        - `rated_torque` [N m]: the root mean square that it gives for ever, above 0.
+        - `no_load_speed` [rad/s]: omega_0, where its torque has fallen to nothing, above 0.
+        - `stall_torque` [N m]: T_s, where the line of torque over speed begins, at standstill, by
+          default `torque`: T = T_s (1 - omega / omega_0).
+        - `rotor_inertia` [kg m^2]: J of rotor, brake and coupling, at the motor's own shaft, at
+          least 0. At the hinge it is J i^2.
+        - `gear_ratio` [1]: i, turns of the motor to one of the fence, by default 1.
+        - `efficiency` [1] of the gear, above 0, at most 1: of the power that goes through it,
+          either way, so much comes out.
+
+        Raises `ValueError` where a number is out of its bounds, the rated torque is above the
+        largest one, or there is a stall torque without a no-load speed or the other way round.
+        """
+        given = dict(
+            torque=torque, rated_torque=rated_torque, no_load_speed=no_load_speed,
+            stall_torque=stall_torque, rotor_inertia=rotor_inertia, gear_ratio=gear_ratio,
+            efficiency=efficiency,
+        )  # fmt: skip
+        for name, value in given.items():
+            setattr(self, name, None if value is None else _check.field(self, name, value))
+        if self.torque is not None and self.rated_torque is not None:
+            remedy = "Give the largest torque as `torque`, that of lasting use as `rated_torque`."
+            share = self.rated_torque / self.torque
+            _check.scalar("rated_torque / torque", share, most=1, remedy=remedy)
+        if self.no_load_speed is not None and self.stall_torque is None and self.torque is None:
+            raise ValueError(
+                "Argument `stall_torque` [N m] must be given with `no_load_speed`, but is None: "
+                "two points make the line of torque over speed. Write stall_torque=600.0."
+            )
+        if self.stall_torque is not None and self.no_load_speed is None:
+            raise ValueError(
+                "Argument `no_load_speed` [rad/s] must be given with `stall_torque`, but is None: "
+                "two points make the line of torque over speed. Write no_load_speed=8.0."
+            )
+
+    @property
+    def reflected_inertia(self) -> Array | float:
+        """J i^2 [kg m^2]: the rotor's inertia as the hinge feels it; 0 where it is not known."""
+        if self.rotor_inertia is None:
+            return 0.0
+        return self.rotor_inertia * (1.0 if self.gear_ratio is None else self.gear_ratio) ** 2

@@ -4,7 +4,7 @@ them.
 - a scene from above at an instant, and as moving pictures: `draw_scene`, `animate`;
 - signals over time: `histories`, `energies`, `force`, `tip_deflection`;
 - a fence for the workshop: `fence_drawing` (a sheet to scale), `write_dxf`, `fence_outline`;
-- charts: `heat_map`, `front`, `convergence`, `gradient_bars`.
+- charts: `heat_map`, `front`, `convergence`, `gradient_bars`, `shock_spectrum`.
 
 matplotlib and ezdxf are imported where they are first used, and matplotlib's global state is left
 alone: a figure is made where no axes are given, and belongs to them (`axes.figure`).
@@ -44,6 +44,9 @@ from .fence_shape import (
 from .scene_drawing import (
     draw_scene as draw_scene,
     reference_force as reference_force,
+)
+from .shock_spectrum import (
+    shock_spectrum as shock_spectrum,
 )
 from .style import (
     COLORS as COLORS,

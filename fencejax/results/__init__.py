@@ -9,7 +9,12 @@ from . import (
     diagnostics as diagnostics,
     error as error,
 )
-from .accumulators import Accumulator as Accumulator, Step as Step
+from .accumulators import (
+    Accumulator as Accumulator,
+    Course as Course,
+    Step as Step,
+    Trace as Trace,
+)
 from .error import (
     GradientEstimate as GradientEstimate,
     coarser as coarser,
@@ -25,6 +30,7 @@ from .recorder import (
     NormalRecorder as NormalRecorder,
     SceneRecorder as SceneRecorder,
     running as running,
+    traced as traced,
 )
 from .refinement import (
     Refined as Refined,

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Smoothing
-from ..scenes import Body
+from ..scenes import Body, NormalScene, Scene
 from .peak import Peak, Span
 from .sample import Sample
 
@@ -26,7 +26,7 @@ class Step(NamedTuple):
 
     `unbalance` [N] is the force that the step's equations leave unbalanced; `second` whether `now`
     is the scene's second sample; `smoothing` how dry friction is smoothed; `known` the
-    states of all accumulators before this step.
+    states of all accumulators before this step; `scene` what is simulated.
     """
 
     before: Sample
@@ -36,6 +36,7 @@ class Step(NamedTuple):
     unbalance: Array
     smoothing: Smoothing
     known: Mapping[str, Any]
+    scene: NormalScene | Scene
 
     def integral(self, before: Array, now: Array) -> Array:
         """Of a signal over the step, by the trapezoidal rule, as the motion's are."""
@@ -56,6 +57,36 @@ class Accumulator:
     start: Callable[[Sample, Body], Any]
     update: Callable[[Any, Step], Any]
     needs: tuple["Accumulator", ...] = ()
+
+
+class Course(NamedTuple):
+    """A signal over a scene: times [s] of shape (n,) and the signal there, of shape (n, ...). Where
+    longer steps have left room, the last sample is repeated."""
+
+    time: Array
+    signal: Any
+
+
+@dataclasses.dataclass(frozen=True)
+class Trace:
+    """A signal that is kept at every sample, for a measure that its whole course has to be known
+    for; the measure is read from a `Course`. In place of an accumulator."""
+
+    name: str
+    signal: Callable[[Sample], Any]
+
+
+def mean_where(value: tuple[Array, Array], level: tuple[Array, Array]) -> Array:
+    """Mean over a step of a value where a level is above 0, and of 0 elsewhere; both run straight
+    from what they are before the step to what they are now."""
+    (a, b), (low, high) = value, level
+    apart = (low > 0) != (high > 0)
+    share = jnp.where(apart, low, 0.0) / jnp.where(apart, low - high, 1.0)
+    # The part before, and the part after, the moment at which the level is 0.
+    first = share * (a + 0.5 * share * (b - a))
+    whole = 0.5 * (a + b)
+    part = jnp.where(low > 0, first, whole - first)
+    return jnp.where(apart, part, jnp.where(low > 0, whole, 0.0))
 
 
 def peak_of(name: str, signal: Callable[[Sample], Array | None]) -> Accumulator:

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from . import accumulators
-from .accumulators import Accumulator, ContactTimes
+from .accumulators import Accumulator, ContactTimes, Trace
 
 # Factors by which the spread between fidelities is multiplied to give an error estimate. Chosen on
 # 240 random impacts and 200 random sorts at `fast` and at `standard`, against `reference`: in each
@@ -34,8 +34,8 @@ class Measure:
     - `unit`: SI.
     - `meaning`: a line on what it is.
     - `sign`: `"at least 0"` or `"either way"`; `"NaN if none"` where it may be missing.
-    - `accumulator`: the running state that it is read from.
-    - `read`: the number [`unit`] from that state at the end.
+    - `accumulator`: the running state that it is read from, or a `Trace`.
+    - `read`: the number [`unit`] from that state at the end, or from the trace's `Course`.
     - `error_factor`: what the spread between fidelities is multiplied by in an error estimate;
       `None` for none.
     - `moment`: whether it is a moment or a duration, known to a step at best.
@@ -48,7 +48,7 @@ class Measure:
     unit: str
     meaning: str
     sign: str
-    accumulator: Accumulator
+    accumulator: Accumulator | Trace
     read: Callable[[Any], Array]
     error_factor: float | None = None
     moment: bool = False

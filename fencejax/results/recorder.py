@@ -10,10 +10,9 @@ from jaxtyping import Array
 
 from ..fidelity import Smoothing
 from ..model import FlexibleLink, Mechanics, NormalState, SceneState
-from ..parts import Parcel
-from ..scenes import Body
+from ..scenes import Body, NormalScene, Scene
 from . import accumulators
-from .accumulators import Accumulator, Step
+from .accumulators import Accumulator, Course, Step, Trace
 from .measures import Measure
 from .peak import Span
 from .resolution import RESOLUTION
@@ -29,11 +28,20 @@ _JUDGED = (
 
 class Record(NamedTuple):
     """Running results: the last sample, the length of the last step [s] (`None` where all are
-    alike), and the state of each accumulator by name."""
+    alike), the state of each accumulator by name, and each trace's signal at the last sample."""
 
     last: Sample
     length: Array | None
     states: dict[str, Any]
+    signals: dict[str, Any]
+
+
+class Saved(NamedTuple):
+    """What is kept at every sample: the sample itself for a history, or `None`, and the courses
+    that are traced, by name."""
+
+    history: Sample | None
+    courses: dict[str, Course]
 
 
 class AbstractRecorder(eqx.Module):
@@ -41,12 +49,17 @@ class AbstractRecorder(eqx.Module):
 
     - `smoothing`: how dry friction is smoothed.
     - `wanted`: the accumulators that run, each after those it needs.
+    - `traces`: the signals that are kept at every sample.
     - `alike`: whether all steps are of one length.
+    - `history`: whether every sample is kept.
     """
 
+    scene: eqx.AbstractVar[Any]
     smoothing: eqx.AbstractVar[Smoothing]
     wanted: eqx.AbstractVar[tuple[Accumulator, ...]]
+    traces: eqx.AbstractVar[tuple[Trace, ...]]
     alike: eqx.AbstractVar[bool]
+    history: eqx.AbstractVar[bool]
 
     @abc.abstractmethod
     def sample(self, state: Any) -> Sample:
@@ -57,7 +70,9 @@ class AbstractRecorder(eqx.Module):
         shapes = jax.eval_shape(self.sample, like)
         nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
         states = {each.name: each.start(nothing, body) for each in self.wanted}
-        return Record(nothing, None if self.alike else nothing.time, states)
+        signals = {each.name: each.signal(nothing) for each in self.traces}
+        length = None if self.alike else nothing.time
+        return Record(nothing._replace(stresses=None), length, states, signals)
 
     def update(self, record: Record, state: Any, length: Array, unbalance: Array) -> Record:
         """The record with the next sample, one step of `length` [s] after the last; 0 for the
@@ -71,13 +86,24 @@ class AbstractRecorder(eqx.Module):
         span = Span(length, first, ratio)
         # Times count from the scene's first sample.
         second = ~first & (before.time == 0)
-        step = Step(before, now, span, second, unbalance, self.smoothing, record.states)
+        step = Step(
+            before, now, span, second, unbalance, self.smoothing, record.states, self.scene
+        )
         states = {each.name: each.update(record.states[each.name], step) for each in self.wanted}
-        return Record(now, None if record.length is None else length, states)
+        signals = {each.name: each.signal(now) for each in self.traces}
+        kept = None if record.length is None else length
+        return Record(now._replace(stresses=None), kept, states, signals)
 
-    def saved(self, record: Record) -> Sample:
-        """What a history keeps at every sample."""
-        return record.last
+    @property
+    def saves(self) -> bool:
+        """Whether anything is kept at every sample."""
+        return self.history or bool(self.traces)
+
+    def saved(self, record: Record) -> Saved:
+        """What is kept at every sample."""
+        time = record.last.time
+        courses = {name: Course(time, signal) for name, signal in record.signals.items()}
+        return Saved(record.last if self.history else None, courses)
 
 
 def running(measures: tuple[Measure, ...], energy: bool) -> tuple[Accumulator, ...]:
@@ -93,23 +119,42 @@ def running(measures: tuple[Measure, ...], energy: bool) -> tuple[Accumulator, .
     for accumulator in _JUDGED:
         add(accumulator)
     for measure in measures:
-        add(measure.accumulator)
+        if isinstance(measure.accumulator, Accumulator):
+            add(measure.accumulator)
     if energy:
         add(accumulators.WORK)
         add(accumulators.ORIGIN)
     return tuple(found.values())
 
 
+def traced(measures: tuple[Measure, ...]) -> tuple[Trace, ...]:
+    """The traces behind some measures, each once."""
+    found = (measure.accumulator for measure in measures)
+    return tuple({each.name: each for each in found if isinstance(each, Trace)}.values())
+
+
 class SceneRecorder(AbstractRecorder):
     """Of a scene in the plane."""
 
+    scene: Scene
     mechanics: Mechanics
     smoothing: Smoothing = eqx.field(static=True)
     wanted: tuple[Accumulator, ...] = eqx.field(static=True)
+    traces: tuple[Trace, ...] = eqx.field(static=True)
     alike: bool = eqx.field(static=True)
+    history: bool = eqx.field(static=True)
 
-    def __init__(self, mechanics: Mechanics, wanted: tuple[Accumulator, ...], alike: bool):
-        self.mechanics, self.wanted, self.alike = mechanics, wanted, alike
+    def __init__(
+        self,
+        scene: Scene,
+        mechanics: Mechanics,
+        wanted: tuple[Accumulator, ...],
+        traces: tuple[Trace, ...],
+        alike: bool,
+        history: bool,
+    ):
+        self.scene, self.mechanics = scene, mechanics
+        self.wanted, self.traces, self.alike, self.history = wanted, traces, alike, history
         self.smoothing = mechanics.fidelity.smoothing
 
     def sample(self, state: SceneState) -> Sample:
@@ -119,22 +164,27 @@ class SceneRecorder(AbstractRecorder):
 class NormalRecorder(AbstractRecorder):
     """Of a scene of the normal direction alone."""
 
-    parcel: Parcel
+    scene: NormalScene
     link: FlexibleLink | None
     smoothing: Smoothing = eqx.field(static=True)
     wanted: tuple[Accumulator, ...] = eqx.field(static=True)
+    traces: tuple[Trace, ...] = eqx.field(static=True)
     alike: bool = eqx.field(static=True)
+    history: bool = eqx.field(static=True)
 
     def __init__(
         self,
-        parcel: Parcel,
+        scene: NormalScene,
         link: FlexibleLink | None,
         wanted: tuple[Accumulator, ...],
+        traces: tuple[Trace, ...],
         alike: bool,
+        history: bool,
     ):
-        self.parcel, self.link, self.wanted, self.alike = parcel, link, wanted, alike
+        self.scene, self.link = scene, link
+        self.wanted, self.traces, self.alike, self.history = wanted, traces, alike, history
         # Nothing slides: any smoothing does.
         self.smoothing = Smoothing(1.0, 1.0)
 
     def sample(self, state: NormalState) -> Sample:
-        return describe_normal(self.parcel, self.link, state)
+        return describe_normal(self.scene.parcel, self.link, state)

@@ -8,11 +8,12 @@ from jaxtyping import Array
 
 from ..printing import known, numbers
 from ..scenes import Body
+from .accumulators import Trace
 from .by_name import AbstractByName
 from .error_estimate import ErrorEstimate
 from .ledger import Ledger, ledger
 from .measures import MEASURES, Measure
-from .recorder import Record
+from .recorder import Record, Saved
 from .sample import Sample
 from .status import Status, counted
 
@@ -125,21 +126,29 @@ def gather(
     record: Record,
     measures: Mapping[str, Measure],
     wanted: Mapping[str, bool],
-    samples: Sample | None,
+    saved: Saved | None,
     start_time: Array,
     status: Array,
 ) -> Result:
-    """The result from a record: the `measures`, and of `final`, `energy` and `start_time` what is
-    `wanted`."""
+    """The result from a record and what was saved at every sample: the `measures`, and of `final`,
+    `energy` and `start_time` what is `wanted`."""
     states = record.states
+
+    def read(measure: Measure) -> Array:
+        source = measure.accumulator
+        if not isinstance(source, Trace):
+            return measure.read(states[source.name])
+        assert saved is not None
+        return measure.read(saved.courses[source.name])
+
     energy = None
     if wanted["energy"]:
         energy = ledger(states["origin"], record.last.energy, states["work"])
     return Result(
-        measures={name: m.read(states[m.accumulator.name]) for name, m in measures.items()},
+        measures={name: read(measure) for name, measure in measures.items()},
         final=_if(wanted["final"], record.last.body),
         energy=_if(energy is not None, energy),
         start_time=_if(wanted["start_time"], start_time),
         status=status,
-        history=samples,
+        history=None if saved is None else saved.history,
     )

@@ -79,6 +79,9 @@ class Sample(NamedTuple):
     C_s [m]; empty where the tip carries none, as they follow from the fence's slope then."""
     surfaces: tuple[tuple[Contact, ...], ...] = ()
     """For each of the scene's other surfaces: its corners."""
+    stresses: Array | None = None
+    """Bending stress [Pa] at the nodes 0 ... n - 1 of the flexible link, positive on the side away
+    from the parcel where a parcel bends it; not in histories."""
 
 
 def describe(
@@ -98,7 +101,7 @@ def describe(
         share = mechanics.fade(c.place)
         stored = stored + touch.remaining(share) * mechanics.law.stored_energy(c.gap)
         over_tip = jnp.where(mechanics.ends(k, c, touch), 1.0, over_tip)
-    tip, stress, place, torque = zero, zero, zero, zero
+    tip, stress, place, torque, stresses = zero, zero, zero, zero, None
     energy = Energy(kinetic, zero, zero, stored)
     power = Power(
         drive=zero,
@@ -118,7 +121,7 @@ def describe(
     if fence is not None:
         link = mechanics.link
         assert link is not None
-        tip, stress, place = bent(link, fence)
+        tip, stress, place, stresses = bent(link, fence)
         torque = _torque(link, fence, forces)
         energy = _fence_energy(link, fence, energy)
         power = _fence_power(link, fence, forces, torque, power)
@@ -146,6 +149,7 @@ def describe(
         surfaces=tuple(
             tuple(meeting.contact for meeting in group) for group in forces.surfaces
         ),
+        stresses=stresses,
     )
 
 
@@ -158,14 +162,16 @@ def carried(fence: FenceState) -> tuple[tuple[Array, Array], ...]:
     )
 
 
-def bent(link: FlexibleLink, fence: FenceState) -> tuple[Array, Array, Array]:
+def bent(link: FlexibleLink, fence: FenceState) -> tuple[Array, Array, Array, Array]:
     """Deflection of the tip [m], positive where a parcel bends it, the largest bending stress [Pa]
-    and its arc coordinate [m]."""
+    in size and its arc coordinate [m], and the stress at every node [Pa], signed as the tip's
+    deflection is."""
     amplitude = fence.vibration.amplitude
     tip = -link.tip_deflection(amplitude, fence.lagged, fence.shapes)
-    stresses = link.bending_stress(amplitude, fence.lagged, fence.shapes)
+    signed = link.signed_stress(amplitude, fence.lagged, fence.shapes)
+    stresses = jnp.abs(signed)
     worst = jnp.argmax(stresses)
-    return tip, stresses[worst], link.rigid_length + link.stations[worst]
+    return tip, stresses[worst], link.rigid_length + link.stations[worst], -signed
 
 
 def strain_energy(link: FlexibleLink, fence: FenceState) -> Array:
@@ -238,10 +244,10 @@ def describe_normal(parcel: Parcel, link: FlexibleLink | None, state: NormalStat
     stored = parcel.contact_law.stored_energy(state.gap)
     energy = Energy(0.5 * parcel.mass * state.rate**2, zero, zero, stored)
     power = Power(zero, zero, zero, state.force * state.gap_rate, zero, zero, zero, zero)
-    place, tip, stress, stress_place = zero, zero, zero, zero
+    place, tip, stress, stress_place, stresses = zero, zero, zero, zero, None
     if link is not None and fence is not None:
         place = fence.shapes[0].place + zero
-        tip, stress, stress_place = bent(link, fence)
+        tip, stress, stress_place, stresses = bent(link, fence)
         kinetic = 0.5 * link.mass_scale * total(v * v for v in fence.vibration.rate)
         energy = energy._replace(fence=kinetic, strain=strain_energy(link, fence))
         power = power._replace(beam_damping=damping_power(link, fence))
@@ -264,4 +270,5 @@ def describe_normal(parcel: Parcel, link: FlexibleLink | None, state: NormalStat
         energy=energy,
         power=power,
         carried=() if fence is None else carried(fence),
+        stresses=stresses,
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import _check, printing
 from .._check import Bounds
-from ..design import OBJECTIVES, Quantity, risk
+from ..design import Quantity, risk
 from ..parts import (
     AbstractDrive,
     AbstractFriction,
@@ -133,7 +133,10 @@ class Machine(Readable):
         parts = (self.belt, self.fence, self.drive, self.fence_friction, self.border, self.motor)
         leaves, structure = jax.tree.flatten((parts, self.materials))
         rest = (dict(self.free), dict(self.choices), self.duration)
-        bounds = [(row.name, row.quantity.name, row.sense, bound) for row, bound in self.bounds]
+        bounds = [
+            (row.name, row.quantity.name, row.sense, dict(row.chosen), bound)
+            for row, bound in self.bounds
+        ]
         objective = (self.objective.quantity.name, self.objective.over, self.objective.level)
         numbers = [np.asarray(leaf).tolist() for leaf in leaves]
         return repr([str(structure), numbers, rest, bounds, objective])
@@ -231,12 +234,15 @@ class Machine(Readable):
             name = scene_numbers.elements(parts, scene_path(path))[0]
             unit = scene_numbers.number(parts, name).unit
             found += [(path, float(value), unit) for value in values]
-        if self.motor.torque is not None:
-            found.append(("motor.torque", float(self.motor.torque), "N m"))
+        found += [
+            (f"motor.{name}", float(value), bounds.unit)
+            for name, bounds in self.motor.bounds.items()
+            if (value := getattr(self.motor, name)) is not None
+        ]
         if self.period is not None:
             found.append(("period", self.period, "s"))
         found += [
-            (f"limits.{row.name}", bound, row.quantity.unit)
+            (f"limits.{row.name}", bound, row.given_unit)
             for row, bound in self.bounds
             if bound is not None
         ]
@@ -278,12 +284,13 @@ def read(tables: Table, folder: Path) -> Machine:
             f"Argument `period` [s] must be given where {', '.join(moved)} of the drive are free: "
             'how long a sort is followed. Write, for example, period = "1.5 s".'
         )
+    motor = _motor(tables.get("motor", {}))
     return Machine(
         str(tables.get("title", "")),
         belt,
         fence,
         drive,
-        _motor(tables.get("motor", {})),
+        motor,
         friction,
         border,
         sheets,
@@ -292,7 +299,7 @@ def read(tables: Table, folder: Path) -> Machine:
         found.spans,
         found.choices,
         limit_table.read(tables.get("limits", {})),
-        _objective(tables.get("objective", {})),
+        _objective(tables.get("objective", {}), motor),
     )
 
 
@@ -311,17 +318,18 @@ def _motor(raw: Any) -> Motor:
 _OBJECTIVE = ("minimize", "over", "level")
 
 
-def _objective(raw: Any) -> Objective:
+def _objective(raw: Any, motor: Motor) -> Objective:
     table = raw if isinstance(raw, Mapping) else {"minimize": raw}
     refuse_unknown("objective", table, _OBJECTIVE)
     wanted = table.get("minimize", "peak_force")
     if isinstance(wanted, str):
-        if wanted not in OBJECTIVES:
+        known = limit_table.quantities(motor)
+        if wanted not in known:
             raise ValueError(
-                f"Argument `objective.minimize` must be one of {', '.join(OBJECTIVES)}, but is "
-                f"{wanted!r}.{nearest(wanted, OBJECTIVES)}"
+                f"Argument `objective.minimize` must be one of {', '.join(known)}, but is "
+                f"{wanted!r}.{nearest(wanted, known)}"
             )
-        wanted = OBJECTIVES[wanted]
+        wanted = known[wanted]
     wanted = _check.part("objective", wanted, Quantity, "objective='peak_force'")
     over = _check.choice("objective.over", table.get("over", "worst"), risk.MEASURES)
     level = amount("objective.level", table.get("level", 0.95), "1")

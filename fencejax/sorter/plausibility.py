@@ -38,11 +38,18 @@ _USUAL: Mapping[str, tuple[float, float]] = {
     "offset": (0.0, 4.0),
     "front": (-20.0, 4.0),
     "motor.torque": (0.05, 1e6),
+    "motor.rated_torque": (0.05, 1e6),
+    "motor.stall_torque": (0.05, 1e6),
+    "motor.no_load_speed": (0.05, 500.0),
+    "motor.rotor_inertia": (0.0, 1.0),
+    "motor.gear_ratio": (0.2, 1000.0),
+    "motor.efficiency": (0.1, 1.0),
     "period": (0.1, 300.0),
     "limits.tip_deflection": (1e-4, 3.0),
     "limits.stress": (1e4, 5e9),
     "limits.torque": (0.05, 1e6),
     "limits.ring": (1e-6, 1.0),
+    "limits.life": (1.0, 1e12),
 }
 # What a number of a unit is often typed in.
 _SLIPS: Mapping[str, tuple[str, ...]] = {

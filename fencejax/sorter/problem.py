@@ -144,7 +144,7 @@ class SorterProblem:
             raise ValueError(
                 f"Argument `limits` must bound the same for all materials, but {candidate.name} "
                 f"has {names} where {self.candidates[0].name} has {expected}. Give the bound, or "
-                "the material's allowed stress."
+                "the material's allowed stress and fatigue strength; `false` leaves a limit out."
             )
         return found
 

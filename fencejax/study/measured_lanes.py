@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..design import Quantity, fields
+from ..design import Quantity, fields, measures
 from ..fidelity import Fidelity
 from ..scenes import AnyScene
 from ..simulate import simulate
@@ -30,11 +30,11 @@ def measured(
     - `quantities`, `fidelity`: what is read, and how finely it is computed.
     - `chunk`: how many lanes at most go through one vectorised call.
     """
-    only = fields(quantities)
+    only, own = fields(quantities), measures(quantities)
 
     def one(lane) -> dict[str, Array]:
         made = scene(lane)
-        result = simulate(made, fidelity=fidelity, history=False, only=only)
+        result = simulate(made, fidelity=fidelity, history=False, only=only, measures=own)
         return {**{q.name: q(result, made) for q in quantities}, "status": result.status}
 
     numbers = jax.tree.map(jnp.asarray, lanes)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from .. import _check
-from ..design import OBJECTIVES, Quantity, fields
+from ..design import OBJECTIVES, Quantity, fields, measures
 from ..fidelity import Fidelity
 from ..results import counted
 from ..scenes import AnyScene, numbers as scene_numbers
@@ -39,7 +39,8 @@ def _programs(structure, shapes, quantities: tuple[Quantity, ...], fidelity: Fid
 
     def outcome(numbers):
         scene = scene_numbers.with_values(like, numbers)
-        result = simulate(scene, fidelity=fidelity, history=False, only=fields(quantities))
+        only, own = fields(quantities), measures(quantities)
+        result = simulate(scene, fidelity=fidelity, history=False, only=only, measures=own)
         return jnp.stack([quantity(result, scene) for quantity in quantities]), result.status
 
     def sloped(numbers):

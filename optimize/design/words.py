@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fencejax.design import Stop
+from fencejax.design import Stop, fatigue
 from fencejax.sorter import Look, Price, Solution, SorterProblem
 
 from ..common.amounts import plain, shown
@@ -92,9 +92,18 @@ def before_and_after(problem: SorterProblem, one: Solution) -> str:
         where = "" if lane is None else f", {problem.machine.parcels.text(lane)}"
         title = f"{plain(name)} {sign} {shown(limit.bound, unit, 3)}"
         cells = [f"{shown(v, unit, 3)} ({float(limit.margin_of(v)):+.2f})" for v, _ in found]
+        where += _lasting(one, name, found[-1][0])
         lines.append(f"{title:<26}" + "".join(f"{cell:>20}" for cell in cells) + f"   {where[2:]}")
     lines.append("(margins in brackets, with the parcel; a limit holds at 0 or more)")
     return "\n".join(lines)
+
+
+def _lasting(one: Solution, name: str, stress: float) -> str:
+    """How many sorts a fence bears at a fatigue stress [Pa]; nothing for other limits."""
+    strength = one.candidate.material.fatigue_strength
+    if name != fatigue.FATIGUE_STRESS.name or strength is None or not stress > 0:
+        return ""
+    return f", for {float(fatigue.life(stress, strength)):.1g} sorts"
 
 
 def decides(problem: SorterProblem, one: Solution) -> str:

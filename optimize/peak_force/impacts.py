@@ -81,7 +81,10 @@ def measure(
     def one(distance, mass):
         scene = impacts.scene(fence, drive, distance, mass)
         only = None if signals else objectives.fields(quantities)
-        result = fj.simulate(scene, fidelity=fidelity, history=signals, only=only)
+        own = objectives.measures(quantities)
+        result = fj.simulate(
+            scene, fidelity=fidelity, history=signals, only=only, measures=own
+        )
         read = {q.name: q(result, scene) for q in quantities}
         read["status"] = result.status
         history = result.history

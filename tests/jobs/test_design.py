@@ -35,6 +35,7 @@ top_speed = "3 rad/s"
 sorted = "-0.6 m"
 tip_deflection = "170 mm"
 torque = LIMIT
+life = 1e4
 """
 
 

@@ -1,0 +1,154 @@
+"""How a sort goes besides its blow: when the parcel is across, what the fence's tip carries, when
+the fence is out of the next parcel's way, and whether the parcel stands."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..parts import turned
+from ..results import Accumulator, Measure, Step, accumulators
+from ..scenes import Scene
+from .objectives import Quantity, of_measure
+
+
+def _crossed(state, step: Step):
+    time, over = state
+    belt = getattr(step.scene, "belt", None)
+    if belt is None:
+        return state
+    before, now = step.before.body.y - belt.width, step.now.body.y - belt.width
+    crosses = (now >= 0) & (over == 0)
+    rise = now - before
+    share = jnp.where(crosses & (rise > 0), -before / jnp.where(rise > 0, rise, 1.0), 1.0)
+    at = step.before.time + jnp.clip(share, 0.0, 1.0) * step.span.length
+    at = jnp.where(crosses, at, step.now.time - now)
+    over_now = jnp.where(crosses, jnp.ones_like(over), over)
+    return jnp.where(over == 0, at, time), over_now
+
+
+CROSSING_TIME = of_measure(
+    Measure(
+        "crossing_time", "s", "when C_s passes the belt's far edge; where it does not, the end and "
+        "1 s for each metre that it is short of it",
+        "either way", Accumulator("crossed", lambda nothing, body: (nothing.time,) * 2, _crossed),
+        lambda state: state[0],
+    ),
+    needs=("belt",),
+)  # fmt: skip
+"""Between samples C_s is taken to move straight: off by a h^2 / (8 v), some 1e-6 s."""
+
+
+def _at_tip(state, step: Step):
+    fence = getattr(step.scene, "fence", None)
+    if fence is None:
+        return state
+    for was, now in zip(step.before.fence, step.now.fence, strict=True):
+        beyond = was.place - fence.reach, now.place - fence.reach
+        part = accumulators.mean_where((was.normal, now.normal), beyond)
+        state = state + step.span.length * part
+    return state
+
+
+_TIP_IMPULSE = Measure(
+    "tip_impulse", "N s", "impulse of the fence's normal force on corners beyond its tip",
+    "at least 0", Accumulator("tip impulse", lambda nothing, body: nothing.time, _at_tip),
+    lambda state: state,
+)  # fmt: skip
+# 1e-9 N s: far below what matters, so that no contact is a share of 0.
+TIP_SHARE = Quantity(
+    "tip_share", "1", "share of the impulse that the fence's tip carries: while the foot of the "
+    "corner that presses is beyond it",
+    lambda result, scene: result.tip_impulse / (result.impulse + 1e-9),
+    needs=("fence",),
+    fields=("impulse", "tip_impulse"),
+    measures=(_TIP_IMPULSE,),
+)  # fmt: skip
+
+_TIMES = 256
+
+
+def shortest_period(scene: Scene) -> Array:
+    """The shortest time [s] from parcel to parcel at which the returning fence is out of the next
+    one's way.
+
+    The next parcel rides in as this one did, a period T later. Its corner k, at (x_k, y_k) when its
+    own drive starts, is clear of the fence's line, y = x tan(alpha), at the time t of this sort
+    where x_k - v (T - t) <= y_k / tan(alpha(t)): for all corners and all t of the drive's cycle,
+
+        T = max (t + (x_k - y_k / tan(alpha(t))) / v).
+
+    A corner on the border asks for the fence to be home. The fence is straight here, and as long as
+    it needs to be; the drive comes home without jumps of its speed.
+
+    Raises `ValueError` for a scene in which the parcel does not ride in from the belt.
+    """
+    drive, belt, start = scene.drive, scene.belt, scene.start
+    if drive is None or belt is None or start.distance() is not None:
+        raise ValueError(
+            "Argument `scene` must have a drive, a belt and a parcel that rides in on it, but has "
+            f"{start!r}. Write fj.scenes.whole_sort(...)."
+        )
+    body = start.body(scene.parcel, belt, None)
+    turn = jnp.cos(body.angle), jnp.sin(body.angle)
+    speed = jnp.maximum(belt.speed, 1e-9)
+    end = jnp.asarray(drive.cycle)
+
+    def wanted(time, x, y):
+        # A fence below 1e-9 rad is home.
+        angle = drive.angle(time)
+        out = angle > 1e-9
+        cotangent = jnp.cos(angle) / jnp.where(out, jnp.sin(angle), 1.0)
+        return jnp.where(out, time + (x - y * cotangent) / speed, -end)
+
+    def least(x, y):
+        # The largest of times all over, then of such about it, and about that: to 1e-7 of the
+        # cycle. It has no slope in time there, so that the time's own derivative is none.
+        low, high = jnp.zeros_like(end), end
+        at = low
+        for _ in range(3):
+            spacing = (high - low) / _TIMES
+            times = low + spacing * jnp.arange(_TIMES + 1, dtype=end.dtype)
+            at = times[jnp.argmax(jax.vmap(wanted, in_axes=(0, None, None))(times, x, y))]
+            low, high = at - spacing, jnp.minimum(at + spacing, end)
+        return wanted(jax.lax.stop_gradient(at), x, y)
+
+    arms = [turned(turn, *scene.parcel.corner(k)) for k in (1, 2, 3, 4)]
+    x, y = (at + jnp.stack(arm) for at, arm in zip(body[:2], zip(*arms, strict=True), strict=True))
+    return jnp.max(jnp.where(y <= 1e-9, end + x / speed, jax.vmap(least)(x, y)))
+
+
+CLEAR_PERIOD = Quantity(
+    "clear_period", "s", "shortest time from parcel to parcel at which the returning fence is "
+    "clear of the next parcel",
+    lambda result, scene: shortest_period(scene),
+    needs=("belt", "drive"),
+    # It depends on the parcel, as what is read of every sort does.
+    fields=("status",),
+)  # fmt: skip
+
+
+@functools.lru_cache
+def tipping(center_height: float, contact_height: float, depth: float | None = None) -> Quantity:
+    """How near [1] a parcel comes to tipping over, N |h_C - z| / (m g b / 2) at the largest force;
+    it stands where this is below 1.
+
+    The fence presses at the height z, the parcel's inertia acts at that of its centre of gravity,
+    h_C; the weight holds it down, b / 2 from the edge of its base. What the belt's friction takes
+    from the moment is left out, on the safe side.
+
+    **Arguments:** `center_height` h_C, `contact_height` z [m] above the belt; `depth` b [m] of the
+    base in the direction of the force, by default the parcel's shorter side.
+    """
+
+    def read(result, scene):
+        parcel = scene.parcel
+        base = jnp.minimum(parcel.length, parcel.breadth) if depth is None else depth
+        lever = abs(center_height - contact_height)
+        return result.peak_force * lever / (0.5 * base * parcel.mass * scene.belt.gravity)
+
+    return Quantity(
+        "tipping", "1", "moment of the largest force that tips the parcel, over that of its weight",
+        read, needs=("belt",), fields=("peak_force",),
+    )  # fmt: skip

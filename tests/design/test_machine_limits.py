@@ -1,0 +1,184 @@
+"""What a designer limits in a sort, against NumPy's reading of its history, values and slopes."""
+
+import functools
+from types import SimpleNamespace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import rainflow
+
+import fencejax as fj
+from fencejax.design import drivability, fatigue, objectives, shock, sorting
+from fencejax.results import Measure
+
+MOTOR = fj.Motor(
+    torque=900.0, no_load_speed=9.0, rotor_inertia=1e-3, gear_ratio=40.0, efficiency=0.9
+)
+PLAIN = (
+    fatigue.FATIGUE_STRESS, sorting.CROSSING_TIME, sorting.TIP_SHARE, shock.PEAK_LOAD,
+    shock.VELOCITY_CHANGE, shock.damage_boundary(6.0, 1.0), sorting.tipping(0.25, 0.1),
+    drivability.rms_torque(), drivability.drive_work(),
+)  # fmt: skip
+BEHIND = tuple(
+    quantity(MOTOR)
+    for quantity in (
+        drivability.motor_torque, drivability.rms_torque, drivability.peak_power,
+        drivability.drive_work, drivability.net_work, drivability.speed_torque,
+    )
+)  # fmt: skip
+# Those of the motor have the names of those without it.
+NAMED = {**{q.name: q for q in PLAIN}, **{f"motor_{q.name}": q for q in BEHIND}}
+OWN = Measure("stresses", "Pa", "", "either way", fatigue.STRESS, lambda course: course.signal)
+POINT = np.array([0.03, 3.0, 6.0])
+
+
+def scene(point):
+    """A sort that is soon over, in which the parcel leaves over the tip: the fence's thickness, the
+    drive's top speed and the parcel's mass."""
+    thickness, speed, mass = point
+    return fj.scenes.whole_sort(
+        front=0.95, offset=0.01, fence_corners=(1,), border=None, fence_friction=None,
+        belt=fj.Belt(width=0.3), fence=fj.Fence(thickness=thickness), parcel=fj.Parcel(mass=mass),
+        drive=fj.HarmonicDrive(speed, 0.5), duration=0.5,
+    )  # fmt: skip
+
+
+def _once(quantities):
+    """Quantities of one motor in one run, as a problem reads them."""
+
+    def values(point):
+        made = scene(point)
+        result = fj.simulate(
+            made, fidelity=fj.Fidelity.fast(), history=False, only=objectives.fields(quantities),
+            measures=objectives.measures(quantities),
+        )  # fmt: skip
+        return jnp.stack([quantity(result, made) for quantity in quantities])
+
+    return values
+
+
+@functools.cache
+def ours():
+    """Values and slopes, of shape (m,) and (m, 3), by the names of `NAMED`."""
+
+    def both(point):
+        return jnp.concatenate([_once(PLAIN)(point), _once(BEHIND)(point)])
+
+    def sloped(point):
+        return both(point), jax.jacfwd(both)(point)
+
+    values, slopes = jax.jit(sloped)(jnp.asarray(POINT))
+    return dict(zip(NAMED, zip(np.asarray(values), np.asarray(slopes), strict=True), strict=True))
+
+
+@jax.jit
+def _recorded(point):
+    result = fj.simulate(
+        scene(point), fidelity=fj.Fidelity.fast(), only=("history", "stresses"), measures=[OWN]
+    )
+    return result.history, result.stresses
+
+
+def inner(time, values):
+    """The largest, at the vertex of the parabola through three samples."""
+    i = int(np.argmax(values))
+    a, b, c = np.polyfit(time[i - 1 : i + 2] - time[i], values[i - 1 : i + 2], 2)
+    return c - b * b / (4 * a)
+
+
+def where_positive(time, level, signal):
+    """The integral of a signal while a level is above 0, both straight between samples: with the
+    moments at which the level is 0 among the samples."""
+    turns = np.flatnonzero((level[:-1] > 0) != (level[1:] > 0))
+    share = level[turns] / (level[turns] - level[turns + 1])
+    zeros = time[turns] + share * (time[turns + 1] - time[turns])
+    fine = np.sort(np.concatenate([time, zeros]))
+    values = np.interp(fine, time, signal)
+    inside = np.interp(0.5 * (fine[1:] + fine[:-1]), time, level) > 0
+    return np.sum(inside * np.diff(fine) * 0.5 * (values[1:] + values[:-1]))
+
+
+def amplitude(time, stress):
+    """sigma_eq by the package `rainflow`, vertices by NumPy."""
+    fine = stress.copy()
+    for i in range(1, stress.size - 1):
+        if (stress[i] - stress[i - 1]) * (stress[i + 1] - stress[i]) <= 0:
+            a, b, c = np.polyfit(time[i - 1 : i + 2] - time[i], stress[i - 1 : i + 2], 2)
+            fine[i] = c - b * b / (4 * a) if a != 0 else stress[i]
+    worst = 0.0
+    for side in (fine, -fine):
+        order = np.append(np.roll(side, -np.argmax(side)), np.max(side))
+        total = sum(
+            count * (max(mean + span / 2, 0) * span / 2) ** 5
+            for span, mean, count, *_ in rainflow.extract_cycles(order)
+        )
+        worst = max(worst, total**0.1)
+    return worst
+
+
+@functools.cache
+def read(point):
+    """The same by NumPy, from the history of one run."""
+    history, stresses = jax.tree.map(np.asarray, _recorded(jnp.asarray(point)))
+    taken = 1 + int(np.searchsorted(history.time, history.time[-1]))
+    history, stresses = jax.tree.map(lambda x: x[:taken], (history, stresses))
+    time, force, mass = history.time, history.fence_force, point[2]
+    whole = lambda t, signal: np.trapezoid(signal, t)  # noqa: E731
+    found = {}
+    found["fatigue_stress"] = max(amplitude(time, column) for column in stresses.T)
+    over = np.argmax(history.body.y >= 0.3)
+    found["crossing_time"] = np.interp(
+        0.3, history.body.y[over - 1 : over + 1], time[over - 1 : over + 1]
+    )
+    beyond = history.fence[0].place - 1.2
+    found["tip_share"] = where_positive(time, beyond, force) / whole(time, force)
+    peak = inner(time, force)
+    found["peak_load"] = peak / (mass * 9.81)
+    top = int(np.argmax(force))
+    above = force > 0.1 * force[top]
+    first = top - np.argmin(above[top::-1])
+    last = top + np.argmin(above[top:]) if not np.all(above[top:]) else time.size - 1
+    blow = slice(first, last + 1)
+    impulse = where_positive(time[blow], force[blow] - 0.1 * force[top], force[blow])
+    found["velocity_change"] = impulse / mass
+    found["damage"] = min(found["peak_load"] / 6.0, found["velocity_change"] / 1.0)
+    found["tipping"] = peak * 0.15 / (0.5 * 0.3 * mass * 9.81)
+    speed, load = history.drive.speed, history.torque
+    lasting = lambda torque: np.sqrt(whole(time, torque**2) / 0.5)  # noqa: E731
+    positive = lambda power: where_positive(time, power, power)  # noqa: E731
+    found["rms_torque"], found["drive_work"] = lasting(load), positive(load * speed)
+    torque = np.where(load * speed > 0, load / 0.9, load * 0.9)
+    torque = torque + 1e-3 * 40**2 * history.drive.acceleration
+    found["motor_motor_torque"] = inner(time, np.abs(torque))
+    found["motor_rms_torque"] = lasting(torque)
+    found["motor_peak_power"] = inner(time, np.abs(torque * speed))
+    found["motor_drive_work"] = positive(torque * speed)
+    found["motor_net_work"] = whole(time, torque * speed)
+    found["motor_speed_torque"] = inner(time, np.abs(torque / 900 + speed / 9))
+    return SimpleNamespace(values=found, history=history)
+
+
+@pytest.mark.parametrize("name", list(NAMED))
+def test_values_and_slopes_are_those_of_the_history(name):
+    value, slope = ours()[name]
+    there = read(tuple(POINT))
+    assert there.values[name] != 0
+    assert value == pytest.approx(there.values[name], rel=1e-9)
+    ones = np.eye(3) * 1e-5 * POINT
+    for i, one in enumerate(ones):
+        ends = [read(tuple(POINT + sign * one)).values[name] for sign in (1, -1)]
+        expected = (ends[0] - ends[1]) / 2e-5
+        # As elasticities, by central differences of 1e-5. The steps' lengths, which the loop
+        # chooses by the motion, are not differentiated.
+        assert slope[i] * POINT[i] == pytest.approx(expected, rel=2e-3, abs=1e-3 * abs(value))
+
+
+def test_what_is_asked_for_is_what_there_is():
+    # The machine: most of its limits are read of a sort in which they mean something.
+    history = read(tuple(POINT)).history
+    assert np.max(history.fence[0].place) > 1.2
+    assert 0.01 < ours()["tip_share"][0] < 0.9
+    assert ours()["crossing_time"][0] < 0.5
+    assert ours()["motor_net_work"][0] < ours()["motor_drive_work"][0]
