@@ -3,10 +3,11 @@ them.
 
 - a scene from above at an instant, and as moving pictures: `draw_scene`, `animate`;
 - signals over time: `histories`, `energies`, `force`, `tip_deflection`;
+- a fence for the workshop: `fence_drawing` (a sheet to scale), `write_dxf`, `fence_outline`;
 - charts: `heat_map`, `front`, `convergence`, `gradient_bars`, `shock_spectrum`.
 
-matplotlib is imported where it is first used, and its global state is left alone: a figure is made
-where no axes are given, and belongs to them (`axes.figure`).
+matplotlib and ezdxf are imported where they are first used, and matplotlib's global state is left
+alone: a figure is made where no axes are given, and belongs to them (`axes.figure`).
 
 May import: `results` and what is below it.
 """
@@ -24,6 +25,17 @@ from .charts import (
     gradient_bars as gradient_bars,
     heat_map as heat_map,
     non_dominated as non_dominated,
+)
+from .fence_drawing import (
+    fence_drawing as fence_drawing,
+)
+from .fence_dxf import (
+    LAYERS as LAYERS,
+    write_dxf as write_dxf,
+)
+from .fence_outline import (
+    FenceOutline as FenceOutline,
+    fence_outline as fence_outline,
 )
 from .fence_shape import (
     FORCES as FORCES,

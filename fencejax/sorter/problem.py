@@ -164,12 +164,15 @@ class SorterProblem:
     def data(self, candidate: Candidate) -> tuple[Any, ...]:
         """What a run of the program holds fixed: lanes, weights, bounds, units of the margins."""
         limits = [limit for _, limit in self.limits(candidate)]
-        lanes = {**self.lanes(candidate), "weight": self.machine.parcels.weights}
         return (
-            lanes,
+            self._weighted(candidate),
             np.array([limit.bound for limit in limits]),
             np.array([limit.unit_of_margin for limit in limits]),
         )
+
+    def _weighted(self, candidate: Candidate) -> dict[str, np.ndarray]:
+        """The lanes of a candidate, of any material and any numbers, with their weights."""
+        return {**self.lanes(candidate), "weight": self.machine.parcels.weights}
 
     # ---- the program
 
@@ -265,7 +268,7 @@ class SorterProblem:
                 )
         programs, point = [self._measures[each] for each in ladder], jnp.asarray(z, dtype=float)
         found = refined(
-            lambda rung, lanes: programs[rung](point, lanes), self.data(candidate)[0], len(ladder)
+            lambda rung, lanes: programs[rung](point, lanes), self._weighted(candidate), len(ladder)
         )
         return Measured(dict(found.numbers), found.statuses, found.rungs)
 

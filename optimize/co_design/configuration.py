@@ -25,8 +25,8 @@ class CoDesignConfig:
 
     out: Path = flags.field(
         Path("out"),
-        "folder for co_design.json, evaluations.jsonl and the figures; a job that was "
-        "interrupted goes on from there",
+        "folder for co_design.json, report.html, fence.dxf, evaluations.jsonl and the figures; a "
+        "job that was interrupted goes on from there",
     )
     sorter: str = machine.sorter_field()
     set: tuple[str, ...] = machine.set_field()

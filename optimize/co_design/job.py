@@ -18,32 +18,14 @@ import time
 
 import numpy as np
 
-from fencejax.design import Journal, Optimum, Stop, Verification, minimize, objectives, verify
+from fencejax.design import Journal, Stop, minimize, objectives, verify
 from fencejax.results import counted
 
 from ..common import command, designs, evaluations, machine, report
+from . import page
 from .configuration import CoDesignConfig, configure
+from .outcome import Outcome
 from .problem import Joint
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What the job found: the designs [SI], both measured at the finer fidelity, its verdict."""
-
-    config: CoDesignConfig
-    joint: Joint
-    optimum: Optimum
-    before: np.ndarray
-    after: np.ndarray
-    measured: dict[str, dict[str, np.ndarray]]
-    verified: Verification
-    elapsed: float
-
-    @property
-    def succeeded(self) -> bool:
-        """Feasible, sought to the end and confirmed by the finer fidelity."""
-        ended = self.optimum.stop.name in ("OPTIMAL", "STAGNATED")
-        return self.optimum.feasible and ended and self.verified.confirmed
 
 
 def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcome:
@@ -174,6 +156,7 @@ def _write(outcome: Outcome, journal: Journal) -> None:
         lane = int(np.argmax(outcome.measured["after"]["peak_force"]))
         figures.sorts(joint, outcome.before, outcome.after, lane, config.out)
         figures.search(joint, optimum, config.out)
+    page.write(outcome, _verdict(outcome))
 
 
 def run():

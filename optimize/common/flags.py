@@ -6,6 +6,7 @@ import dataclasses
 import difflib
 import operator
 import re
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -141,3 +142,19 @@ def reader(
         return configuration(**(vars(made) | said))
 
     return configure
+
+
+def command(configuration: Any, prog: str) -> str:
+    """The command line that gives a configuration, with a flag for each field that is not at its
+    default, and the folder."""
+    words = ["python", "-m", prog]
+    for each in dataclasses.fields(configuration):
+        value, name = getattr(configuration, each.name), each.name.replace("_", "-")
+        if value == each.default and each.name != "out":
+            continue
+        if isinstance(value, bool):
+            words.append(f"--{name}" if value else f"--no-{name}")
+        else:
+            values = value if isinstance(value, tuple) else (value,)
+            words += [f"--{name}", *(shlex.quote(str(one)) for one in values)]
+    return " ".join(words)

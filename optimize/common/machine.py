@@ -57,7 +57,7 @@ def pairs(field: str, texts: tuple[str, ...]) -> dict[str, str]:
     return found
 
 
-def _path(sorter: str) -> Path:
+def file_of(sorter: str) -> Path:
     """The sorter file of a name."""
     path = Path(sorter)
     return path if path.suffix or path.exists() else SORTERS / f"{sorter}.toml"
@@ -71,7 +71,7 @@ def load(
     Raises `ValueError` and `TypeError` for what cannot be read, and for numbers that no such
     machine has.
     """
-    path = _path(sorter)
+    path = file_of(sorter)
     spans: dict[str, Any] = {name: span(text) for name, text in pairs("free", free).items()}
     values = {name: value(text) for name, text in pairs("set", given).items()}
     with warnings.catch_warnings():
@@ -158,7 +158,7 @@ def chosen(config: Any) -> fj.sorter.Machine | None:
                 "--sorter paper for the paper's machine."
             )
         return None
-    changed = _path(config.sorter).stat().st_mtime_ns
+    changed = file_of(config.sorter).stat().st_mtime_ns
     free = tuple(text for text in config.free if not _of_job(config, text))
     return _machine(config.sorter, config.set, free, changed)
 

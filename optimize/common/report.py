@@ -100,6 +100,18 @@ def design_table(space: DesignSpace, before, after) -> str:
     return "\n".join(lines)
 
 
+def to_logarithms(space: DesignSpace, at: Evaluation) -> np.ndarray:
+    """What makes derivatives in the shares s those in ln p: p / (dp / ds) of every variable."""
+    values = np.asarray(space.from_shares(at.point))
+    spans = [
+        variable.upper - variable.lower
+        if variable.scaling == "linear"
+        else value * math.log(variable.upper / variable.lower)
+        for variable, value in zip(space.variables, values, strict=True)
+    ]
+    return values / np.asarray(spans)
+
+
 def elasticities(
     space: DesignSpace,
     limits: tuple[Limit, ...],
@@ -109,15 +121,7 @@ def elasticities(
 ) -> dict[str, dict[str, float]]:
     """d ln Q / d ln p [1] of the objective and of the limited quantities that are positive, each
     in the impact where it is worst. A variable whose value is 0 has none: 0."""
-    values = np.asarray(space.from_shares(at.point))
-    spans = [
-        variable.upper - variable.lower
-        if variable.scaling == "linear"
-        else value * math.log(variable.upper / variable.lower)
-        for variable, value in zip(space.variables, values, strict=True)
-    ]
-    # The derivatives are those in the shares s: p / (dp / ds).
-    factor = values / np.asarray(spans)
+    factor = to_logarithms(space, at)
     count = at.objectives.size
     worst = int(np.argmax(at.objectives))
     rows = {objective.name: at.objective_rows[worst] / at.objectives[worst]}

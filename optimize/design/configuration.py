@@ -14,14 +14,15 @@ class DesignConfig:
 
     not_in_key = frozenset({
         "out", "sorter", "set", "free", "tolerance", "feasibility", "budget", "check", "agreement",
+        "picture",
     })  # fmt: skip
     """Fields that do not bear on the numbers of an evaluation: those kept hold for any. Bounds of
     limits are addressed with the parcels."""
 
     out: Path = flags.field(
         Path("out"),
-        "folder for design.json and evaluations.jsonl; a job that was interrupted goes on from "
-        "there",
+        "folder for design.json, report.html, fence.dxf and evaluations.jsonl; a job that was "
+        "interrupted goes on from there",
     )
     sorter: str = machine.sorter_field("paper")
     set: tuple[str, ...] = machine.set_field()
@@ -43,6 +44,11 @@ class DesignConfig:
     )
     agreement: float = flags.field(
         0.02, "largest relative error of the objective that confirms a design [1]", above=0
+    )
+    picture: bool = flags.field(
+        False,
+        "simulate the hardest parcel's sort once more, for the report's pictures of it: one more "
+        "program to compile",
     )
 
     def __post_init__(self):

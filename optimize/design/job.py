@@ -23,31 +23,9 @@ from fencejax.sorter import Solution, SorterProblem, rigid, solve
 
 from ..common import command, evaluations
 from ..common.report import progress_line, write_json
-from . import words
+from . import page, words
 from .configuration import DesignConfig, configure
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What the job found: a solution for each candidate, the best first, and the largest objective
-    of a fence that does not bend, of the best one's shape."""
-
-    config: DesignConfig
-    problem: SorterProblem
-    solutions: list[Solution]
-    stiff: float
-    elapsed: float
-
-    @property
-    def best(self) -> Solution:
-        """The first in rank."""
-        return self.solutions[0]
-
-    @property
-    def succeeded(self) -> bool:
-        """Whether the best design holds every limit and the finer fidelity confirms it."""
-        verified = self.best.verified
-        return self.best.feasible and (verified is None or verified.confirmed)
+from .outcome import Outcome
 
 
 def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
@@ -82,6 +60,7 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     outcome = Outcome(config, problem, solutions, stiff, time.perf_counter() - begin)
     say("\n" + told(outcome))
     _write(outcome, journal)
+    page.write(outcome)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
 

@@ -3,23 +3,9 @@
 import numpy as np
 
 from fencejax.design import Stop, fatigue
-from fencejax.sorter import Look, Solution, SorterProblem
+from fencejax.sorter import Look, Price, Solution, SorterProblem
 
-_SHOWN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa")}
-
-
-def shown(value: float, unit: str, digits: int = 4) -> str:
-    """A number in the unit that a designer reads it in."""
-    factor, title = _SHOWN.get(unit, (1.0, unit))
-    scaled = 0.0 if abs(value) < 1e-9 else factor * value
-    # Whole numbers where there are more digits than asked for.
-    text = f"{scaled:.0f}" if 10**digits <= abs(scaled) < 1e7 else f"{scaled:.{digits}g}"
-    return text + ("" if title == "1" else f" {title}")
-
-
-def plain(name: str) -> str:
-    """A name in words."""
-    return name.replace("_", " ")
+from ..common.amounts import plain, shown
 
 
 def worst(problem: SorterProblem, look: Look, name: str) -> tuple[float, int | None]:
@@ -41,8 +27,8 @@ def hardest(problem: SorterProblem, look: Look) -> str:
     return problem.machine.parcels.text(int(np.argmax(values)))
 
 
-def ranking(problem: SorterProblem, solutions: list[Solution]) -> str:
-    """A row a candidate, the best first."""
+def ranking_rows(problem: SorterProblem, solutions: list[Solution]) -> list[list[str]]:
+    """Titles, and a row a candidate, the best first."""
     quantity = problem.machine.objective.quantity
     unit = lambda name: problem.limited(name).unit  # noqa: E731
     titles = ["candidate", *(name.partition(".")[2] for name in problem.variable_names)]
@@ -58,7 +44,13 @@ def ranking(problem: SorterProblem, solutions: list[Solution]) -> str:
             row.append(shown(value, unit(name), 3))
         row.append(verdict(one))
         rows.append(row)
-    wide = [max(len(row[i]) for row in rows) for i in range(len(titles))]
+    return rows
+
+
+def ranking(problem: SorterProblem, solutions: list[Solution]) -> str:
+    """The same as text."""
+    rows = ranking_rows(problem, solutions)
+    wide = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     lines = ["  ".join(cell.rjust(w) if i else cell.ljust(w) for i, (cell, w) in enumerate(
         zip(row, wide, strict=True))).rstrip() for row in rows]  # fmt: skip
     return "\n".join(lines)
@@ -116,7 +108,6 @@ def _lasting(one: Solution, name: str, stress: float) -> str:
 
 def decides(problem: SorterProblem, one: Solution) -> str:
     """What the limits and bounds on which the design ends cost."""
-    quantity = problem.machine.objective.quantity
     optimum = one.optimum
     if optimum is None or not one.prices:
         return "No limit decides, and no bound that could give way."
@@ -124,12 +115,23 @@ def decides(problem: SorterProblem, one: Solution) -> str:
     for price in one.prices[:6]:
         where = f" ({'; '.join(price.parcels[:3])})" if price.parcels else ""
         old, new = (shown(bound, price.unit) for bound in (price.bound, price.relaxed))
-        gain = (
-            f"{shown(price.gain, quantity.unit, 3)} less"
-            if optimum.feasible
-            else f"{100 * price.gain:.3g} % less to miss"
+        lines.append(
+            f"  {plain(price.name)}{where}: {new} instead of {old}, {gained(problem, one, price)}"
         )
-        lines.append(f"  {plain(price.name)}{where}: {new} instead of {old}, {gain}")
+    return "\n".join([decides_head(problem, one), *lines])
+
+
+def gained(problem: SorterProblem, one: Solution, price: Price) -> str:
+    """What a limit or bound that gives way is worth."""
+    if one.optimum is not None and one.optimum.feasible:
+        return f"{shown(price.gain, problem.machine.objective.quantity.unit, 3)} less"
+    return f"{100 * price.gain:.3g} % less to miss"
+
+
+def decides_head(problem: SorterProblem, one: Solution) -> str:
+    """What the prices are the prices of."""
+    quantity, optimum = problem.machine.objective.quantity, one.optimum
+    assert optimum is not None
     if optimum.feasible:
         head = f"What decides, and what relaxing it is worth in {plain(quantity.name)}"
         head += ":" if optimum.converged else f" (nearly: {optimum.stop.value}):"
@@ -140,7 +142,7 @@ def decides(problem: SorterProblem, one: Solution) -> str:
             f"No design that holds all limits was found ({optimum.stop.value}). At the nearest one "
             "these fight, and relaxing one is worth:"
         )
-    return "\n".join([head, *lines])
+    return head
 
 
 def start_troubles(problem: SorterProblem, one: Solution) -> str:

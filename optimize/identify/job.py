@@ -37,7 +37,7 @@ from fencejax.study import (
 
 from ..common import command
 from ..common.report import write_json
-from . import demo, figures
+from . import demo, figures, page
 from .configuration import IdentifyConfig, configure
 
 FURTHEST = 4.0
@@ -129,6 +129,8 @@ def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
             drawn = figures.fit(experiment, fitted, found.noise)
             drawn.savefig(config.out / f"{name}.png", dpi=150)
         figures.correlation(found).savefig(config.out / "correlation.png", dpi=150)
+    hidden = demo.TRUTH if config.demo else {}
+    page.write(config, found, experiments, outcome.deviations, hidden, outcome.succeeded)
     _report(config, outcome, say)
     return outcome
 

@@ -41,8 +41,8 @@ class ParetoConfig:
 
     out: Path = flags.field(
         Path("out"),
-        "folder for front.json, evaluations.jsonl and the figures; a job that was interrupted "
-        "goes on from there",
+        "folder for front.json, report.html, fence.dxf, evaluations.jsonl and the figures; a job "
+        "that was interrupted goes on from there",
     )
     against: str = flags.field(
         "tip_deflection",

@@ -25,32 +25,12 @@ from fencejax.plot import non_dominated
 
 from ..common import command, designs, evaluations, machine
 from ..common.report import ended, failed_start, verified, write_json
-from . import figures
+from . import figures, page
 from .configuration import ParetoConfig, configure
 from .constant_force import blows
+from .outcome import Front
 from .problem import Tradeoff
 from .trace import Point, Tracer
-
-
-@dataclasses.dataclass(frozen=True)
-class Front:
-    """What the job found: the points, which of them are on the front, the bound of each [N], and
-    how many evaluations it took."""
-
-    config: ParetoConfig
-    tradeoff: Tradeoff
-    points: list[Point]
-    on_front: np.ndarray
-    least_force: np.ndarray
-    evaluations: int
-    elapsed: float
-
-    @property
-    def succeeded(self) -> bool:
-        """At least two points on the front, all of them feasible, sought to the end and
-        confirmed."""
-        kept = [p for p, good in zip(self.points, self.on_front, strict=True) if good]
-        return len(kept) >= 2 and all(p.sound for p in kept)
 
 
 def _good(points: list[Point]) -> np.ndarray:
@@ -152,6 +132,7 @@ def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
     if config.plots:
         figures.front(tradeoff, points, front.on_front, least, tracer.start, config.out)
         figures.designs(tradeoff, points, front.on_front, config.out)
+    page.write(front, _verdict(front, tracer), tracer.unit)
     say("\n" + _verdict(front, tracer))
     say(f"wrote {config.out} ({front.elapsed:.1f} s in all)")
     return front

@@ -13,7 +13,9 @@ from ..common import flags, machine, named
 class PeakForceConfig:
     """Every number of the job; `python -m optimize.peak_force --help` says what each is."""
 
-    out: Path = flags.field(Path("out"), "folder for history.json, result.json and the figures")
+    out: Path = flags.field(
+        Path("out"), "folder for history.json, result.json, report.html, fence.dxf and the figures"
+    )
     sorter: str = machine.sorter_field()
     set: tuple[str, ...] = machine.set_field()
     free: tuple[str, ...] = machine.free_field()

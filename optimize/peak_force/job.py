@@ -31,10 +31,8 @@ import fencejax as fj
 from fencejax.design import (
     DesignSpace,
     Evaluation,
-    Limit,
     Optimum,
     Program,
-    Quantity,
     Stop,
     minimize,
     verify,
@@ -42,40 +40,12 @@ from fencejax.design import (
 from fencejax.plot import Trace
 
 from ..common import command, machine, report
-from . import impacts as batch
+from . import impacts as batch, page
 from .configuration import PeakForceConfig, configure
+from .outcome import Outcome
 
 _TITLES = {"before": "two-link", "after": "optimum", "one_link": "one-link"}
 _THREE = tuple(_TITLES)
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What the job found: the optimum, the designs [SI], measurements, and whether it stands.
-
-    `measured` holds, one number an impact, what the optimiser found (`found`) and what the finer
-    fidelity says of the paper's two-link fence (`before`), the optimum (`after`) and the paper's
-    one-link fence (`one_link`); `sorts` the whole sorts of these three.
-    """
-
-    optimum: Optimum
-    space: DesignSpace
-    before: np.ndarray
-    after: np.ndarray
-    measured: dict[str, dict[str, Any]]
-    sorts: dict[str, dict[str, Any]]
-    stiff: np.ndarray
-    confirmed: bool | None
-    sorted_out: bool | None
-    limits: tuple[Limit, ...]
-    objective: Quantity
-    elapsed: float
-
-    @property
-    def succeeded(self) -> bool:
-        """Converged, feasible, and not contradicted by the reference or by the whole sorts."""
-        stands = self.confirmed is not False and self.sorted_out is not False
-        return self.optimum.converged and self.optimum.feasible and stands
 
 
 def _measured(config: PeakForceConfig, optimum: Optimum, at: Evaluation) -> dict[str, Any]:
@@ -339,6 +309,7 @@ def _write(config, outcome, impacts, signals) -> None:
     report.write_json(config.out / "result.json", content)
     if config.plots:
         _draw(config, outcome, impacts, signals, bars)
+    page.write(config, outcome, impacts, _verdict(outcome, impacts), content["side_by_side"])
 
 
 def _draw(config, outcome, impacts, signals, bars) -> None:

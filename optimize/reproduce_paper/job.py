@@ -24,37 +24,16 @@ import fencejax as fj
 
 from ..common import command
 from ..common.report import write_json
-from . import cycle as cycles, figures, maps, sensitivity, tables
+from . import cycle as cycles, figures, maps, page, sensitivity, tables
 from .case import Case, lane, starts, undeformable
 from .configuration import PaperConfig, configure
-from .cycle import Cycle, Stiff, first_and_last
+from .cycle import Cycle, first_and_last
 from .fences import NAMES
 from .maps import Maps
-from .open_numbers import VARIANTS, Setting, Variant
-from .sensitivity import VARIABLES, Sensitivities
+from .open_numbers import VARIANTS, Setting
+from .outcome import Outcome
+from .sensitivity import VARIABLES
 from .statements import Evidence, Finding, judge
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What the job found. Cycles, `stiff` and maps hold a lane a fence; `rigid` is the impact and
-    the slide, one lane each, by an undeformable fence; `elapsed` [s] by part of the job."""
-
-    impact: Cycle
-    slide: Cycle
-    rigid: Cycle
-    stiff: Stiff
-    maps: Maps
-    sensitivities: Sensitivities
-    findings: list[Finding]
-    coarse: list[Finding]
-    variants: list[tuple[Variant, list[Finding]]]
-    elapsed: dict[str, float]
-
-    @property
-    def agrees(self) -> bool:
-        """Whether no statement of the paper is contradicted."""
-        return all(finding.verdict != "no" for finding in self.findings)
 
 
 def _joined(parts: list):
@@ -143,6 +122,7 @@ def main(config: PaperConfig | None = None, *, quiet: bool = False) -> Outcome:
         clock.lap("figures")
     outcome = dataclasses.replace(outcome, elapsed=clock.stop())
     write_json(config.out / "result.json", _content(config, outcome, default))
+    page.write(config, outcome)
     _report(config, outcome, say)
     return outcome
 

@@ -40,8 +40,8 @@ class RobustConfig:
 
     out: Path = flags.field(
         Path("out"),
-        "folder for robust.json, evaluations.jsonl, fresh.npz and the figures; a job that was "
-        "interrupted goes on from there",
+        "folder for robust.json, report.html, fence.dxf, evaluations.jsonl, fresh.npz and the "
+        "figures; a job that was interrupted goes on from there",
     )
     sorter: str = machine.sorter_field()
     set: tuple[str, ...] = machine.set_field()

@@ -29,49 +29,12 @@ from fencejax.results import counted
 
 from ..common import command, designs, evaluations, machine, report
 from ..common.encounters import Encounter
-from . import confidence
+from . import confidence, page
 from .configuration import RobustConfig, configure
-from .descent import Found, by_batches, by_sample
+from .descent import by_batches, by_sample
+from .outcome import Judgement, Outcome
 from .parcels import FRESH, draw
 from .problem import Population
-
-
-@dataclasses.dataclass(frozen=True)
-class Judgement:
-    """A design on the fresh sample: intervals of the measures of the severity by name, of the
-    share of parcels that hold each limit, the statuses by name, the share left out."""
-
-    measures: dict[str, confidence.Interval]
-    shares: dict[str, confidence.Interval]
-    statuses: dict[str, int]
-    excluded: float
-    lanes: dict[str, np.ndarray]
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What the job found: the designs [SI], their judgements, and the ratio of the measure after
-    to that before, on the same fresh parcels."""
-
-    config: RobustConfig
-    found: Found
-    before: np.ndarray
-    after: np.ndarray
-    judged: dict[str, Judgement]
-    ratio: confidence.Interval
-    elapsed: float
-
-    @property
-    def held(self) -> bool:
-        """Whether the fresh sample does not contradict that each limit holds for the fraction."""
-        shares = self.judged["after"].shares.values()
-        return all(s.upper >= self.config.fraction for s in shares)
-
-    @property
-    def succeeded(self) -> bool:
-        """The search ended as it should, the limits hold, few parcels had to be left out."""
-        few = self.judged["after"].excluded <= self.config.excluded_most
-        return self.found.ended and self.held and few
 
 
 def _judgement(population: Population, read: dict[str, np.ndarray], fresh: Encounter) -> Judgement:
@@ -230,6 +193,7 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
         figures.exceedance(config, before, after, both, config.out)
         figures.by_mass(config, np.asarray(fresh.mass), before, after, both, config.out)
         figures.search(config, found, config.out)
+    page.write(population, outcome, fresh, _verdict(outcome))
 
 
 def run():

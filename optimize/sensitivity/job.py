@@ -30,39 +30,10 @@ from fencejax.study import UNITS_OF_RULES, Response
 
 from ..common import command
 from ..common.report import write_json
-from . import figures, study, tables
+from . import figures, page, study, tables
 from .configuration import SensitivityConfig, configure
+from .outcome import Outcome
 from .study import Global, Local, Samples
-
-MASS_TOLERANCE = 0.01
-"""What the rule of mass may leave over [1]. A step's implicit equations are differentiated with a
-matrix close to their own: at the fast fidelity this costs an elasticity up to a few thousandths."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What the study found: `points` and `line` hold a row for each place; `shares` is `None`, and
-    `refused` says why, where the sample was no use."""
-
-    names: tuple[str, ...]
-    points: dict[str, Local]
-    at: np.ndarray
-    line: Local | None
-    samples: Samples
-    shares: Global | None
-    refused: str
-    elapsed: dict[str, float]
-
-    @property
-    def balanced(self) -> bool:
-        """Whether the rule of mass holds at every point."""
-        left = [np.abs(found.rules[..., 0]) for found in self.points.values()]
-        return all(bool(np.all(one <= MASS_TOLERANCE)) for one in left)
-
-    @property
-    def succeeded(self) -> bool:
-        """Every number finite, the rule of mass obeyed, no index above its bound."""
-        return self.balanced and self.shares is not None and self.shares.consistent
 
 
 class _Clock:
@@ -131,6 +102,7 @@ def main(config: SensitivityConfig | None = None, *, quiet: bool = False) -> Out
     if config.plots:
         _draw(config, outcome, response, line)
     write_json(config.out / "result.json", _content(config, inputs, outcome, response, line))
+    page.write(config, outcome, response, _titles(outcome), inputs)
     _report(config, outcome, response, line, say)
     return outcome
 

@@ -28,6 +28,7 @@ from fencejax.study import in_chunks
 
 from ..common import command, flags
 from ..common.report import write_json
+from . import page
 from .picture import draw_axes, draw_pairs
 from .scenes import AXES, ORDINARY, impact
 
@@ -157,6 +158,7 @@ def main(config: StabilityConfig, quiet: bool = False) -> bool:
     begin = len(AXES) * config.points
     draw_pairs(config.out / "stability_pairs.png", PAIRS, config.side, begin, kinds)
     write_json(config.out / "stability_map.json", report)
+    page.write(config, report, fine)
     say(f"written to {config.out}")
     return fine
 

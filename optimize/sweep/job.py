@@ -40,20 +40,12 @@ from fencejax.study import Progress, SweepTable, run_sweep, sweep_library
 
 from ..common import command
 from ..common.report import write_json
+from . import page
 from .configuration import SweepConfig, configure
+from .outcome import Outcome
 
 # For an answer of the scheduler [s].
 _PATIENCE = 15
-
-
-@dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What the job found: the table, whether few enough lanes are bad, and the time it took
-    [s]."""
-
-    table: SweepTable
-    succeeded: bool
-    elapsed: float
 
 
 class _Reporter:
@@ -105,10 +97,11 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
     for name, number in missing.items():
         say(f"  {name}: not a number in {number} lanes whose status is good")
     share = 1 - float(np.mean(table.good))
-    if config.plots:
-        for name, figure in table.plot().items():
-            figure.savefig(config.out / f"{name}.png", dpi=150)
+    drawn = table.plot() if config.plots else {}
+    for name, figure in drawn.items():
+        figure.savefig(config.out / f"{name}.png", dpi=150)
     outcome = Outcome(table, share <= config.tolerated, time.perf_counter() - begin)
+    quantiles = _quantiles(table)
     write_json(config.out / "result.json", {
         "config": dataclasses.asdict(config),
         "lanes": sweep.samples.count,
@@ -116,10 +109,11 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
         "not_finite": missing,
         "bad_share": share,
         "succeeded": outcome.succeeded,
-        "quantiles": _quantiles(table),
+        "quantiles": quantiles,
         "units": table.units,
         "elapsed": outcome.elapsed,
     })  # fmt: skip
+    page.write(config, sweep, outcome, quantiles, tuple(drawn))
     if not outcome.succeeded:
         say(
             f"{100 * share:.1f} % of the lanes have no good numbers, more than the "

@@ -20,7 +20,7 @@ from fencejax.study import describe
 
 from ..common import command
 from ..common.report import write_json
-from . import cases, cold, front, ladder as ladders, orders, tables
+from . import cases, cold, front, ladder as ladders, orders, page, tables
 from .cases import Family
 from .configuration import WorkPrecisionConfig, configure
 from .errors import Errors, Outcome, compare, spread
@@ -286,6 +286,7 @@ def _write(report: Report, say) -> None:
         from . import figures
 
         figures.draw(report, out)
+    page.write(report, text)
     say(f"wrote {out} ({report.elapsed:.0f} s in all)")
 
 

@@ -5,6 +5,7 @@ import json
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import report_pages
 from pictures import shows_data
 
 import fencejax as fj
@@ -85,6 +86,9 @@ def test_force_falls_and_every_limit_holds(small):
 
 def test_files_and_resumption(small):
     outcome, out = small
+    assert configure(report_pages.arguments(out / "report.html", "co_design")) == outcome.config
+    assert "What decides" in report_pages.read(out / "report.html").headings
+    assert (out / "fence.dxf").exists()
     content = json.loads((out / "co_design.json").read_text())
     assert content["feasible"] is True
     assert len(content["history"]) == len(outcome.optimum.history)

@@ -2,12 +2,15 @@
 
 import json
 
+import ezdxf
 import numpy as np
 import pytest
+import report_pages
 
 import fencejax as fj
 from optimize.design import main, words
 from optimize.design.configuration import DesignConfig, configure
+from optimize.design.tolerances import tolerances
 
 # Sorts that are soon over, the parcel in reach of the fence when the drive starts, and with few
 # parts: one corner, no border, no friction but the belt's. Less is to be compiled.
@@ -111,6 +114,54 @@ def test_what_it_says_and_writes(outcome):
     prices = outcome.best.prices
     assert all(price.gain > 0 for price in prices)
     assert words.decides(outcome.problem, outcome.best).startswith("What decides")
+
+
+def test_the_page_and_the_drawing(outcome):
+    out = outcome.config.out
+    reader = report_pages.read(out / "report.html")
+    assert reader.headings == [
+        "The machine", "The design", "Materials and sizes compared", "Results and limits",
+        "Figures", "What decides", "Tolerances", "Statuses and checks", "Assumptions",
+        "How to make this page again",
+    ]  # fmt: skip
+    said = report_pages.text(out / "report.html")
+    assert words.mine(outcome.problem, outcome.best, outcome.stiff) in said
+    for name in outcome.problem.limit_names:
+        assert words.plain(name) in said
+    assert configure(report_pages.arguments(out / "report.html", "design")) == outcome.config
+    # Drawing, search, elasticities.
+    assert reader.pictures == 3
+    best, problem = outcome.best, outcome.problem
+    fence = problem.scene(best.after.point, best.candidate, 0).fence
+    drawing = ezdxf.readfile(out / "fence.dxf").modelspace()
+    measured = sorted(d.get_measurement() for d in drawing.query("DIMENSION"))
+    lengths = (fence.thickness, fence.rigid_length, fence.flexible_length, fence.reach)
+    assert measured == pytest.approx([1e3 * float(length) for length in lengths], rel=1e-9)
+
+
+def test_tolerances(outcome):
+    problem, best = outcome.problem, outcome.best
+    found = tolerances(problem, best, fj.Fidelity.fast())
+    # Two numbers are free, three are the material's, each moved either way.
+    assert [row.name for row in found.rows[::2]] == [
+        *problem.variable_names, "material.youngs_modulus", "material.density",
+        "material.damping_ratio",
+    ]  # fmt: skip
+    assert [row.share for row in found.rows] == [-0.05, 0.05] * 5
+    # No program was compiled for it.
+    assert all(program._cache_size() == 1 for program in problem._measures.values())
+    for row in found.rows[:4]:
+        # Moved as a simulation of a fence made so finds it.
+        point = best.after.point.copy()
+        index = problem.variable_names.index(row.name)
+        variable = problem.space.variables[index]
+        point[index] = float(variable.share((1 + row.share) * row.value))
+        again = problem.measure(point, best.candidate, fj.Fidelity.fast(), refine=False)
+        assert row.simulated == np.max(again.values["peak_force"])
+        # The gradient's line through the least margin leaves it by half its curvature times the
+        # square of the step; a kink, where another sort or limit is the tightest, is followed.
+        assert row.predicted_margin == pytest.approx(row.margin, abs=0.05)
+        assert row.room >= 0
 
 
 def test_a_conflict_is_named(outcome, tmp_path):

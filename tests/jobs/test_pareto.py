@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import report_pages
 from pictures import shows_data
 
 import fencejax as fj
@@ -127,6 +128,11 @@ def test_files(small):
         assert sum(row["statuses"].values()) == 1
     for name in ("front", "designs"):
         assert shows_data(out / f"{name}.png")
+    page = report_pages.read(out / "report.html")
+    assert page.pictures == 3
+    assert "A design from the front" in page.headings
+    assert configure(report_pages.arguments(out / "report.html", "pareto")) == front.config
+    assert (out / "fence.dxf").exists()
 
 
 def test_no_feasible_design_is_said(small, tmp_path, capsys):

@@ -6,12 +6,13 @@ import types
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import report_pages
 from pictures import shows_data
 
 import fencejax as fj
 from fencejax import plot
 from fencejax.design import Stop
-from optimize.common import report
+from optimize.common import nearby, report
 from optimize.common.encounters import Encounter
 from optimize.peak_force import main
 from optimize.peak_force.configuration import PeakForceConfig, configure
@@ -98,6 +99,35 @@ def test_files(small):
     assert len(history) == len(outcome.optimum.history)
     for name in ("force", "tip_deflection", "convergence", "gradient"):
         assert shows_data(out / f"{name}.png")
+    page = out / "report.html"
+    # The four figures and the drawing.
+    assert report_pages.read(page).pictures == 5
+    assert {"What decides", "Tolerances"} <= set(report_pages.read(page).headings)
+    assert configure(report_pages.arguments(page, "peak_force")) == PeakForceConfig(
+        **{**vars(_SMALL), "out": out}
+    )
+    assert (out / "fence.dxf").exists()
+
+
+def test_prices_and_tolerances_are_the_gradients(small):
+    outcome, _ = small
+    optimum, lanes = outcome.optimum, optimum_lanes(outcome)
+    rows = [nearby.Rows.of(limit, lanes) for limit in outcome.limits]
+    (prices,) = nearby.price_parts(outcome.space, optimum, rows, "N")
+    assert [row[0] for row in prices.rows][0] == "tip deflection"
+    # By the multipliers: what a tenth more of the bound is worth.
+    rates = optimum.multipliers[:lanes] * optimum.scale
+    assert prices.rows[0][3] == f"{0.1 * np.sum(rates):.3g} N less"
+    table, *_ = nearby.tolerance_parts(outcome.space, optimum, rows, "N", _SMALL.reserve)
+    step = np.array([np.log(1.05) / np.log(9), 0.0])
+    exact = np.max(optimum.objectives + optimum.scale * optimum.last.objective_rows @ step)
+    assert table.rows[1][:4] == [
+        "thickness", table.rows[0][1], "+5 %", f"{100 * (exact / optimum.objective - 1):+.1f} %",
+    ]  # fmt: skip
+
+
+def optimum_lanes(outcome):
+    return outcome.measured["after"]["peak_force"].size
 
 
 def test_no_feasible_design(tmp_path, capsys):

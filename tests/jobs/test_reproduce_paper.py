@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import report_pages
 from jobs.notebooks import FOLDER, assert_labelled, run
 from pictures import shows_data
 
@@ -220,6 +221,9 @@ def test_files(quick):
         "figure_08_impact", "figure_09_force", "figure_10_tip", "figure_11_slide", "sensitivities",
     ):  # fmt: skip
         assert shows_data(out / f"{name}.png")
+    assert report_pages.read(out / "report.html").pictures == 5
+    said = report_pages.text(out / "report.html")
+    assert all(" ".join(finding.says.split()) in said for finding in outcome.findings)
     content = json.loads((out / "result.json").read_text())
     assert content["agrees"] is True
     assert len(content["statements"]) == 12

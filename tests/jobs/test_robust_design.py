@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import report_pages
 from pictures import shows_data
 from scipy.stats import binomtest
 from scipy.stats.mstats import hdquantiles
@@ -159,6 +160,9 @@ def test_files_and_resumption(small):
         assert fresh["after_severity"].shape == (_SMALL.fresh,)
     for name in ("exceedance", "by_mass", "search"):
         assert shows_data(out / f"{name}.png")
+    assert report_pages.read(out / "report.html").pictures == 4
+    assert configure(report_pages.arguments(out / "report.html", "robust_design")) == outcome.config
+    assert (out / "fence.dxf").exists()
     again = main(_with(out=out, plots=False), quiet=True)
     np.testing.assert_array_equal(again.after, outcome.after)
     content = json.loads((out / "robust.json").read_text())

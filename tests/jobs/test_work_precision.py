@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import report_pages
 from pictures import shows_data
 
 import fencejax as fj
@@ -78,6 +79,9 @@ def test_files(quick):
     assert "FAILED" not in text
     for name in ("front", "knobs", "components", "random_impacts", "costs"):
         assert shows_data(out / f"{name}.png")
+    page = report_pages.read(out / "report.html")
+    assert page.pictures == 5
+    assert "Rungs" in page.headings
     # The paper's impact is the first lane.
     assert report.truth.values[0, 0] == pytest.approx(1115.6, rel=1e-3)
 

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import report_pages
 from pictures import shows_data
 from scipy import stats
 
@@ -443,6 +444,7 @@ def demonstration(tmp_path_factory):
 def test_demonstration(demonstration):
     outcome, out = demonstration
     assert outcome.succeeded
+    assert report_pages.read(out / "report.html").pictures == 2
     named = {"time_offset": "first_touch"}
     assert set(outcome.deviations) == {named.get(name, name) for name in outcome.fit.names}
     # The chance that one of six normal numbers is further away is 4e-4.

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import report_pages
 from pictures import shows_data
 
 import fencejax as fj
@@ -275,6 +276,7 @@ def study(tmp_path_factory):
 def test_study_of_the_normal_impact(study):
     outcome, out = study
     assert outcome.succeeded
+    assert "Elasticities" in report_pages.read(out / "report.html").headings
     # All numbers with units are the scene's: mass and length to rounding, in both outputs.
     for found in outcome.points.values():
         assert np.max(np.abs(found.rules[..., :2])) < 1e-6

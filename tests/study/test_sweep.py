@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+import report_pages
 from pictures import shows_data
 from study.small_sweep import SMALL, assert_same, small
 
@@ -253,6 +254,8 @@ def test_script_writes_its_files_and_says_whether_it_succeeded(whole, tmp_path, 
     content = json.loads((tmp_path / "result.json").read_text())
     assert content["statuses"] == whole.counts()
     assert shows_data(tmp_path / "peak_force.png")
+    said = report_pages.text(tmp_path / "report.html")
+    assert "IMPOSSIBLE 10 there is no such scene" in said
     assert outcome.succeeded
     strict = main(small(tmp_path, tolerated=0.01))
     assert not strict.succeeded

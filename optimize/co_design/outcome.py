@@ -1,0 +1,30 @@
+"""What the job found."""
+
+import dataclasses
+
+import numpy as np
+
+from fencejax.design import Optimum, Verification
+
+from .configuration import CoDesignConfig
+from .problem import Joint
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What the job found: the designs [SI], both measured at the finer fidelity, its verdict."""
+
+    config: CoDesignConfig
+    joint: Joint
+    optimum: Optimum
+    before: np.ndarray
+    after: np.ndarray
+    measured: dict[str, dict[str, np.ndarray]]
+    verified: Verification
+    elapsed: float
+
+    @property
+    def succeeded(self) -> bool:
+        """Feasible, sought to the end and confirmed by the finer fidelity."""
+        ended = self.optimum.stop.name in ("OPTIMAL", "STAGNATED")
+        return self.optimum.feasible and ended and self.verified.confirmed

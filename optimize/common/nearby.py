@@ -1,0 +1,158 @@
+"""Designs near to an optimum, by the derivatives that its search ended with: what decides, and what
+tolerances do."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fencejax.design import DesignSpace, Evaluation, Limit, Optimum, conflict, shadow_prices
+from fencejax.sorter import RELAXED
+
+from .amounts import changed, plain, shown
+from .html_report import Part, Table
+
+SHARE = 0.05
+"""By which share of itself each number of a design is moved."""
+NOTHING = 1e-6
+"""Of the larger of a number's bounds: below it the number is 0, of which a share is nothing."""
+_LITTLE = 1e-3
+
+
+class Rows(NamedTuple):
+    """Margins that a search had, one after the other: of which limit, its bound in `unit`, what a
+    margin is measured in, and of how many lanes."""
+
+    name: str
+    bound: float
+    unit: str
+    unit_of_margin: float
+    at_most: bool
+    lanes: int
+
+    @classmethod
+    def of(cls, limit: Limit, lanes: int) -> "Rows":
+        """Of a limit, one margin a lane."""
+        return cls(
+            limit.name, limit.bound, limit.quantity.unit, limit.unit_of_margin,
+            limit.sense == "at most", lanes,
+        )  # fmt: skip
+
+
+class Linear(NamedTuple):
+    """The largest objective and the least margin a step away, which margin that is, and how many
+    such steps it takes until one is used up."""
+
+    objective: float
+    margin: float
+    tightest: int
+    room: float
+
+
+def along(
+    at: Evaluation, scale: float, objectives: np.ndarray, margins: np.ndarray, step: np.ndarray
+) -> Linear:
+    """What the derivatives of an evaluation say of a step in the shares, from `objectives` and
+    `margins`; `scale`: what the search's objectives were divided by."""
+    objective = float(np.max(objectives + scale * at.objective_rows @ step))
+    change = at.margin_rows @ step
+    moved, shrinking = margins + change, change < 0
+    steps = margins[shrinking] / -change[shrinking]
+    room = max(0.0, float(np.min(steps, initial=math.inf)))
+    tightest = int(np.argmin(moved)) if moved.size else 0
+    return Linear(objective, float(np.min(moved, initial=math.inf)), tightest, room)
+
+
+def room_text(room: float) -> str:
+    """How far a number may be off, in percent, from how many steps of `SHARE` it may be off."""
+    return "> 100 %" if room * SHARE > 1 else f"{100 * SHARE * room:.2g} %"
+
+
+def tolerance_parts(
+    space: DesignSpace, optimum: Optimum, rows: Sequence[Rows], unit: str, reserve: float
+) -> list[Part | str]:
+    """What 5 % of each number of the design do to objective and margins, by the exact gradient;
+    `reserve`: what the search kept in hand of each margin."""
+    if optimum.last.failed:
+        return ["The design cannot be evaluated."]
+    at, names = optimum.last, [row.name for row in rows for _ in range(row.lanes)]
+    values = np.asarray(space.from_shares(optimum.point))
+    margins = at.margins + reserve
+    told, still = [], []
+    for index, variable in enumerate(space.variables):
+        if abs(values[index]) <= NOTHING * max(abs(variable.lower), abs(variable.upper)):
+            still.append(plain(variable.name))
+            continue
+        for share in (-SHARE, SHARE):
+            step = np.zeros(optimum.point.size)
+            step[index] = float(variable.share((1 + share) * values[index])) - optimum.point[index]
+            found = along(at, optimum.scale, optimum.objectives, margins, step)
+            told.append([
+                plain(variable.name), shown(float(values[index]), variable.unit),
+                f"{100 * share:+.0f} %", changed(found.objective, optimum.objective),
+                f"{found.margin:+.3f}", plain(names[found.tightest]) if names else "",
+                room_text(found.room),
+            ])  # fmt: skip
+    titles = ["number", "value", "moved by", "objective", "least margin", "of the limit",
+              "may be off by so much"]  # fmt: skip
+    note = (
+        "By the exact gradient at the optimum, along a straight line: nothing is simulated again. "
+        f"The design as it is: {shown(optimum.objective, unit)}, least margin "
+        f"{float(np.min(margins, initial=math.inf)):+.3f}. The last column: how far the number may "
+        "be off that way until the first limit is used up."
+    )
+    parts: list[Part | str] = [Table(titles, told, "", note)]
+    if still:
+        parts.append(f"Of {', '.join(still)} no share can be taken: it is 0.")
+    return parts
+
+
+def price_parts(
+    space: DesignSpace, optimum: Optimum, rows: Sequence[Rows], unit: str
+) -> list[Part | str]:
+    """What the limits and bounds on which a search ended cost."""
+    if optimum.last.failed:
+        return ["The design cannot be evaluated."]
+    prices = shadow_prices(optimum) if optimum.feasible else conflict(optimum.last)
+    found, start = [], 0
+    for row in rows:
+        rates = prices.margins[start : start + row.lanes]
+        start += row.lanes
+        step = RELAXED * (abs(row.bound) or row.unit_of_margin)
+        relaxed = row.bound + (step if row.at_most else -step)
+        gain = float(np.sum(rates)) * step / row.unit_of_margin
+        deciding = f"{int(np.sum(rates > 0))} of {row.lanes}"
+        found.append((plain(row.name), row.bound, relaxed, row.unit, gain, deciding))
+    for index, variable in enumerate(space.variables):
+        ends = (("lower", prices.lower, variable.lower, -1), ("upper", prices.upper,
+                variable.upper, 1))  # fmt: skip
+        for side, rates, bound, sign in ends:
+            if rates[index] <= 0 or bound == 0:
+                continue
+            relaxed = bound + sign * RELAXED * abs(bound)
+            share = float(variable.share(relaxed))
+            gain = float(rates[index]) * (share - 1 if sign > 0 else -share)
+            name = f"{side} bound of {plain(variable.name)}"
+            found.append((name, bound, relaxed, variable.unit, gain, ""))
+    most = max((gain for *_, gain, _ in found), default=0.0)
+    kept = sorted((f for f in found if f[4] > _LITTLE * most), key=lambda f: -f[4])
+    if not kept:
+        return ["No limit decides, and no bound that could give way."]
+    worth = (
+        (lambda gain: f"{shown(gain, unit, 3)} less")
+        if optimum.feasible
+        else (lambda gain: f"{100 * gain:.3g} % less to miss")
+    )
+    table = [
+        [name, shown(bound, of), shown(relaxed, of), worth(gain), where]
+        for name, bound, relaxed, of, gain, where in kept
+    ]
+    head = (
+        "What relaxing a limit or bound by a tenth is worth"
+        if optimum.feasible
+        else "No design that holds all limits was found. These fight"
+    )
+    titles = ["limit or bound", "now", "relaxed to", "worth", "margins that decide"]
+    note = "Shadow prices: rates times a tenth of the bound, near the design and one at a time."
+    return [Table(titles, table, head, note)]

@@ -1,0 +1,30 @@
+"""What the job found."""
+
+import dataclasses
+
+from fencejax.sorter import Solution, SorterProblem
+
+from .configuration import DesignConfig
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What the job found: a solution for each candidate, the best first, and the largest objective
+    of a fence that does not bend, of the best one's shape."""
+
+    config: DesignConfig
+    problem: SorterProblem
+    solutions: list[Solution]
+    stiff: float
+    elapsed: float
+
+    @property
+    def best(self) -> Solution:
+        """The first in rank."""
+        return self.solutions[0]
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the best design holds every limit and the finer fidelity confirms it."""
+        verified = self.best.verified
+        return self.best.feasible and (verified is None or verified.confirmed)

@@ -1,0 +1,104 @@
+"""The page of the job: `report.html`, with the fence's drawing and its DXF file."""
+
+import numpy as np
+
+from fencejax.results import counted
+
+from ..common import nearby, pages, report
+from ..common.amounts import plain, shown
+from ..common.html_report import Report, Section, Table
+from .configuration import PeakForceConfig
+from .impacts import Impacts
+from .outcome import Outcome
+
+_UNITS = {
+    "thickness": "m", "rigid_length": "m", "flexible_length": "m", "youngs_modulus": "Pa",
+    "fence_mass": "kg", "peak_force": "N", "smallest_drop": "1", "peak_force_in_sorts": "N",
+}  # fmt: skip
+_FIGURES = {
+    "force": "Force on the parcel in the impact in which the optimum's is largest.",
+    "tip_deflection": "Deflection of the tip in the impact in which it is largest for the optimum.",
+    "convergence": "The search: the worst case, violation and residual at every evaluation.",
+    "gradient": "What 1 % more of a number does in percent, by the exact gradient.",
+}
+
+
+def write(
+    config: PeakForceConfig, outcome: Outcome, impacts: Impacts, verdict: str,
+    side_by_side: dict[str, dict],
+) -> None:  # fmt: skip
+    """Write the page and what belongs to it."""
+    space, optimum, measured = outcome.space, outcome.optimum, outcome.measured
+    quantity, limits = outcome.objective, outcome.limits
+    fence, drive = space.apply(outcome.after)
+    designs = {"two-link": "before", "one-link": "one_link", "optimum": "after"}
+    rows = [nearby.Rows.of(limit, len(impacts.lanes)) for limit in limits]
+    title = "paper's impacts" if config.machine is None else config.machine.title
+    lanes = pages.many(len(impacts.lanes), "impact")
+    name = f"Optimum for {lanes}"
+    worst = shown(float(np.max(measured["after"][quantity.name])), quantity.unit)
+    material = ""
+    if config.machine is not None and "youngs_modulus" not in " ".join(space.names):
+        material = config.machine.materials[0].name
+    Report(
+        f"The least {plain(quantity.name)}: {title}",
+        f"Which {', '.join(plain(n) for n in space.names)} make the worst {plain(quantity.name)} "
+        f"over {lanes} least, within {pages.many(len(limits), 'limit')}?",
+        pages.sentences(
+            f"the worst {plain(quantity.name)} is {worst}",
+            verdict.removeprefix(report.conditions(optimum)),
+        ),
+        outcome.succeeded,
+        [
+            pages.machine_section(config.machine, impacts.scene(
+                space.fence, space.drive, *impacts.lanes[0]
+            )),
+            Section("The design", [
+                pages.design_table(space, {"before": outcome.before, "after": outcome.after}),
+                *pages.fence_parts(config.out, fence, name, material),
+            ]),
+            Section("Results and limits", [
+                _comparison(side_by_side),
+                pages.limit_table(limits, {t: measured[k] for t, k in designs.items()}),
+                _impacts(outcome, impacts, designs),
+            ]),
+            pages.figures(config.out, _FIGURES if config.plots else {}),
+            Section("What decides", nearby.price_parts(space, optimum, rows, quantity.unit)),
+            Section("Tolerances", nearby.tolerance_parts(
+                space, optimum, rows, quantity.unit, config.reserve
+            )),
+            Section("Statuses and checks", [
+                pages.status_table(counted(measured["after"]["status"]), "Impacts at the optimum"),
+                pages.search_text(optimum),
+            ]),
+            pages.assumptions(
+                f"The impacts start at the first touch, the drive at {config.drive_angle:g} rad; "
+                "that they are diverted is asked of them, and of whole sorts afterwards.",
+            ),
+            pages.again(config, "peak_force"),
+        ],
+    ).write(config.out)  # fmt: skip
+
+
+def _comparison(side_by_side: dict[str, dict]) -> Table:
+    """The three fences, the worst of each number over the impacts."""
+    names = [n for n in next(iter(side_by_side.values())) if n in _UNITS]
+    rows = [
+        [plain(name), *("" if row[name] is None else shown(row[name], _UNITS[name])
+                        for row in side_by_side.values())]
+        for name in names
+    ]  # fmt: skip
+    return Table(["", *side_by_side], rows, "The paper's fences beside the optimum")
+
+
+def _impacts(outcome: Outcome, impacts: Impacts, designs: dict[str, str]) -> Table:
+    """The objective in every impact."""
+    quantity = outcome.objective
+    rows = [
+        [f"R = {distance:g} m, {mass:g} kg",
+         *(shown(float(outcome.measured[k][quantity.name][lane]), quantity.unit)
+           for k in designs.values()), shown(float(outcome.stiff[lane]), "N")]
+        for lane, (distance, mass) in enumerate(impacts.lanes)
+    ]  # fmt: skip
+    titles = ["impact", *designs, "rigid obstacle's force"]
+    return Table(titles, rows, f"The {plain(quantity.name)} in every impact")

@@ -1,0 +1,31 @@
+"""What the job found."""
+
+import dataclasses
+
+from .cycle import Cycle, Stiff
+from .maps import Maps
+from .open_numbers import Variant
+from .sensitivity import Sensitivities
+from .statements import Finding
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What the job found. Cycles, `stiff` and maps hold a lane a fence; `rigid` is the impact and
+    the slide, one lane each, by an undeformable fence; `elapsed` [s] by part of the job."""
+
+    impact: Cycle
+    slide: Cycle
+    rigid: Cycle
+    stiff: Stiff
+    maps: Maps
+    sensitivities: Sensitivities
+    findings: list[Finding]
+    coarse: list[Finding]
+    variants: list[tuple[Variant, list[Finding]]]
+    elapsed: dict[str, float]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether no statement of the paper is contradicted."""
+        return all(finding.verdict != "no" for finding in self.findings)
