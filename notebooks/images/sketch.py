@@ -74,7 +74,8 @@ def main():
     axes.plot(*centre, "+", color=PARCEL, zorder=6)
     axes.text(*(centre + (0.02, 0.02)), "$C_s$", color=PARCEL, fontsize=10)
     axes.plot([centre[0], centre[0] + 0.2], [centre[1]] * 2, color=TEXT, lw=0.6, ls=":", zorder=6)
-    axes.add_patch(Arc(centre, 0.3, 0.3, theta1=np.degrees(tilt), theta2=0, color=TEXT, lw=0.8, zorder=6))
+    turned = {"theta1": np.degrees(tilt), "theta2": 0}
+    axes.add_patch(Arc(centre, 0.3, 0.3, color=TEXT, lw=0.8, zorder=6, **turned))
     axes.plot(*np.stack([centre, centre + 0.2 * turn[:, 0]], 1), color=TEXT, lw=0.6, ls=":")
     axes.text(*(centre + (0.16, -0.05)), r"$\varphi$", fontsize=11, zorder=6)
     arrow = {"arrowstyle": "-|>", "color": "black", "shrinkA": 0, "shrinkB": 0}
