@@ -54,7 +54,7 @@ def execute(path: Path) -> None:
         "language_info": {"name": "python"},
         KEY: digest(notebook.cells),
     }
-    path.write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    nbformat.write(notebook, path)
 
 
 def main(arguments=None) -> int:

@@ -196,6 +196,8 @@ def convergence(
     Evaluations that failed are left out of the lines and marked on the horizontal axis; a point
     with no violation has no mark below.
     """
+    from matplotlib.ticker import MaxNLocator
+
     if axes is None:
         upper, lower = style.figure(1.6 * style.HEIGHT).subplots(2, 1, sharex=True)
     else:
@@ -223,7 +225,7 @@ def convergence(
             transform=lower.get_xaxis_transform(),
         )  # fmt: skip
     lower.set_xlabel("evaluations [1]")
-    lower.xaxis.get_major_locator().set_params(integer=True)
+    lower.xaxis.set_major_locator(MaxNLocator(integer=True))
     lower.set_ylabel("violation, residual [1]")
     if not any(record.violation > 0 or record.kkt > 0 for record in good):
         lower.set_yscale("linear")

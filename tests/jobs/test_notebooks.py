@@ -26,7 +26,7 @@ def test_is_light_and_its_images_are_there(path):
     cells = cells_of(path)
     assert len({cell["id"] for cell in cells}) == len(cells)
     assert sum(len("".join(cell["source"])) for cell in cells) < 20_000
-    assert path.stat().st_size < 1.5e6
+    assert path.stat().st_size < 2e6
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
     # Without it a figure that pyplot has not made is not shown.
     assert code[0].startswith("%matplotlib inline\n")
