@@ -19,9 +19,9 @@ the branches of kinks learn.
 
 Where no step is lower, the run starts again from there, with all it knew forgotten, as long as that
 lowers the worst case; only where a kink is judged do all its points count. Where that does not help
-either, points all around are evaluated once, and the run starts again with the slopes that they
-tell: gradient sampling (Burke, Lewis and Overton 2005), which finds the branches of a kink that
-steps along one of them never meet.
+either, points all around are evaluated, and the run starts again with the slopes that they tell:
+gradient sampling (Burke, Lewis and Overton 2005), which finds the branches of a kink that steps
+along one of them never meet. Where even that is in vain it is done again, from farther away.
 """
 
 import dataclasses
@@ -45,6 +45,8 @@ _BROAD = 0.3
 # from farther away than so many steps are left out.
 _BESIDE = 1e-2
 _SAMPLES = 8
+# So often points around are evaluated in vain before a run ends, each time twice as far away.
+_ROUNDS = 4
 _STALE = 30.0
 # Of the length of a step to a point that could not be evaluated, the next radius: the plane before
 # such points already bounds the next step, and points at one distance tell a wall's direction best.
@@ -165,7 +167,8 @@ class Sequence:
         self.nu = self.penalty
         size = 1.0 if self.bounded else max(1.0, float(np.linalg.norm(at.point)))
         first, again = (_FIRST, _AGAIN) if self.bounded else (_BROAD * size, 0.25 * _BROAD * size)
-        best, near, sampled = np.inf, [], False
+        best, near, rounds = np.inf, [], 0
+        random = np.random.default_rng(0)
         while True:
             at, held, end = self._descend(evaluate, at, held, latest, first, near)
             if self.judged is not at:
@@ -175,16 +178,20 @@ class Sequence:
             merit = self._merit(at)
             # Of the worst case as it is, which may be a small part of the one at the start.
             lower = merit <= best - self.tolerance * min(1.0, abs(best))
-            if end != "stalled" or (sampled and not lower):
+            rounds = 0 if lower else rounds + 1
+            if end != "stalled" or rounds > _ROUNDS:
                 return at, held, end
-            near, sampled = ([], False) if lower else (self._around(evaluate, at), True)
+            near = self._around(evaluate, at, random, 2.0 ** (rounds - 1)) if rounds else []
             best, first = min(best, merit), again
 
-    def _around(self, evaluate: Evaluate, at: Evaluation) -> list[LocalModel]:
-        """What points all around tell, half as far away as those that count for a kink's sides."""
+    def _around(
+        self, evaluate: Evaluate, at: Evaluation, random: np.random.Generator, far: float
+    ) -> list[LocalModel]:
+        """What points all around tell, `far` times half as far away as those that count for a
+        kink's sides."""
         found = []
-        for side in np.random.default_rng(0).uniform(-1, 1, (_SAMPLES, at.point.size)):
-            trial = evaluate(self._moved(at.point, 0.5 * _BESIDE * side))
+        for side in random.uniform(-1, 1, (_SAMPLES, at.point.size)):
+            trial = evaluate(self._moved(at.point, 0.5 * _BESIDE * far * side))
             if trial is None:
                 break
             if not trial.failed:
