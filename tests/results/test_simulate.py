@@ -191,7 +191,7 @@ def test_too_coarse_a_step_is_said():
     result = fj.simulate(scene, fidelity=coarse, history=False)
     assert int(result.status) == fj.Status.STEP_TOO_COARSE
     assert float(result.defect) > 1e-3 * float(result.peak_force)
-    with pytest.raises(RuntimeError, match="STEP_TOO_COARSE: a step's equations were not solved"):
+    with pytest.raises(RuntimeError, match="STEP_TOO_COARSE: the steps are too long"):
         fj.simulate(scene, fidelity=coarse, history=False, throw=True)
     # With the iterations it takes the equations are solved, and the step is as rough as before.
     enough = fj.simulate(scene, fidelity=coarse.replace(iterations=12), history=False)
