@@ -89,6 +89,8 @@ _SIGNALS = {
 SIGNALS = tuple(_SIGNALS)
 """Names that `histories` draws."""
 _TIME = "time since the start [ms]"
+# Of the time that is shown with a force, so much more is shown after it.
+_AFTER = 0.15
 
 
 def histories(
@@ -192,7 +194,8 @@ def _over_time(signals: Signals, field: str, factor: float, axes: "Axes | None")
 def force(
     signals: Signals, *, stiff_force: float | None = None, axes: "Axes | None" = None
 ) -> "Axes":
-    """Normal force of the fence on the parcel [N] over time [ms].
+    """Normal force of the fence on the parcel [N] over time [ms], which ends soon after the last
+    force where the axes are not given.
 
     **Arguments:**
 
@@ -200,7 +203,13 @@ def force(
     - `stiff_force`: N_stiff [N], drawn as a line across.
     - `axes`: where to draw; by default a figure of page width.
     """
+    own = axes is None
     axes = _over_time(signals, "force", 1.0, axes)
+    pressed = [np.asarray(t.time)[np.asarray(t.force) > 0] for t in _named(signals).values()]
+    ends = [1e3 * times[-1] for times in pressed if times.size]
+    if own and ends:
+        begin, end = axes.get_xlim()
+        axes.set_xlim(begin, min(end, max(ends) + _AFTER * (max(ends) - begin)))
     if stiff_force is not None:
         axes.axhline(
             stiff_force, color="black", linestyle="--", linewidth=1, label="rigid obstacle"

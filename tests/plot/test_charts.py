@@ -21,6 +21,16 @@ def test_importing_leaves_matplotlib_alone():
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
 
 
+def test_a_force_is_shown_until_it_ends():
+    time = np.linspace(0.0, 1.0, 101)
+    trace = fj.plot.Trace(time, np.where(time < 0.2, 5.0, 0.0), 0 * time)
+    ahead = fj.plot.force(trace).get_xlim()[1]
+    assert 190 < ahead < 300
+    # Beside other signals the time is theirs.
+    own = fj.plot.tip_deflection(trace)
+    assert fj.plot.force(trace, axes=own).get_xlim()[1] >= 1000
+
+
 def test_every_signal_is_drawn_as_it_is():
     result = runs.standard("whole_sort")
     panels = fj.plot.histories(result, fj.plot.SIGNALS)
