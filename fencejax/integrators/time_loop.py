@@ -94,8 +94,12 @@ def run_steps(
     def strict(tree):
         return jax.tree.map(lambda leaf: leaf.astype(precision), tree)
 
-    def step(y, begins, ends):
+    def trip(y, given):
+        begins, ends, args = given
         return strict(solver.step(Scene(), begins, ends, y, args, None, False)[0])
+
+    def step(y, begins, ends):
+        return trip(y, (begins, ends, args))
 
     # One row of numbers a step: XLA fuses several buffers into one kernel, which then writes all of
     # them out anew at every step.
@@ -103,13 +107,9 @@ def run_steps(
         leaves = [] if sample is None else jax.tree.leaves(sample(y))
         return jnp.concatenate([jnp.ravel(leaf) for leaf in leaves]) if leaves else None
 
-    def trip(y, given):
-        args, end = given
-        return strict(solver.step(Scene(), end - 1, end, y, args, None, False)[0])
-
     reverse = fidelity.gradient == "reverse"
     one = jnp.ones((), precision)
-    begin = complete(strict(begin), trip, (args, one))
+    begin = complete(strict(begin), trip, (one, one, args))
     if clock is None or clock.counts[-1] == 1:
         ends = jnp.arange(steps + 1, dtype=precision)
 

@@ -1,15 +1,11 @@
 """Parameters found again from synthetic recordings, and files that cannot be used."""
 
 import dataclasses
-import json
-import re
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import report_pages
-from pictures import shows_data
 from scipy import stats
 
 import fencejax as fj
@@ -21,11 +17,7 @@ from fencejax.study import (
     fit,
     identify,
     interpolate,
-    read_recording,
-    write_recording,
 )
-from optimize.identify import main
-from optimize.identify.configuration import IdentifyConfig, configure
 
 _TRUTH = {"youngs_modulus": 2.6e9, "stiffness": 1.2e9, "damping": 4.0e5}
 _NAMES = tuple(_TRUTH)
@@ -298,100 +290,6 @@ def test_interpolation():
     np.testing.assert_allclose(found, jump, rtol=0, atol=1e-12)
 
 
-def test_files_come_back(tmp_path, truth):
-    recording = noisy(truth, 1)
-    write_recording(tmp_path / "a.csv", recording)
-    again = read_recording(tmp_path / "a.csv")
-    np.testing.assert_array_equal(again.time, recording.time)
-    np.testing.assert_array_equal(again.values, recording.values)
-    assert read_recording(tmp_path / "a.csv", ["force"]).names == ("force",)
-
-
-def test_units_comments_and_separators(tmp_path):
-    path = tmp_path / "b.csv"
-    rows = "\n".join(f"{k};{0.1 * k};{-2.0 * k};note {k}" for k in range(6))
-    path.write_text(
-        f"\ufeff# made by hand\nTime (ms);Force [kN];Tip deflection [mm];what\n\n{rows}\n"
-    )
-    found = read_recording(path)
-    assert found.time == pytest.approx(1e-3 * np.arange(6))
-    assert found.signals["force"] == pytest.approx(100.0 * np.arange(6))
-    assert found.signals["tip_deflection"] == pytest.approx(-2e-3 * np.arange(6))
-
-
-def test_german_files_with_titles_of_their_own(tmp_path):
-    path = tmp_path / "messung.csv"
-    rows = [f"{0.5 * k:.1f};{1000.25 + k:.2f};{2 * k}" for k in range(6)]
-    german = [row.replace(".", ",").replace("1000", "1.000") for row in rows]
-    # Units in a line of their own, the encoding of a German Windows, samples that are missing.
-    german[2] = german[2].partition(";")[0] + ";;4"
-    german.insert(3, ";7,0;1")
-    text = "\n".join(["Zeit;Kraft;Winkel [\u00b0]", "ms;N;\u00b0", *german])
-    path.write_bytes(text.encode("cp1252"))
-    columns = {"time": "Zeit", "force": "kraft", "angle": "Winkel"}
-    found = read_recording(path, columns=columns)
-    assert found.time == pytest.approx(5e-4 * np.arange(6))
-    expected = 1000.25 + np.arange(6)
-    expected[2] = np.nan
-    np.testing.assert_allclose(found.signals["force"], expected)
-    assert found.signals["angle"] == pytest.approx(np.deg2rad(2.0 * np.arange(6)))
-    assert (found.missing, found.untimed) == ({"force": 1}, 1)
-    # Back in the package's own form, with what is missing.
-    write_recording(tmp_path / "own.csv", found)
-    again = read_recording(tmp_path / "own.csv")
-    np.testing.assert_array_equal(again.values, found.values)
-    for wrong, text in (
-        ({"time": "Zeiten"}, "must have one column 'Zeiten' for `time`.* Did you mean 'Zeit'"),
-        ({"weight": "Kraft"}, "`columns` must name columns of time and force"),
-        ({"force": "Kraft"}, "must name a column `time"),
-    ):
-        with pytest.raises(ValueError, match=text):
-            read_recording(path, columns=wrong)
-
-
-_GOOD = ["0.00,1.0,0.1", "0.01,2.0,0.2", "0.02,3.0,0.3", "0.03,2.0,0.2", "0.04,1.0,0.1"]
-
-
-@pytest.mark.parametrize(
-    ("header", "rows", "text"),
-    [
-        ("", [], "is empty"),
-        ("t [s],force [N]", ["0,1"], "line 1: must name a column `time [s]`"),
-        ("time [s],load [N]", ["0,1"], "line 1: must name a column of"),
-        ("time [s],force [lbf]", ["0,1"], "line 1, column `force [lbf]`: the unit must be one of"),
-        ("time [s],force [N],force [kN]", ["0,1,1"], "line 1: names the column `force` twice"),
-        ("time [s],force [N],x [m]", ["0.0,1.0"], "line 2: must have 3 columns"),
-        ("", ["0.0,high,1"], "column `force [N]`: must be a number, but is 'high'"),
-        ("", ["0.0,1,inf"], "line 2, column `x [m]`: must be finite"),
-        ("", [*_GOOD[:3], "0.02,3.0,0.3"], "line 5, column `time [s]`: times must rise"),
-        ("", _GOOD[:4], "at least 5 rows"),
-        ("time [s];force [N]", ["0,1;1,5", "0.2;2,5"], "line 3, column `time [s]`: must be writ"),
-        ("time [s],force [N]", ["0,0,1,5"], "If these are decimal commas, separate columns by"),
-        ("", [*_GOOD[:4], "0.05,,1.0"], "`force` must hold at least 5 samples, but has 4"),
-        ("", ['0.0,"1.0,1'], "line 2: cannot be read as CSV"),
-    ],
-)
-def test_bad_files(tmp_path, header, rows, text):
-    path = tmp_path / "bad.csv"
-    head = header or ("time [s],force [N],x [m]" if rows else "")
-    path.write_text("\n".join([head, *rows]))
-    with pytest.raises(ValueError, match=re.escape(text)) as refused:
-        read_recording(path)
-    assert str(path) in str(refused.value)
-
-
-def test_files_that_are_no_text(tmp_path):
-    path = tmp_path / "bad.csv"
-    path.write_bytes(b"time [s],force [N]\n\x81\x00")
-    with pytest.raises(ValueError, match="UTF-8"):
-        read_recording(path)
-    with pytest.raises(FileNotFoundError):
-        read_recording(tmp_path / "none.csv")
-    path.write_text("\n".join(["time [s],force [N],x [m]", *_GOOD]))
-    with pytest.raises(ValueError, match="line 1: must name a column `y`"):
-        read_recording(path, ["y"])
-
-
 def test_units_that_are_suspected(truth):
     def refused(time, factor):
         signals = {name: factor * column for name, column in truth.items()}
@@ -433,77 +331,3 @@ def test_every_parameter_is_a_number_of_some_scene():
     for name, variable in identify.PARAMETERS.items():
         if name != identify.OFFSET:
             assert scene_numbers.number(scene, name).unit == variable.unit
-
-
-@pytest.fixture(scope="module")
-def demonstration(tmp_path_factory):
-    out = tmp_path_factory.mktemp("identify")
-    return main(configure(["--demo", "--quick", "--out", str(out)]), quiet=True), out
-
-
-def test_demonstration(demonstration):
-    outcome, out = demonstration
-    assert outcome.succeeded
-    assert report_pages.read(out / "report.html").pictures == 2
-    named = {"time_offset": "first_touch"}
-    assert set(outcome.deviations) == {named.get(name, name) for name in outcome.fit.names}
-    # The chance that one of six normal numbers is further away is 4e-4.
-    assert max(abs(v) for v in outcome.deviations.values()) < 4
-    # All are told: friction and material too, from force and tip deflection.
-    assert np.all(outcome.fit.standard_errors < 0.2)
-    content = json.loads((out / "result.json").read_text())
-    assert content["parameters"]["youngs_modulus"]["unit"] == "Pa"
-    assert len(content["correlation"]) == 6
-    assert content["records"][0]["first_touch"]["value"] == outcome.delays[0].value
-    for name in ("fit", "correlation"):
-        assert shows_data(out / f"{name}.png")
-
-
-def test_script_reads_what_it_wrote(demonstration, tmp_path):
-    outcome, out = demonstration
-    config = configure([
-        "--records", str(out / "demo.csv"), "--fidelity", "fast", "--starts", "1", "--no-plots",
-        "--out", str(tmp_path), "--set", "distance=1.0",
-    ])  # fmt: skip
-    again = main(config, quiet=True)
-    assert again.fit.values == pytest.approx(outcome.fit.values, rel=1e-6)
-    assert not again.deviations
-    assert again.succeeded
-
-
-@pytest.mark.parametrize(
-    ("changes", "text"),
-    [
-        ({}, "records"),
-        ({"demo": True, "records": ("a.csv",)}, "both"),
-        ({"demo": True, "scene": "normal_impact"}, "oblique_impact"),
-        ({"demo": True, "starts": 0}, "starts"),
-        ({"demo": True, "signals": ("load",)}, "signals"),
-        ({"records": ("a", "b", "c"), "set": ("mass=1", "mass=2")}, "set"),
-        ({"records": ("a", "b", "c"), "delay": ("1 ms", "2 ms")}, "delay"),
-        ({"records": ("a", "b"), "delay": ("1 ms", "auto")}, "delay"),
-    ],
-)
-def test_configurations_that_cannot_be(changes, text):
-    with pytest.raises(ValueError, match=text):
-        IdentifyConfig(**changes)
-
-
-def test_flags_that_cannot_be(tmp_path):
-    rows = "\n".join(f"{k},{100 * k}" for k in range(1, 8))
-    path = tmp_path / "ms.csv"
-    path.write_text(f"time,force\n{rows}\n")
-    base = ["--records", str(path), "--out", str(tmp_path)]
-    for extra, text in (
-        ([], "milliseconds"),
-        (["--parameters", "mass"], "mass=lower:upper"),
-        (["--parameters", "mass=5"], "name=lower:upper"),
-        (["--signals", "x"], "column `x`"),
-        (["--columns", "force=Kraft"], "one column 'Kraft' for `force`"),
-        (["--delay", "soon"], "`delay`"),
-    ):
-        with pytest.raises(ValueError, match=text):
-            main(configure([*base, *extra]), quiet=True)
-    config = configure([*base, "--set", "mass=heavy"])
-    with pytest.raises(ValueError, match="`mass` .* with or without a unit"):
-        config.numbers(0)
