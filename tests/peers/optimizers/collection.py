@@ -1,0 +1,151 @@
+"""Problems with known optima that others wrote: Hock and Schittkowski's, and min-max ones.
+
+They are those of `sif2jax` (CUTEst's, in JAX): every problem of Hock and Schittkowski (1981) with
+inequalities and no equality, and every min-max problem of at most `LARGEST` variables, which are
+all but COSHFUN. A min-max problem stands there as
+
+    min over x, t of  t,   c_i(x, t) >= 0,   each c_i = +- (t - F_i(x)),
+
+some with the other sign, under which t has no lower bound: it is taken with the sign that has one.
+"""
+
+import dataclasses
+import functools
+import re
+from collections.abc import Callable, Iterator
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+LARGEST = 60
+"""Variables of a problem at most: dense methods are compared."""
+MIN_MAX = (
+    "CB2", "CB3", "CHACONN1", "CHACONN2", "DEMYMALO", "ELATTAR", "GIGOMEZ1", "GIGOMEZ2",
+    "GIGOMEZ3", "GOFFIN", "HAIFAS", "MADSEN", "MAKELA1", "MAKELA2", "MAKELA3", "MAKELA4",
+    "MINMAXBD", "MINMAXRB", "OET1", "OET2", "OET3", "OET4", "OET5", "OET6", "OET7", "POLAK1",
+    "POLAK2", "POLAK3", "POLAK4", "POLAK5", "POLAK6",
+)  # fmt: skip
+"""The names of the min-max problems."""
+_HOCK = re.compile(r"HS\d+(MOD|I|NEW)?")
+
+
+@dataclasses.dataclass(frozen=True)
+class Numbers:
+    """Objectives F (k,) and limits c >= 0 (m,) at a point, with their slopes."""
+
+    objectives: np.ndarray
+    limits: np.ndarray
+    objective_rows: np.ndarray
+    limit_rows: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Known:
+    """min over x of max_i F_i(x), c(x) >= 0, lower <= x <= upper.
+
+    `top` [F] is t at the start of a min-max problem, which other methods have as one more variable,
+    and `None` of any other problem. `published` is the optimum that is published with it, if any.
+    """
+
+    name: str
+    start: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    top: float | None
+    published: float | None
+    numbers: Callable[[np.ndarray], Numbers]
+
+    @property
+    def group(self) -> str:
+        """What it is counted among."""
+        return "Hock-Schittkowski" if self.top is None else "min-max"
+
+
+def problems() -> Iterator[Known]:
+    """All of them, in the order of their names' groups."""
+    import sif2jax
+
+    # Some stand in two of its lists.
+    for problem in {problem.name: problem for problem in sif2jax.problems}.values():
+        if _HOCK.fullmatch(problem.name):
+            if hasattr(problem, "constraint") and _unequal(problem):
+                yield _plain(problem)
+        elif problem.name in MIN_MAX:
+            yield _min_max(problem)
+
+
+def _unequal(problem) -> bool:
+    """Whether it has inequalities and no equality."""
+    equal, unequal = jax.eval_shape(problem.constraint, problem.y0)
+    return equal is None and unequal is not None
+
+
+def _parts(problem):
+    """Start and bounds as vectors, the objective and the limits as functions of vectors."""
+    start, shaped = ravel_pytree(problem.y0)
+    start = np.asarray(start, dtype=float)
+    lower, upper = np.full(start.size, -np.inf), np.full(start.size, np.inf)
+    if problem.bounds is not None:
+        # A bound may be one number for all.
+        lower, upper = (
+            np.broadcast_to(np.asarray(ravel_pytree(b)[0], dtype=float), start.shape)
+            for b in problem.bounds
+        )
+
+    def value(x):
+        return jnp.asarray(problem.objective(shaped(x), problem.args), dtype=float).reshape(())
+
+    def limits(x):
+        return ravel_pytree(problem.constraint(shaped(x))[1])[0]
+
+    published = problem.expected_objective_value
+    published = None if published is None else float(published)
+    return np.clip(start, lower, upper), lower, upper, value, limits, published
+
+
+def _compiled(both: Callable) -> Callable[[np.ndarray], Numbers]:
+    """Values and slopes of (objectives, limits) in one program."""
+
+    @jax.jit
+    def program(x):
+        return both(x), jax.jacfwd(both)(x)
+
+    def numbers(x: np.ndarray) -> Numbers:
+        (objectives, limits), (rows, limit_rows) = jax.device_get(program(x))
+        return Numbers(objectives, limits, rows, limit_rows)
+
+    return numbers
+
+
+def _plain(problem) -> Known:
+    start, lower, upper, value, limits, published = _parts(problem)
+
+    def both(x):
+        with jax.numpy_dtype_promotion("standard"):
+            return value(x)[None], limits(x)
+
+    return Known(problem.name, start, lower, upper, None, published, _compiled(both))
+
+
+def _min_max(problem) -> Known:
+    """The problem without its t."""
+    start, lower, upper, value, limits, published = _parts(problem)
+    (place,) = np.flatnonzero(np.asarray(jax.grad(value)(start)))
+    sign = np.asarray(jax.jacfwd(limits)(start))[:, place]
+    top = np.flatnonzero(sign)
+    rest = np.flatnonzero(sign == 0)
+
+    def both(x):
+        with jax.numpy_dtype_promotion("standard"):
+            found = limits(jnp.insert(x, place, 0.0))
+            return -found[top] / sign[top], found[rest]
+
+    def without(x):
+        return np.delete(x, place)
+
+    return Known(
+        problem.name, without(start), without(lower), without(upper), float(start[place]),
+        published, _compiled(both),
+    )  # fmt: skip
