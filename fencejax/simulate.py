@@ -64,6 +64,10 @@ def simulate(
 ) -> Result:
     """Integrate a scene and gather what it did.
 
+    Scenes and results are pytrees, and this is a function of JAX: `jax.vmap` makes batches of it
+    (`fencejax.simulate_many` with refinement), `jax.pmap` and `jax.shard_map(..., check_vma=False)`
+    spread them over devices, `jax.export` writes the compiled program to a file.
+
     **Arguments:**
 
     - `scene`: made by a function of `fencejax.scenes`. Every number in it may be traced.

@@ -36,9 +36,6 @@ from .fit_problem import (
     PARAMETERS as PARAMETERS,
     Experiment as Experiment,
 )
-from .fit_signals import (
-    interpolate as interpolate,
-)
 from .identify import (
     fit as fit,
 )

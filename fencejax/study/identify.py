@@ -18,7 +18,6 @@ from .fit_problem import (
     starting_shares,
 )
 from .fit_search import first_scales, search, starts_from
-from .fit_signals import interpolate as interpolate
 from .recording import SIGNALS
 
 # A recording this much larger or smaller than the model is in another unit.

@@ -6,7 +6,8 @@ import numpy as np
 
 import fencejax as fj
 from fencejax.scenes import AnyScene, numbers as scene_numbers
-from fencejax.study import Recording, interpolate
+from fencejax.results import interpolate
+from fencejax.study import Recording
 
 TRUTH = {
     "youngs_modulus": 2.6e9,
