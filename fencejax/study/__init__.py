@@ -42,6 +42,9 @@ from .identify import (
 from .measured_lanes import (
     measured as measured,
 )
+from .posterior import (
+    Posterior as Posterior,
+)
 from .recording import (
     SIGNALS as SIGNALS,
     Recording as Recording,

@@ -32,9 +32,8 @@ def _read(time: Array, history: Sample, name: str) -> Array:
     return found + rate * jnp.minimum(time - knots[0], 0.0)
 
 
-@functools.lru_cache(maxsize=64)
-def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fidelity: Fidelity):
-    """Signals at given times with their derivatives in the parameters and in the offset."""
+def _model_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fidelity: Fidelity):
+    """Signals at given times and the status."""
 
     def model(parameters, offset, leaves, time):
         scene = scene_numbers.replace(jax.tree.unflatten(structure, leaves), chosen, parameters)
@@ -43,6 +42,15 @@ def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fid
         assert history is not None
         shown = [_read(time + offset, history, name) for name in signals]
         return jnp.stack(shown), result.status
+
+    return model
+
+
+@functools.lru_cache(maxsize=64)
+def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fidelity: Fidelity):
+    """Signals at given times with their derivatives in the parameters and in the offset."""
+
+    model = _model_of(structure, chosen, signals, fidelity)
 
     def run(parameters, offset, leaves, time):
         def twice(p, o):
@@ -55,3 +63,22 @@ def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fid
         return values, jnp.stack([*slopes[0], slopes[1]], axis=-1), status
 
     return jax.jit(run)
+
+
+@functools.lru_cache(maxsize=16)
+def curvature_of(
+    structure, chosen: tuple[str, ...], signals: tuple[str, ...], fidelity: Fidelity, shifted: bool
+):
+    """Second derivatives of half the weighted sum of squares in the parameters, and in the offset
+    behind them where it is `shifted`."""
+    model = _model_of(structure, chosen, signals, fidelity)
+
+    def cost(numbers, leaves, time, recorded, weight):
+        parameters = [numbers[k] for k in range(len(chosen))]
+        offset = numbers[len(chosen)] if shifted else jnp.zeros(())
+        values, _ = model(parameters, offset, leaves, time)
+        # What is missing has no weight.
+        left = jnp.where(weight > 0, weight * (values - jnp.nan_to_num(recorded)), 0.0)
+        return 0.5 * jnp.sum(left**2)
+
+    return jax.jit(jax.hessian(cost))

@@ -6,6 +6,7 @@ asked for. A point that is evaluated counts once, whatever is asked of it.
 """
 
 import dataclasses
+import time
 import warnings
 from collections.abc import Callable
 
@@ -19,6 +20,8 @@ from .collection import Known, Numbers
 
 # What a method is told to come within, far beyond what is asked for.
 _END = 1e-12
+# Nothing is solved any more in what is left of a run that takes so long [s].
+_SECONDS = 60.0
 
 
 class SpentError(Exception):
@@ -36,12 +39,13 @@ class Count:
     budget: int
     trail: list[tuple[float, float]] = dataclasses.field(default_factory=list)
     _found: dict[bytes, Numbers] = dataclasses.field(default_factory=dict)
+    _last: float = dataclasses.field(default_factory=lambda: time.perf_counter() + _SECONDS)
 
     def __call__(self, x: np.ndarray) -> Numbers:
         x = np.array(x, dtype=float)
         key = x.tobytes()
         if key not in self._found:
-            if len(self.trail) >= self.budget:
+            if len(self.trail) >= self.budget or time.perf_counter() > self._last:
                 raise SpentError
             found = self._found[key] = self.known.numbers(x)
             outside = np.concatenate([-found.limits, self.known.lower - x, x - self.known.upper])
@@ -219,6 +223,8 @@ def _nlopt(algorithm: str) -> Method:
         solver.set_upper_bounds(task.upper)
         solver.set_xtol_rel(_END)
         solver.set_maxeval(10 * count.budget)
+        # MMA may go on without evaluating anything.
+        solver.set_maxtime(_SECONDS)
         solver.optimize(task.start)
 
     return run
@@ -244,8 +250,10 @@ def run(name: str, known: Known, budget: int) -> Count:
         warnings.simplefilter("ignore")
         try:
             METHODS[name](count)
-        except Exception as error:
-            # A method that fails has found what it has found.
-            if not isinstance(error, (SpentError, RuntimeError, ValueError, ArithmeticError)):
+        except SpentError:
+            pass
+        except Exception:
+            # A method that gives up, in whatever way, has found what it has found.
+            if name == OURS:
                 raise
     return count
