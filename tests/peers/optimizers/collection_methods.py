@@ -97,7 +97,7 @@ class _Counted(Program):
 def _ours(count: Count) -> None:
     program = _Counted(count)
     minimize(
-        program, program.start, bounded=program.bounded, tolerance=1e-9, feasibility=1e-9,
+        program, program.start, bounded=program.bounded, tolerance=1e-10, feasibility=1e-9,
         budget=count.budget,
     )  # fmt: skip
 
