@@ -5,6 +5,10 @@ At a point, the worst case and the limits are replaced by their linear parts
 judged by the worst case and nu times the largest violation, nu twice the multipliers' sum. One
 evaluation is one step.
 
+A step along a curved limit leaves it, and one along curved objectives raises another: rejected, it
+is made once more with the limits and objectives as far off their linear parts as they were found to
+be (the second-order correction of Fletcher 1982), and only then in a smaller region.
+
 Peak forces have kinks, where another blow becomes the largest. There the linear part holds on one
 side alone, and steps would shorten to nothing at what is no optimum. As bundle methods do (Kiwiel
 1985), the program also takes in what other points said, where they lie on another branch; a
@@ -51,6 +55,8 @@ _ROUNDS = 4
 _STALE = 30.0
 # The first B is lowered by this at most.
 _FLATTEST = 1e-4
+# A corrected step that ends this near, in its lengths, to the one before says nothing new.
+_ALIKE = 1e-9
 # Of what a step can lower the violation by, what it has to.
 _STEERED = 0.5
 # Of the length of a step to a point that could not be evaluated, the next radius: the plane before
@@ -224,12 +230,12 @@ class Sequence:
     ) -> tuple[Evaluation, Multipliers, str]:
         """Step until there is a reason to stop."""
         largest = _LARGEST if self.bounded else 1e3
-        model, bend, promised = LocalModel.of(at), None, 0.0
+        model, tried, promised = LocalModel.of(at), None, 0.0
         region = _Region(np.eye(at.point.size), radius, _Trail(self.tolerance), [*near, model])
         while not region.exhausted:
             whole = model.with_branches(region.seen, min(region.reach, 2 * region.radius))
-            if bend is not None:
-                whole = whole.bent_by(*bend)
+            if tried is not None:
+                whole = whole.bent_by(*model.bend_to(tried))
             walls = region.walls_from(model.at)
             solved = self._solved(whole, region, walls)
             if solved is None:
@@ -251,7 +257,7 @@ class Sequence:
             length, far = float(np.max(np.abs(step))), whole.farthest(rows)
             merit = self._merit(at)
             gain = merit - whole.after(step, region.curvature, self.nu)
-            if bend is not None:
+            if tried is not None:
                 gain = promised
             none = gain <= 1e-14 * max(1.0, abs(merit)) or length < _SMALLEST
             if far > _STALE * length or (none and whole.widest > 0):
@@ -262,10 +268,16 @@ class Sequence:
             if none:
                 stuck = at.violation > self.feasibility and self.penalty >= 1e5
                 return at, held, "infeasible" if stuck else "stalled"
-            trial = evaluate(self._moved(model.at, step))
+            point = self._moved(model.at, step)
+            if tried is not None and np.max(np.abs(point - tried.at)) < _ALIKE * length:
+                region.resize(0.0, length, False, largest)
+                tried = None
+                continue
+            trial = evaluate(point)
             if trial is None:
                 return at, held, "spent"
             if trial.failed:
+                tried = None
                 if trial.doubtful:
                     region.learn(LocalModel.of(trial), model, held)
                 region.blocked(model.at + step, length)
@@ -276,12 +288,12 @@ class Sequence:
             reached = merit - self._merit(trial)
             kink = not after.smooth_to(model, held)
             region.barren += 1
-            if reached <= 1e-4 * gain and bend is None and not kink:
-                bend, promised = model.bend_to(after), gain
+            if reached <= 1e-4 * gain and tried is None and not kink:
+                tried, promised = after, gain
                 continue
             length = float(np.max(np.abs(after.at - model.at)))
             region.resize(reached / gain, length, kink, largest)
-            bend = None
+            tried = None
             if reached > 1e-4 * gain:
                 at, model = trial, after
                 region.moved(reached < 1e-2 * self.tolerance * max(1.0, merit))
