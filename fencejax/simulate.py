@@ -230,8 +230,8 @@ def raise_for(result: Result) -> None:
 
 
 _TWICE = (
-    "Argument `fidelity.gradient` must be 'forward' for second derivatives, but is 'reverse', whose "
-    'loops are differentiated once alone. Write fidelity.replace(gradient="forward").'
+    "Argument `fidelity.gradient` must be 'forward' for second derivatives, but is 'reverse', "
+    'whose loops are differentiated once alone. Write fidelity.replace(gradient="forward").'
 )
 
 

@@ -66,7 +66,7 @@ def fit(
     - `starts`: the first is at the scene's own numbers, others are spread over the bounds; the best
       is kept.
     - `confidence`: of the intervals [1]. `seed`: of the starts. `most`: evaluations in a search.
-    - `posterior`: also compute `Fit.posterior`, by one more program and two evaluations a parameter.
+    - `posterior`: also compute `Fit.posterior`: a program more, and two evaluations a parameter.
     - `progress`: called with the evaluation's number and half the weighted sum of squares.
 
     Raises `ValueError` where names, bounds, times or sizes cannot be; a recording whose times or

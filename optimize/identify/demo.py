@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import fencejax as fj
-from fencejax.scenes import AnyScene, numbers as scene_numbers
 from fencejax.results import interpolate
+from fencejax.scenes import AnyScene, numbers as scene_numbers
 from fencejax.study import Recording
 
 TRUTH = {

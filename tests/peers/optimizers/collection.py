@@ -10,7 +10,6 @@ some with the other sign, under which t has no lower bound: it is taken with the
 """
 
 import dataclasses
-import functools
 import re
 from collections.abc import Callable, Iterator
 
@@ -38,6 +37,9 @@ SIGNS = {
 """What the limits of some problems are multiplied by."""
 UPPER = {"HS83": [92.0, 20.0, 5.0]}
 """Upper bounds of the limits of others."""
+OPTIMA: dict[str, float] = {}
+"""Least values where none is published with the problem, or another one's, or too few digits of
+it."""
 _HOCK = re.compile(r"HS\d+(MOD|I|NEW)?")
 
 
@@ -71,6 +73,13 @@ class Known:
     def group(self) -> str:
         """What it is counted among."""
         return "Hock-Schittkowski" if self.top is None else "min-max"
+
+
+def optimum(known: Known) -> float:
+    """The known least value."""
+    found = OPTIMA.get(known.name, known.published)
+    assert found is not None, known.name
+    return found
 
 
 def problems() -> Iterator[Known]:

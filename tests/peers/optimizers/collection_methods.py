@@ -20,8 +20,9 @@ from .collection import Known, Numbers
 
 # What a method is told to come within, far beyond what is asked for.
 _END = 1e-12
-# Nothing is solved any more in what is left of a run that takes so long [s].
-_SECONDS = 60.0
+# Processor time of a run at most [s]: trust-constr needs minutes for a thousand constraints, and
+# MMA may go on without evaluating anything.
+_SECONDS = 2.0
 
 
 class SpentError(Exception):
@@ -39,13 +40,13 @@ class Count:
     budget: int
     trail: list[tuple[float, float]] = dataclasses.field(default_factory=list)
     _found: dict[bytes, Numbers] = dataclasses.field(default_factory=dict)
-    _last: float = dataclasses.field(default_factory=lambda: time.perf_counter() + _SECONDS)
+    _last: float = dataclasses.field(default_factory=lambda: time.process_time() + _SECONDS)
 
     def __call__(self, x: np.ndarray) -> Numbers:
         x = np.array(x, dtype=float)
         key = x.tobytes()
         if key not in self._found:
-            if len(self.trail) >= self.budget or time.perf_counter() > self._last:
+            if len(self.trail) >= self.budget or time.process_time() > self._last:
                 raise SpentError
             found = self._found[key] = self.known.numbers(x)
             outside = np.concatenate([-found.limits, self.known.lower - x, x - self.known.upper])
@@ -194,7 +195,7 @@ def _ipopt(count: Count) -> None:
     )  # fmt: skip
     for name, value in dict(
         print_level=0, sb="yes", hessian_approximation="limited-memory", tol=1e-10,
-        acceptable_iter=0, max_iter=count.budget,
+        acceptable_iter=0, max_iter=count.budget, bound_relax_factor=0.0,
     ).items():  # fmt: skip
         solver.add_option(name, value)
     solver.solve(task.start)
@@ -223,7 +224,6 @@ def _nlopt(algorithm: str) -> Method:
         solver.set_upper_bounds(task.upper)
         solver.set_xtol_rel(_END)
         solver.set_maxeval(10 * count.budget)
-        # MMA may go on without evaluating anything.
         solver.set_maxtime(_SECONDS)
         solver.optimize(task.start)
 
