@@ -123,7 +123,7 @@ def report(trails, known, directory):
             after[name] = count.solved_after(least, WITHIN)
             costs[problem.group][name].append(after[name])
             # Whoever finds a lower value that is feasible has found that the record is wrong.
-            low = [value for value, missing in count.trail if missing <= 1e-12]
+            low = [value for value, missing in count.trail if missing == 0]
             assert min(low, default=np.inf) >= least - 1e-5 * max(1, abs(least)), problem.name
         by_problem[problem.name] = dict(optimum=least, evaluations=after)
     rows = {
