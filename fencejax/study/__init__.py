@@ -44,6 +44,7 @@ from .measured_lanes import (
 )
 from .posterior import (
     Posterior as Posterior,
+    laplace as laplace,
 )
 from .recording import (
     SIGNALS as SIGNALS,

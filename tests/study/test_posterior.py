@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import fencejax as fj
-from fencejax.study import Experiment, Recording, fit
-from fencejax.study.posterior import laplace
+from fencejax.study import Experiment, Recording, fit, laplace
 
 
 class Bent:
