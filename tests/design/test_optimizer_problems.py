@@ -151,5 +151,6 @@ def test_share_of_problems_solved(bench_directory):
             trails[name, problem.name] = run(name, problem, BUDGET).trail
         print(f"{problem.name} {time.perf_counter() - begin:.0f} s", flush=True)
     rows = report(trails, known, bench_directory)
-    assert rows[OURS][0] >= 95
-    assert rows[OURS][3] >= 95
+    # No method solves more of either group, but for one problem by the rounding of processors.
+    for share in (0, 3):
+        assert rows[OURS][share] >= max(row[share] for row in rows.values()) - 2
