@@ -37,7 +37,6 @@ from .lagrangian import Evaluation, Multipliers, Residual, Vector, residual
 from .sqp_model import LocalModel, span
 
 _SMALLEST = 1e-9
-_DAMPED = 0.2
 _PATIENCE = 12
 _BARREN = 30
 _LITTLE = 8
@@ -53,11 +52,11 @@ _SAMPLES = 8
 # So often points around are evaluated in vain before a run ends, each time twice as far away.
 _ROUNDS = 4
 _STALE = 30.0
-# The first B is lowered by this at most.
+# The first B is lowered by this at most: along a straight line nothing says how small it is to be.
 _FLATTEST = 1e-4
 # A corrected step that ends this near, in its lengths, to the one before says nothing new.
 _ALIKE = 1e-9
-# Of what a step can lower the violation by, what it has to.
+# Of what a step can lower the violation by, it has to by this share, or the penalty is raised.
 _STEERED = 0.5
 # Of the length of a step to a point that could not be evaluated, the next radius: the plane before
 # such points already bounds the next step, and points at one distance tell a wall's direction best.
@@ -73,8 +72,8 @@ def _bfgs(curvature, step: Vector, change: Vector):
     if along <= 1e-300:
         return curvature
     inner = float(step @ change)
-    if inner < _DAMPED * along:
-        share = (1 - _DAMPED) * along / (along - inner)
+    if inner < 0.2 * along:
+        share = 0.8 * along / (along - inner)
         change = share * change + (1 - share) * pressed
         inner = float(step @ change)
     return curvature - np.outer(pressed, pressed) / along + np.outer(change, change) / inner
@@ -84,7 +83,7 @@ def _scaled(curvature, step: Vector, change: Vector):
     """The first B as small as what was met first, where that is less (Shanno and Phua 1978).
 
     Too small a B grows to what is met in one update, and the region bounds the steps till then; too
-    large a one falls by a fifth in each.
+    large a one falls to no less than a fifth in each.
     """
     along = float(step @ curvature @ step)
     if along <= 1e-300:
