@@ -85,6 +85,9 @@ class IdentifyConfig:
         3, "searches, the first from the setting's own numbers, the others spread", least=1
     )
     confidence: float = flags.field(0.95, "of the intervals [1]", between=(0, 1))
+    posterior: bool = flags.field(
+        False, "standard errors with the model's curvature, too (Laplace)", action="store_true"
+    )
     seed: int = flags.field(0, "of the starts and of the demonstration's noise", least=0)
     budget: int = flags.field(100, "evaluations at most in a search", least=1)
     fidelity: str = flags.field(

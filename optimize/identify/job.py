@@ -117,6 +117,7 @@ def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
         confidence=config.confidence,
         seed=config.seed,
         most=config.budget,
+        posterior=config.posterior,
         progress=progress,
     )
     delays = _delays(found, aligned)
@@ -187,6 +188,8 @@ def _report(config: IdentifyConfig, outcome: Outcome, say) -> None:
     say(f"intervals of {100 * found.confidence:g} %; residuals: {noise} (standard deviation)")
     say(f"condition {found.condition:.3g}, misfit {found.misfit:.3g}, {found.evaluations} "
         f"evaluations: {found.stop}")  # fmt: skip
+    if found.posterior is not None:
+        say(str(found.posterior))
     for delay, experiment in zip(outcome.delays, outcome.experiments, strict=True):
         if delay.standard_error:
             value, error = shown(delay.value, "s", 6), shown(delay.standard_error, "s", 2)
@@ -225,6 +228,13 @@ def _content(config: IdentifyConfig, outcome: Outcome) -> dict[str, Any]:
             for k, parameter in enumerate(found.parameters)
         },
         "correlation": found.correlation,
+        "posterior": found.posterior and {
+            "standard_errors": found.posterior.standard_errors,
+            "ratios": found.posterior.ratios,
+            "correlation": found.posterior.correlation,
+            "unsteadiness": found.posterior.unsteadiness,
+            "holds": found.posterior.holds,
+        },
         "condition": found.condition,
         "weakest_direction": dict(zip(found.names, found.weakest.tolist(), strict=True)),
         "noise": found.noise,
