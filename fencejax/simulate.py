@@ -357,4 +357,4 @@ def _run(
                 mechanics, clock, memory.body, vibration, steps, recorder
             )
         status = diagnostics.of_record(scene, mechanics, record, done, start, unmet)
-    return gather(record, measures, wanted, saved, start, status)
+    return gather(record, measures, wanted, saved, start, status, scene)

@@ -127,14 +127,17 @@ CYCLE_TIME = Quantity(
 def _fence_mass(fence: Fence) -> Array:
     """rho z h_1 (l_s + l_p mean of g) [kg], with the taper's mean by Gauss-Legendre quadrature.
 
-    In u, tip_distance = u^2: exact for uniform and constant-strength links.
+    In u, tip_distance = u^2, piece by piece between the taper's breaks: exact for uniform,
+    constant-strength, stepped and piecewise linear links.
     """
     node, weight = np.polynomial.legendre.leggauss(24)
-    root, weight = 0.5 * (1 + node), 0.5 * weight
+    edges = np.sqrt(1.0 - np.array([0.0, *fence.taper.breaks, 1.0]))
+    half = 0.5 * (edges[:-1, None] - edges[1:, None])
+    root = edges[1:, None] + half * (1 + node)
     material = fence.material
     section = material.density * fence.width * fence.thickness
     relative = jnp.asarray(fence.taper(1 - root**2, root**2)).astype(section.dtype)
-    mean = jnp.sum(relative * jnp.asarray(2 * weight * root, dtype=section.dtype))
+    mean = jnp.sum(relative * jnp.asarray(2 * half * weight * root, dtype=section.dtype))
     return section * (fence.rigid_length + fence.flexible_length * mean)
 
 

@@ -2,12 +2,14 @@
 its velocity, and as damage or none."""
 
 import functools
+from collections.abc import Mapping
 
 import jax
 import jax.numpy as jnp
 from jax.scipy.stats import norm
 from jaxtyping import Array, ArrayLike
 
+from .. import _check
 from ..parts import Parcel
 from ..results import Course, Measure, Trace, accumulators
 from .objectives import Quantity
@@ -93,25 +95,74 @@ VELOCITY_CHANGE = Quantity(
 )  # fmt: skip
 
 
+def _blow(result, scene) -> tuple[Array, Array]:
+    return PEAK_LOAD(result, scene), VELOCITY_CHANGE(result, scene)
+
+
+def _critical(scene, given: Mapping[str, float | None]) -> list[ArrayLike]:
+    """Critical acceleration and velocity change: those given, or the parcel's own."""
+    found = []
+    for name, value in given.items():
+        value = getattr(scene.parcel, name) if value is None else value
+        if value is None:
+            raise ValueError(
+                f"Argument `{name}` must be given, or be the parcel's own, but is None. Write "
+                f"fj.Parcel({name}=...)."
+            )
+        found.append(value)
+    return found
+
+
+_OF_BLOW = dict(fields=("peak_force", "pulse_impulse"), measures=(_PULSE_IMPULSE,))
+
+
 @functools.lru_cache
-def damage_boundary(critical_load: float, critical_velocity_change: float) -> Quantity:
+def damage_boundary(
+    critical_load: float | None = None, critical_velocity_change: float | None = None
+) -> Quantity:
     """How near [1] a blow comes to doing damage, min(A / A_c, dV / dV_c): only where both are
     exceeded does it, and this is above 1.
 
     **Arguments:** `critical_load` A_c [1], an acceleration in g, and `critical_velocity_change`
-    dV_c [m/s]: the damage boundary of a product, by tests of ASTM D3332 (R. E. Newton, Fragility
-    assessment, 1968).
+    dV_c [m/s], by default the parcel's own: the damage boundary of a product, by tests of ASTM
+    D3332 (R. E. Newton, Fragility assessment, 1968).
+
+    The quantity raises `ValueError` where neither it nor the parcel has them.
     """
+    given = dict(critical_load=critical_load, critical_velocity_change=critical_velocity_change)
 
     def read(result, scene):
-        load = PEAK_LOAD(result, scene) / critical_load
-        change = VELOCITY_CHANGE(result, scene) / critical_velocity_change
-        return jnp.minimum(load, change)
+        load, change = _critical(scene, given)
+        blow = _blow(result, scene)
+        return jnp.minimum(blow[0] / load, blow[1] / change)
 
     return Quantity(
-        "damage", "1", "how near the blow comes to the parcel's damage boundary", read,
-        fields=("peak_force", "pulse_impulse"), measures=(_PULSE_IMPULSE,),
-    )  # fmt: skip
+        "damage", "1", "how near the blow comes to the parcel's damage boundary", read, **_OF_BLOW
+    )
+
+
+@functools.lru_cache
+def damage_chance(
+    spread: float,
+    critical_load: float | None = None,
+    critical_velocity_change: float | None = None,
+) -> Quantity:
+    """The chance [1] that a blow damages its parcel; the mean over a population is the share of its
+    parcels that are damaged (see `share_damaged`).
+
+    **Arguments:** `spread` [1], above 0, as of `share_damaged`; `critical_load` and
+    `critical_velocity_change` as of `damage_boundary`, here the medians of parcels alike.
+    """
+    _check.number("spread", spread, above=0)
+    given = dict(critical_load=critical_load, critical_velocity_change=critical_velocity_change)
+
+    def read(result, scene):
+        load, change = _critical(scene, given)
+        return share_damaged(*_blow(result, scene), load, change, spread=spread)
+
+    return Quantity(
+        "share_damaged", "1", "share of parcels like this that the blow damages", read, **_OF_BLOW
+    )
 
 
 def share_damaged(

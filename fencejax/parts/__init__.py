@@ -48,7 +48,10 @@ from .material import (
     Material as Material,
 )
 from .materials import (
+    ENDURANCE as ENDURANCE,
+    EXPONENT as EXPONENT,
     DataSheet as DataSheet,
+    basquin_exponent as basquin_exponent,
 )
 from .motor import (
     Motor as Motor,

@@ -31,6 +31,12 @@ class AbstractTaper(Part):
         used are those that NumPy and JAX share.
         """
 
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Positions x / l_p [1] between root and tip, in order, at which g has a kink or a step:
+        integrals of g are taken piece by piece. By default there are none."""
+        return ()
+
 
 class ConstantStrength(AbstractTaper):
     """g = sqrt(1 - x / l_p): under a force at the tip every section carries the same bending
@@ -77,6 +83,11 @@ class ProfileTaper(AbstractTaper):
     def __init__(self, ratios: ArrayLike):
         self.ratios = _check.vector("ratios", ratios, size_least=2, above=0, size=1.0)
 
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        spans = self.ratios.shape[-1] - 1
+        return tuple(k / spans for k in range(1, spans))
+
     def __call__(self, position, tip_distance):
         stations = jnp.linspace(0.0, 1.0, self.ratios.shape[-1])
         return jnp.interp(position, stations, self.ratios)
@@ -91,6 +102,10 @@ class SteppedTaper(AbstractTaper):
     def __init__(self, profile: AbstractTaper, steps: int):
         self.profile = profile
         self.steps = _check.count("steps", steps, least=1)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return tuple(k / self.steps for k in range(1, self.steps))
 
     def __call__(self, position, tip_distance):
         step = np.minimum(np.floor(position * self.steps), self.steps - 1)

@@ -14,6 +14,7 @@ from ..parts import (
     Border,
     Fence,
     HarmonicDrive,
+    Motor,
     Parcel,
 )
 from .arguments import (
@@ -121,6 +122,7 @@ def whole_sort(
     surfaces: tuple[AbstractSurface, ...] = (),
     surface_corners: tuple[int, ...] = (1, 2, 3, 4),
     duration: float | None = None,
+    motor: Motor | None = None,
 ) -> Scene:
     """A whole sort: the drive starts at rest, the parcel rides in, and contacts come and go.
 
@@ -135,8 +137,11 @@ def whole_sort(
     - `surfaces`: other still surfaces that the parcel's `surface_corners` can touch, such as a wall
       of the chute. `Result.peak_surface_force` is theirs.
     - `duration` [s], static, by default the drive's cycle.
+    - `motor`: what swings the fence, for the limits of `fencejax.design.drivability`.
     """
     fence = fence_of(fence)
+    if motor is not None:
+        motor = _check.part("motor", motor, Motor, "motor=fj.Motor(torque=400.0)")
     if drive is None:
         drive, duration = HarmonicDrive(), CYCLE_TIME if duration is None else duration
     drive = drive_of(drive)
@@ -168,6 +173,7 @@ def whole_sort(
         _check.flag("tip_contact", tip_contact),
         surfaces,
         surface_corners,
+        motor,
     )
 
 

@@ -22,6 +22,7 @@ from ..parts import (
     Fence,
     Friction,
     HarmonicDrive,
+    Motor,
     Parcel,
 )
 from ..scenes import (
@@ -71,6 +72,7 @@ class _Setting(eqx.Module):
     drive: AbstractDrive
     fence_friction: AbstractFriction | None
     border: Border | None
+    motor: Motor | None
 
 
 class SceneFamily:
@@ -93,6 +95,7 @@ class SceneFamily:
         belt: Belt | None | Default = "default",
         fence_friction: AbstractFriction | None | Default = "default",
         border: Border | None | Default = "default",
+        motor: Motor | None = None,
         duration: float | None = None,
         options: Mapping[str, Any] | None = None,
     ):
@@ -103,6 +106,7 @@ class SceneFamily:
         - `fixed`: other numbers by name [SI], instead of those of the parts.
         - `fence`, `drive`, `parcel`, `belt`, `fence_friction`, `border`: the parts, by default the
           paper's; the border acts in `border_and_fence` and `whole_sort` alone.
+        - `motor`: what swings the fence, by default none: see `fencejax.scenes.Scene`.
         - `duration` [s], by default the scene's. It must be given where a whole sort's drive
           varies: the number of steps is the same for all.
         - `options`: static arguments of the scene's function, such as `corner`.
@@ -122,6 +126,7 @@ class SceneFamily:
         self.belt = Belt() if belt == "default" else belt
         self.friction = Friction(0.35, 0.5) if fence_friction == "default" else fence_friction
         self.border = (Border() if border == "default" else border) if self._bordered else None
+        self.motor = motor
         self.options = dict({} if options is None else options)
         self._whole = self._setting(("inertia", "parcel_angle"))
         self._check_names()
@@ -152,8 +157,9 @@ class SceneFamily:
         if "inertia" in optional:
             parcel = _with_inertia(parcel)
         return _Setting(
-            parcel, start, self.belt, self.fence, self.drive, self.friction, self.border
-        )
+            parcel, start, self.belt, self.fence, self.drive, self.friction, self.border,
+            self.motor,
+        )  # fmt: skip
 
     @property
     def known(self) -> list[str]:
@@ -219,7 +225,7 @@ class SceneFamily:
         }
         if self._bordered:
             arguments["border"] = made.border
-        return getattr(scenes, self.kind)(
+        scene = getattr(scenes, self.kind)(
             fence=made.fence,
             drive=made.drive,
             parcel=made.parcel,
@@ -229,6 +235,7 @@ class SceneFamily:
             **arguments,
             **self.options,
         )
+        return scene if made.motor is None else dataclasses.replace(scene, motor=made.motor)
 
     def possible(self, scene: Scene) -> Array:
         """Whether a scene can be, for traced numbers: `fencejax.scenes.consistent` at the drive's

@@ -216,8 +216,14 @@ def limits(
     its table that the job has not, `without` some rows."""
     if machine is None:
         return jobs
-    given = [(row, bound) for row, bound in machine.bounds if bound is not None]
-    given += [(row, None) for row, bound in machine.bounds if bound is None and row.name in _OWN]
+    for row, _ in machine.bounds:
+        if row.over == "mean" and not row.asked:
+            raise ValueError(
+                f"Argument `limits.{row.name}` must be left out for this job, as it bounds a mean "
+                "over the parcels. Write python -m optimize.design, or --set "
+                f"limits.{row.name}=false."
+            )
+    given = [(row, bound) for row, bound in machine.bounds if bound is not None or _named(row)]
     found = fj.sorter.settled(given, machine, machine.materials[0])
     own = [limit for name, limit in found if name not in without]
     names = {limit.name for limit in own}
@@ -225,6 +231,13 @@ def limits(
 
 
 _OWN = ("stress", "torque")
+
+
+def _named(row: fj.sorter.LimitRow) -> bool:
+    """Whether a limit holds by its usual bound: the material's or the motor's, or where the sorter
+    names it."""
+    usual = fj.sorter.LIMIT_ROWS.get(row.name)
+    return row.name in _OWN or (usual is not None and usual.asked and not row.asked)
 
 
 def space(
