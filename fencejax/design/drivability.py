@@ -143,7 +143,8 @@ def _work(name: str, meaning: str, sign: str, given: bool) -> Quantity:
     """What the motor gives, or, where not `given`, what it gives less what it takes back."""
 
     def update(state, step):
-        pair = tuple(_power(sample, _motor(step)) for sample in (step.before, step.now))
+        motor = _motor(step)
+        pair = _power(step.before, motor), _power(step.now, motor)
         if not given:
             return state + step.integral(*pair)
         return state + step.span.length * accumulators.mean_where(pair, pair)

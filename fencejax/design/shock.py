@@ -113,7 +113,11 @@ def _critical(scene, given: Mapping[str, float | None]) -> list[ArrayLike]:
     return found
 
 
-_OF_BLOW = dict(fields=("peak_force", "pulse_impulse"), measures=(_PULSE_IMPULSE,))
+def _of_blow(name: str, meaning: str, read) -> Quantity:
+    return Quantity(
+        name, "1", meaning, read, fields=("peak_force", "pulse_impulse"),
+        measures=(_PULSE_IMPULSE,),
+    )  # fmt: skip
 
 
 @functools.lru_cache
@@ -136,9 +140,7 @@ def damage_boundary(
         blow = _blow(result, scene)
         return jnp.minimum(blow[0] / load, blow[1] / change)
 
-    return Quantity(
-        "damage", "1", "how near the blow comes to the parcel's damage boundary", read, **_OF_BLOW
-    )
+    return _of_blow("damage", "how near the blow comes to the parcel's damage boundary", read)
 
 
 @functools.lru_cache
@@ -160,9 +162,7 @@ def damage_chance(
         load, change = _critical(scene, given)
         return share_damaged(*_blow(result, scene), load, change, spread=spread)
 
-    return Quantity(
-        "share_damaged", "1", "share of parcels like this that the blow damages", read, **_OF_BLOW
-    )
+    return _of_blow("share_damaged", "share of parcels like this that the blow damages", read)
 
 
 def share_damaged(

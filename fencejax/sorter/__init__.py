@@ -44,6 +44,7 @@ from .solution import (
     Look as Look,
     Price as Price,
     Solution as Solution,
+    constant_push as constant_push,
     look as look,
     rigid as rigid,
     solve as solve,

@@ -46,6 +46,8 @@ def path_of(name: str) -> tuple[str, ...]:
     for full in PATHS.get(name, ()):
         if full.partition(".")[0] in (*SECTIONS, "parcel", "start"):
             name = full
+    if name in parcels.FIELDS:
+        name = f"parcels.{name}"
     first, *rest = name.split(".")
     if first in ("parcel", "start"):
         first, rest = "parcels", [part.replace("given_", "") for part in rest]

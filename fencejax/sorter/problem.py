@@ -202,6 +202,11 @@ class SorterProblem:
         lanes = {path: column[lane] for path, column in self.lanes(candidate).items()}
         return self._scene(self._values(jnp.asarray(z, dtype=float)), lanes)
 
+    def scenes(self, z: ArrayLike, candidate: Candidate):
+        """The sorts of all parcels at a design, each leaf with the lanes first; not checked."""
+        values = self._values(jnp.asarray(z, dtype=float))
+        return jax.vmap(lambda lane: self._scene(values, lane))(self.lanes(candidate))
+
     def _check_scenes(self) -> None:
         """Refuse a drive that is not home when the next parcel comes, and a parcel whose sort
         cannot be, at the start of the first candidate: each of some is tried, and of the others

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from scipy.stats import qmc
 
@@ -19,6 +20,7 @@ from ..design import (
     conflict,
     minimize,
     shadow_prices,
+    sorting,
     verify,
 )
 from ..fidelity import Fidelity
@@ -249,3 +251,12 @@ def rigid(problem: SorterProblem, solution: Solution, check: Fidelity | None = N
     check = Fidelity.standard() if check is None else check
     stiff = check.replace(modes=0, static_correction=False)
     return problem.measure(solution.after.point, solution.candidate, stiff, refine=False)
+
+
+def constant_push(problem: SorterProblem, solution: Solution) -> np.ndarray:
+    """What a constant push of each parcel would need [N], of shape (P,), to get as far past the
+    belt's edge as is asked for (see `fencejax.design.sorting.constant_push`)."""
+    limits = dict(problem.limits(solution.candidate))
+    past = limits["sorted"].bound if "sorted" in limits else 0.0
+    scenes = problem.scenes(solution.after.point, solution.candidate)
+    return np.asarray(jax.vmap(lambda scene: sorting.constant_push(scene, past))(scenes))

@@ -253,7 +253,7 @@ def space(
         return designs.space(config.variables, _bounds(config.free), fence, drive, default)
     free = machine.free
     if drive is not None:
-        free = {path: span for path, span in free.items() if path.startswith("fence.")}
+        free = {path: span for path, span in free.items() if not path.startswith("drive.")}
     own = config.variables
     if free:
         known = {name: names.known(name) for name in own}

@@ -65,12 +65,14 @@ def scene_table(
 def machine_tables(machine: fj.sorter.Machine, most: int = 24) -> list[Part | str]:
     """A sorter's numbers with units and what is free of them, and its parcels."""
     remarks = {
-        path: f"free, {shown(s.lower, unit(path))} ... {shown(s.upper, unit(path))}"
+        path: f"free, {shown(s.lower, machine.unit(path))} ... {shown(s.upper, machine.unit(path))}"
         for path, s in machine.free.items()
     } | {
-        path: "one of " + ", ".join(shown(value, unit(path)) for value in values)
+        path: "one of " + ", ".join(shown(value, machine.unit(path)) for value in values)
         for path, values in machine.choices.items()
     }
+    where = "at its shaft" if machine.motor.at_shaft else "at the hinge"
+    remarks = {"motor.torque": where} | remarks
     table = scene_table(
         machine.scene(0), "Parts", ("parcel", "start", "fence.material"),
         {fj.sorter.scene_path(path): text for path, text in remarks.items()},
@@ -78,12 +80,10 @@ def machine_tables(machine: fj.sorter.Machine, most: int = 24) -> list[Part | st
     known = {row[0] for row in table.rows}
     rows: list[Sequence[Any]] = [*table.rows]
     for path, text in remarks.items():
-        if _title(path) not in known:
+        if _title(path) not in known and path != "motor.torque":
             rows.append([_title(path), "", text])
     if machine.period is not None:
         rows.append(["from one parcel to the next", shown(machine.period, "s"), ""])
-    if machine.motor.torque is not None:
-        rows.append(["motor: torque at the hinge", shown(float(machine.motor.torque), "N m"), ""])
     full = [[*row, ""][:3] for row in rows]
     parts = _slim(Table(["number", "value", "remark"], full, "Parts"))
     return [parts, material_table(machine.materials), parcel_table(machine.parcels, most)]
@@ -144,7 +144,11 @@ def parcel_table(parcels: fj.sorter.Parcels, most: int) -> Table:
 def unit(path: str) -> str:
     """The unit of a number of a sorter file."""
     number = scene_names.known(fj.sorter.scene_path(path))
-    return "1" if number is None else number.unit
+    if number is not None:
+        return number.unit
+    part, _, name = path.rpartition(".")
+    owner = {"motor": fj.Motor, "parcel": fj.Parcel, "parcels": fj.Parcel}.get(part)
+    return "1" if owner is None or name not in owner.bounds else owner.bounds[name].unit
 
 
 def _slim(table: Table) -> Table:

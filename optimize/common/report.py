@@ -21,6 +21,8 @@ from fencejax.design import (
 )
 from fencejax.results import Status
 
+from .amounts import shown
+
 _FORCE = objectives.PEAK_FORCE
 # Lanes that a line names.
 _SAID = 3
@@ -163,6 +165,23 @@ def verified(fidelity: str, found: Verification) -> dict[str, Any]:
         "margin_error": found.margin_error,
         "violation": found.violation,
     }
+
+
+def mine(
+    value: float, quantity: Quantity, of: str, where: str = "", stiff: float | None = None,
+    push: float | None = None, obstacle: float | None = None,
+) -> str:  # fmt: skip
+    """One sentence: which of the numbers is the machine's, with what it is to be compared with: a
+    fence of that shape that does not bend, a constant push, an obstacle that does not give way."""
+    text = f"Yours is {shown(value, quantity.unit)}: the {of}"
+    text += f" ({where})" if where else ""
+    if stiff is not None:
+        text += f"; a fence of that shape that does not bend: {shown(stiff, quantity.unit)}"
+    if push is not None:
+        text += f"; a constant push would need {shown(push, 'N', 3)}"
+    if obstacle is not None:
+        text += f"; a rigid obstacle there: {shown(obstacle, 'N')}"
+    return text + "."
 
 
 def failed_start(text: Callable[[int], str], statuses: np.ndarray) -> str:

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 import fencejax as fj
-from fencejax.design import Journal
+from fencejax.design import Journal, objectives
 from fencejax.results import counted
-from fencejax.sorter import Solution, SorterProblem, rigid, solve
+from fencejax.sorter import Solution, SorterProblem, constant_push, rigid, solve
 
 from ..common import command, evaluations
 from ..common.report import progress_line, write_json
@@ -57,7 +57,10 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     solutions.sort(key=lambda one: one.rank)
     best = solutions[0]
     stiff = float(np.max(rigid(problem, best, check).values[quantity.name]))
-    outcome = Outcome(config, problem, solutions, stiff, time.perf_counter() - begin)
+    push = None
+    if quantity is objectives.PEAK_FORCE:
+        push = float(np.max(constant_push(problem, best)))
+    outcome = Outcome(config, problem, solutions, stiff, push, time.perf_counter() - begin)
     say("\n" + told(outcome))
     _write(outcome, journal)
     page.write(outcome)
@@ -84,7 +87,7 @@ def told(outcome: Outcome) -> str:
         parts.append("Nothing better than the start was found.")
     checked = words.doubts(best)
     parts += [checked] if checked else []
-    parts.append(words.mine(problem, best, outcome.stiff))
+    parts.append(words.mine(problem, best, outcome.stiff, outcome.push))
     return "\n\n".join(parts)
 
 
@@ -127,6 +130,7 @@ def _write(outcome: Outcome, journal: Journal | None) -> None:
         "parcels": [parcels.text(lane) for lane in range(parcels.count)],
         "solutions": [row(one) for one in outcome.solutions],
         "does_not_bend": outcome.stiff,
+        "constant_push": outcome.push,
         "recalled": 0 if journal is None else journal.recalled,
         "elapsed": outcome.elapsed,
     }

@@ -62,7 +62,7 @@ def _question(outcome: Outcome) -> str:
 
 def _answer(outcome: Outcome) -> list[str]:
     problem, best = outcome.problem, outcome.best
-    lines = [words.mine(problem, best, outcome.stiff)]
+    lines = [words.mine(problem, best, outcome.stiff, outcome.push)]
     if not best.feasible:
         fighting = ", ".join(plain(price.name) for price in best.prices[:4])
         lines.insert(0, "No design was found that holds all limits; the nearest one is shown." + (
@@ -106,7 +106,7 @@ def _design(outcome: Outcome) -> list[Part | str]:
     return [*parts, *fence, drive]
 
 
-_OTHERS = ("parcel", "start", "belt", "fence", "fence_friction", "border")
+_OTHERS = ("parcel", "start", "belt", "fence", "fence_friction", "border", "motor")
 
 
 def _candidates(outcome: Outcome) -> list[Part | str]:
@@ -145,6 +145,11 @@ def _results(outcome: Outcome) -> list[Part | str]:
         "fence that does not bend", "for comparison",
         *("" for _ in range(2 * len(looks) - 2)), shown(outcome.stiff, quantity.unit), "", "",
     ])  # fmt: skip
+    if outcome.push is not None:
+        rows.append([
+            "constant push, point mass", "for comparison",
+            *("" for _ in range(2 * len(looks) - 2)), shown(outcome.push, "N"), "", "",
+        ])  # fmt: skip
     note = (
         "A limit holds at a margin of 0 or more, of what its bound measures; the tightest parcel "
         "is shown. The search keeps "

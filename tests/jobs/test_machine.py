@@ -83,6 +83,22 @@ def test_design_jobs_take_the_machine(job):
         assert module.configure(["--set", "belt.speed=2.2"]).machine
 
 
+def test_limits_that_a_sorter_names_hold_in_the_jobs_too():
+    module = importlib.import_module("optimize.co_design.configuration")
+    bounds = {limit.name: limit.bound for limit in module.configure(["--sorter", "honest"]).limits}
+    assert bounds == {
+        "crossing": 0.1, "tip_deflection": 0.08, "peak_stress": 40e6, "peak_torque": 1000,
+        "fatigue_stress": pytest.approx(19e6), "tip_share": 0.1, "clear_period": 1.5,
+    }  # fmt: skip
+    mean = ["--sorter", "paper", "--set", "limits.share_damaged.spread=0.2"]
+    mean += ["critical_load=40", "critical_velocity_change=1.5"]
+    with pytest.raises(ValueError, match="`limits.share_damaged` must be left out for this job"):
+        assert module.configure(mean).limits
+    # What a job has no place for is refused, and not left as it is.
+    with pytest.raises(ValueError, match="must name numbers of the fence or of the SplineDrive"):
+        assert module.configure(["--sorter", "honest", "--free", "belt.speed=1:2"]).space
+
+
 def test_a_job_for_one_material_says_which():
     sorter = machine.load("parcel_hub", ("fence.thickness=30 mm",))
     (said,) = machine.notes(sorter.machine)

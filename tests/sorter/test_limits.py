@@ -7,7 +7,6 @@ import fencejax as fj
 from fencejax.design import drivability, fatigue, objectives
 from fencejax.sorter import LIMIT_ROWS, settled
 
-
 FRAGILE = {"critical_load": 40, "critical_velocity_change": 1}
 
 
@@ -114,7 +113,9 @@ def test_height_and_fragility_of_each_parcel():
     problem = sorter.problem()
     assert problem.margin_rows[problem.limit_names.index("share_damaged")] == 1
     weighted = fj.Sorter(
-        parcels={"list": [{"mass": 1, **FRAGILE, "weight": 3}, {"mass": 2, **FRAGILE, "weight": 1}]},
+        parcels={
+            "list": [{"mass": 1, **FRAGILE, "weight": 3}, {"mass": 2, **FRAGILE, "weight": 1}],
+        },
         limits={"share_damaged": {"spread": 0.3}},
     ).problem()  # fmt: skip
     values = {"share_damaged": np.array([0.1, 0.5])}
