@@ -112,3 +112,10 @@ class Motor(Part):
     def known(self) -> bool:
         """Whether any of its numbers is."""
         return any(getattr(self, name) is not None for name in self.bounds)
+
+    @property
+    def felt(self) -> bool:
+        """Whether it is more than bounds on the hinge's torque: what the motor gives is then not
+        what the fence takes."""
+        more = (self.no_load_speed, self.rotor_inertia, self.efficiency)
+        return self.at_shaft or any(number is not None for number in more)

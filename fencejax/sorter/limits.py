@@ -1,8 +1,8 @@
 """The table of a sorter's limits: a row each, by the name that a sorter file has for it.
 
 To limit something more, add a row: the quantity, which side is bounded, and which bound holds where
-the file says nothing. A quantity may depend on the motor, or on numbers that the file gives with
-the limit. A row's quantity is exact in value and gradient; it is read in every sort,
+the file says nothing. A quantity may depend on numbers that the file gives with the limit, or that
+each parcel has itself. A row's quantity is exact in value and gradient; it is read in every sort,
 or once where it depends on the design alone (`Quantity.fields` empty). Any other quantity of
 `fencejax.OBJECTIVES` can be limited by its own name, without a row.
 """
@@ -116,9 +116,7 @@ def _of_line(sorter: Bounding, sheet: DataSheet):
 def _torque(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
     """Of a motor with no inertia, losses or shaft of its own it is the hinge's, which needs no
     more than every sort is measured for."""
-    motor = sorter.motor
-    plain = motor.rotor_inertia is None and motor.efficiency is None and not motor.at_shaft
-    return objectives.PEAK_TORQUE if plain else drivability.MOTOR_TORQUE
+    return drivability.MOTOR_TORQUE if sorter.motor.felt else objectives.PEAK_TORQUE
 
 
 def _line(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:

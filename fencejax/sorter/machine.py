@@ -194,6 +194,7 @@ class Machine(Readable):
         whole = kind == "whole_sort"
         first = {path: float(values[0]) for path, values in self.parcels.columns.items()}
         given = {*names, *(fixed or {})}
+        moved = any(name.startswith("motor.") for name in given)
         places = {
             f"start.{name}": first[f"start.{name}"]
             for name in parcel_table.PLACES
@@ -209,7 +210,8 @@ class Machine(Readable):
             belt=self.belt,
             fence_friction=self.fence_friction,
             border=self.border,
-            motor=self._motor,
+            # Bounds alone cost nothing.
+            motor=self._motor if self.motor.felt or moved else None,
             duration=self.duration if whole and duration is None else duration,
             options={"fence_corners": self.parcels.corners} if whole else {},
         )

@@ -118,7 +118,7 @@ def _mine(outcome: Outcome) -> str:
     lane = int(np.argmax(found["peak_force"]))
     told = report.mine(
         float(found["peak_force"][lane]), objectives.PEAK_FORCE, of, joint.encounters.text(lane),
-        outcome.stiff, outcome.push,
+        outcome.stiff, outcome.push, held=optimum.feasible,
     )  # fmt: skip
     return f"{nearby.price_text(joint.space, optimum, joint.rows(found), 'N')}\n\n{told}"
 

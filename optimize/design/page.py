@@ -6,6 +6,7 @@ import numpy as np
 
 import fencejax as fj
 from fencejax import plot
+from fencejax.design import fatigue
 from fencejax.plot import Trace
 from fencejax.results import counted
 from fencejax.sorter import Look
@@ -369,9 +370,13 @@ def _own_assumptions(outcome: Outcome) -> list[str]:
         f"The {machine.parcels.count} parcels and places stand for all that the machine meets.",
     ]
     if sheet.fatigue_strength is not None:
-        lines.append(
-            "The stress is compared with what is allowed once; 1e7 reversed cycles bear "
-            f"{shown(float(sheet.fatigue_strength), 'Pa')}."
-        )
+        told = f"1e7 reversed cycles bear {shown(float(sheet.fatigue_strength), 'Pa')}."
+        lines.append(f"The stress is compared with what is allowed once; {told}")
+        if fatigue.FATIGUE_STRESS in outcome.problem.quantities:
+            lines[-1] = (
+                f"For the life {told} Cycles are counted as rainflow, their means taken in after "
+                "Smith, Watson and Topper, summed by Miner's rule along Basquin's line, exponent "
+                f"{shown(float(fatigue.exponent_of(sheet.material)), '1', 3)}."
+            )
     return lines
 

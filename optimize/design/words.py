@@ -173,7 +173,9 @@ def mine(
         f"{machine.title or 'this machine'}, by a fence of {one.candidate.name}"
     )
     where = hardest(problem, one.after) if machine.objective.over == "worst" else ""
-    return report.mine(one.after.objective, quantity, of, where, stiff, push)
+    return report.mine(
+        one.after.objective, quantity, of, where, stiff, push, held=one.feasible
+    )
 
 
 def doubts(one: Solution) -> str:

@@ -72,8 +72,9 @@ def mine(outcome: Outcome) -> str:
     """Which of the numbers is the machine's."""
     config = outcome.config
     own = outcome.judged["after"].measures[config.measure].value
+    begin = "Yours is" if outcome.held else "None is yours yet, as a limit breaks. This one has"
     text = (
-        f"Yours is {own:.4g} {config.unit}: the {_MEASURES[config.measure]} of the "
+        f"{begin} {own:.4g} {config.unit}: the {_MEASURES[config.measure]} of the "
         f"{plain(config.severity)} over {config.fresh} parcels"
     )
     if config.machine is not None and config.machine.title:

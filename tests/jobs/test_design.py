@@ -104,10 +104,11 @@ def test_gradient_of_the_problem(outcome):
 
 
 def test_what_it_says_and_writes(outcome):
-    text = words.mine(outcome.problem, outcome.best, outcome.stiff)
+    text = words.mine(outcome.problem, outcome.best, outcome.stiff, outcome.push)
     assert text.startswith("Yours is ")
+    assert "; a constant push would need " in text
     assert "the largest peak force over the 2 parcels and places of tiny" in text
-    assert outcome.stiff > outcome.best.after.objective
+    assert outcome.stiff > outcome.best.after.objective > outcome.push
     content = json.loads((outcome.config.out / "design.json").read_text())
     assert [row["feasible"] for row in content["solutions"]] == [True, True]
     assert content["parcels"] == ["5 kg", "30 kg"]
@@ -125,7 +126,7 @@ def test_the_page_and_the_drawing(outcome):
         "How to make this page again",
     ]  # fmt: skip
     said = report_pages.text(out / "report.html")
-    assert words.mine(outcome.problem, outcome.best, outcome.stiff) in said
+    assert words.mine(outcome.problem, outcome.best, outcome.stiff, outcome.push) in said
     for name in outcome.problem.limit_names:
         assert words.plain(name) in said
     assert configure(report_pages.arguments(out / "report.html", "design")) == outcome.config
@@ -172,6 +173,7 @@ def test_a_conflict_is_named(outcome, tmp_path):
     assert "torque" in [price.name for one in found.solutions for price in one.prices]
     said = words.decides(found.problem, found.best)
     assert "these fight" in said.lower()
+    assert words.mine(found.problem, found.best, None).startswith("None is yours yet")
     # Nothing worse than the start is shown as found.
     for one in found.solutions:
         assert one.after.violation <= one.before.violation

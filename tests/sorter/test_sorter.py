@@ -93,7 +93,6 @@ def test_scenes_are_those_written_by_hand(mine):
         by_hand = fj.scenes.whole_sort(
             offset=offset, fence=mine.fence, parcel=fj.Parcel(mass, 0.6, 0.4), belt=mine.belt,
             drive=mine.drive, fence_friction=mine.machine.fence_friction, duration=1.5,
-            motor=fj.Motor(torque=400.0),
         )  # fmt: skip
         assert same(mine.scene(lane), by_hand)
         assert same(jax.tree.map(lambda leaf, lane=lane: leaf[lane], scenes), by_hand)
