@@ -186,7 +186,7 @@ def amplitude_for(sorts: float, strength: ArrayLike, exponent: ArrayLike = EXPON
     return jnp.asarray(strength) * (ENDURANCE / sorts) ** (1 / jnp.asarray(exponent))
 
 
-def exponent_of(material: Material) -> ArrayLike:
+def exponent_of(material: Material) -> Array | float:
     """m of Basquin's line [1] for a material."""
     return EXPONENT if material.fatigue_exponent is None else material.fatigue_exponent
 
