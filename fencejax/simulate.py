@@ -94,6 +94,20 @@ def simulate(
     Raises `TypeError` for arguments of the wrong kind, `ValueError` for names in `only` that are
     none of `Result`'s fields and for a fidelity that the scene or JAX's settings do not allow and,
     with `throw=True`, `RuntimeError` with the status' text.
+
+    >>> print(fj.simulate(fj.scenes.oblique_impact(distance=1.0)))
+                status  successful
+            peak force  1115.59 N  at 48.11 ms
+               impulse  60.162 N s
+               contact  88.07 ms  from 0.00 ms to 88.07 ms
+           leaves at x  0.993 m  y 0.672 m (C_s, end of the force)
+        tip deflection  65.20 mm  at 48.60 ms
+        bending stress  16.09 MPa  at 0.450 m from the hinge
+          drive torque  1254.69 N m  largest
+          border force  0.00 N  largest
+         surface force  0.00 N  largest
+         pressed in by  28.25 mm
+       energy residual  3.24e-03 J
     """
     if not isinstance(scene, (NormalScene, Scene)):
         raise TypeError(

@@ -31,6 +31,11 @@ class Film:
     - `axes`: the picture's; `axes.figure` holds one frame at a time.
 
     In a notebook it shows itself, with buttons to play and to step.
+
+    >>> scene = fj.scenes.oblique_impact()
+    >>> film = fj.plot.animate(scene, fj.simulate(scene), frames=3)
+    >>> film.times
+    array([0.   , 0.125, 0.25 ])
     """
 
     def __init__(
@@ -204,6 +209,11 @@ def animate(
 
     Raises `TypeError` and `ValueError` as `fencejax.plot.draw_scene` does, and `ValueError` where
     `stop` is before `start` or a number is out of range.
+
+    >>> scene = fj.scenes.oblique_impact()
+    >>> film = fj.plot.animate(scene, fj.simulate(scene), frames=2)
+    >>> str(film.save("impact.gif"))
+    'impact.gif'
     """
     _check.count("frames", frames, least=1)
     _check.count("frames_per_second", frames_per_second, least=1)

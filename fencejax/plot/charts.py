@@ -38,6 +38,9 @@ def heat_map(
     - `axes`: where to draw; by default a figure of page width.
 
     Raises `ValueError` where the shapes do not fit or a label has no unit.
+
+    >>> names = {"x_label": "mass [kg]", "y_label": "R [m]", "label": "peak force [N]"}
+    >>> axes = fj.plot.heat_map([5, 15], [0.8, 1.0], [[600, 900], [700, 1000]], **names)
     """
     style.check_labels(x_label=x_label, y_label=y_label, label=label)
     across, up = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
@@ -75,7 +78,11 @@ def heat_map(
 
 def non_dominated(points: ArrayLike) -> np.ndarray:
     """Which of the points (n, k) no other one beats: is at most as large in every column, and
-    smaller in one. Of equal points all count; points that are not finite do not. Shape (n,)."""
+    smaller in one. Of equal points all count; points that are not finite do not. Shape (n,).
+
+    >>> fj.plot.non_dominated(np.array([[60, 1200], [80, 1000], [80, 1100]]))
+    array([ True,  True, False])
+    """
     table = np.asarray(points, dtype=float)
     finite = np.all(np.isfinite(table), axis=1)
     kept = finite.copy()
@@ -109,6 +116,9 @@ def front(
     - `axes`: where to draw; by default a figure of page width.
 
     Raises `ValueError` where the shapes do not fit or a label has no unit.
+
+    >>> designs = [[60, 1200], [80, 1000], [80, 1100]]
+    >>> axes = fj.plot.front(designs, x_label="tip deflection [mm]", y_label="peak force [N]")
     """
     style.check_labels(x_label=x_label, y_label=y_label)
     sets: dict[str, Any] = dict(points) if isinstance(points, Mapping) else {"": points}
@@ -195,6 +205,9 @@ def convergence(
 
     Evaluations that failed are left out of the lines and marked on the horizontal axis; a point
     with no violation has no mark below.
+
+    >>> optimum = fj.minimize(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)), [0.9])
+    >>> above, below = fj.plot.convergence(optimum.history, unit="1")
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -239,6 +252,10 @@ def gradient_bars(
     """Elasticities d ln Q / d ln p [1] as bars: by quantity Q, then by variable p.
 
     1 means that a 1 % larger p makes Q 1 % larger.
+
+    >>> axes = fj.plot.gradient_bars({"peak_force": {"thickness": 0.8, "mass": 0.5}})
+    >>> axes.get_xlabel()
+    'elasticity d ln Q / d ln p [1]'
     """
     variables = list(dict.fromkeys(name for row in elasticities.values() for name in row))
     axes = style.prepared(axes, height=1.1 + 0.36 * max(4, len(variables)))

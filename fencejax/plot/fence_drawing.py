@@ -46,6 +46,9 @@ def fence_drawing(
     - `material`: what it is made of, beside modulus and density.
     - `notes`: lines beside the title block.
     - `axes`: where to draw, in millimetres of the sheet; by default a figure of the sheet's size.
+
+    >>> axes = fj.plot.fence_drawing(fj.Fence(), material="PA 6", notes=["deburr"])
+    >>> axes.figure.savefig("fence.pdf")
     """
     if axes is None:
         figure = style.figure(SHEET[1] / 25.4, SHEET[0] / 25.4)

@@ -98,7 +98,11 @@ def draw_arrows(shape: Outline, index: int, arrows: Arrows, axes: "Axes", alpha:
 
 
 def reference_force(scale: float) -> float:
-    """A round force [N] whose arrow is between 0.08 m and 0.2 m long."""
+    """A round force [N] whose arrow is between 0.08 m and 0.2 m long.
+
+    >>> fj.plot.reference_force(1e-4)
+    2000
+    """
     most = 0.2 / scale
     power = 10 ** math.floor(math.log10(most))
     return max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-9))
@@ -148,6 +152,9 @@ def draw_scene(
 
     Raises `TypeError` and `ValueError` as `fencejax.plot.outline` does, and `ValueError` for an
     unknown force.
+
+    >>> scene = fj.scenes.oblique_impact()
+    >>> axes = fj.plot.draw_scene(scene, fj.simulate(scene), times=0.05, path=True)
     """
     arrows = chosen_arrows(result, forces, force_scale)
     shape = outline(scene, result, times, fidelity=fidelity)

@@ -34,6 +34,9 @@ def shock_spectrum(
     - `axes`: where to draw; by default a figure of page width.
 
     Raises `ValueError` where the shapes do not fit or a number is not above 0.
+
+    >>> frequencies = np.geomspace(1.0, 100.0, 5)
+    >>> axes = fj.plot.shock_spectrum(frequencies, 2.0 / frequencies, critical_load=60.0)
     """
     across = np.asarray(frequencies, dtype=float)
     given = pseudo_velocity if isinstance(pseudo_velocity, Mapping) else {"": pseudo_velocity}

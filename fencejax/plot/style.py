@@ -16,14 +16,22 @@ WIDTH, HEIGHT = 6.3, 3.2
 
 
 def figure(height: float = HEIGHT, width: float = WIDTH) -> "Figure":
-    """A figure, by default of page width, that pyplot does not know of. Both in inches."""
+    """A figure, by default of page width, that pyplot does not know of. Both in inches.
+
+    >>> fj.plot.figure(width=4.0).get_size_inches()
+    array([4. , 3.2])
+    """
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def prepared(axes: "Axes | None", height: float = HEIGHT) -> "Axes":
-    """The axes, or those of a new figure, with a light grid behind everything."""
+    """The axes, or those of a new figure, with a light grid behind everything.
+
+    >>> fj.plot.prepared(None).figure.get_size_inches()
+    array([6.3, 3.2])
+    """
     if axes is None:
         axes = figure(height).subplots()
     axes.spines[["top", "right"]].set_visible(False)
@@ -33,7 +41,10 @@ def prepared(axes: "Axes | None", height: float = HEIGHT) -> "Axes":
 
 
 def panel(axes: "Axes", x_label: str, y_label: str, title: str = "") -> "Axes":
-    """The axes as one of several in a figure: with small labels, and a title at the left."""
+    """The axes as one of several in a figure: with small labels, and a title at the left.
+
+    >>> axes = fj.plot.panel(fj.plot.figure().subplots(), "time [ms]", "force [N]", "before")
+    """
     prepared(axes)
     axes.tick_params(labelsize="small")
     axes.set_xlabel(x_label, fontsize="small")
@@ -43,7 +54,12 @@ def panel(axes: "Axes", x_label: str, y_label: str, title: str = "") -> "Axes":
 
 
 def legend(axes: "Axes") -> None:
-    """A legend above the axes, where it hides nothing; none where nothing is named."""
+    """A legend above the axes, where it hides nothing; none where nothing is named.
+
+    >>> axes = fj.plot.prepared(None)
+    >>> lines = axes.plot([0, 1], [0, 1], label="force")
+    >>> fj.plot.legend(axes)
+    """
     count = len(axes.get_legend_handles_labels()[0])
     if count:
         columns = 2 if count == 4 else 3
@@ -58,7 +74,12 @@ def legend(axes: "Axes") -> None:
 
 
 def legend_above(axes: "Axes", columns: int) -> None:
-    """A legend above all panels of a figure, of what one of them shows."""
+    """A legend above all panels of a figure, of what one of them shows.
+
+    >>> upper, lower = fj.plot.figure().subplots(2)
+    >>> lines = upper.plot([0, 1], [0, 1], label="before")
+    >>> fj.plot.legend_above(upper, columns=1)
+    """
     axes.figure.legend(
         *axes.get_legend_handles_labels(),
         loc="outside upper center",

@@ -16,7 +16,12 @@ if TYPE_CHECKING:
 
 class Trace(NamedTuple):
     """Signals over time: `time` [s], `force` of the fence on the parcel [N], `deflection` of the
-    tip [m]; each of shape (T,)."""
+    tip [m]; each of shape (T,).
+
+    >>> trace = fj.plot.Trace.of(fj.simulate(fj.scenes.oblique_impact()))
+    >>> trace.force.shape == trace.time.shape
+    True
+    """
 
     time: ArrayLike
     force: ArrayLike
@@ -109,6 +114,10 @@ def histories(
 
     Raises `ValueError` for an unknown name, for a signal that no result has, for a wrong number of
     axes, and where a result has no history or that of a batch.
+
+    >>> result = fj.simulate(fj.scenes.oblique_impact())
+    >>> [axes.get_ylabel() for axes in fj.plot.histories(result)]
+    ['force of the fence [N]', 'tip deflection [mm]']
     """
     names = (names,) if isinstance(names, str) else tuple(names)
     for name in names:
@@ -152,7 +161,12 @@ def histories(
 
 def energies(result: Result, *, axes: "Axes | None" = None) -> "Axes":
     """Energies held over time [J]: of the parcel's motion and the fence's, of its bending and of
-    the contacts."""
+    the contacts.
+
+    >>> axes = fj.plot.energies(fj.simulate(fj.scenes.oblique_impact()))
+    >>> axes.get_ylabel()
+    'energy held [J]'
+    """
     history = single_history(result)
     axes = style.prepared(axes)
     for index, name in enumerate(("parcel", "fence", "strain", "contact")):
@@ -202,6 +216,9 @@ def force(
     - `signals`: a result or trace, or several by name (before, after).
     - `stiff_force`: N_stiff [N], drawn as a line across.
     - `axes`: where to draw; by default a figure of page width.
+
+    >>> result = fj.simulate(fj.scenes.oblique_impact())
+    >>> axes = fj.plot.force({"paper": result}, stiff_force=3294.0)
     """
     own = axes is None
     axes = _over_time(signals, "force", 1.0, axes)
@@ -223,7 +240,11 @@ def force(
 def tip_deflection(
     signals: Signals, *, limit: float | None = None, axes: "Axes | None" = None
 ) -> "Axes":
-    """Deflection of the tip [mm] over time [ms], with `limit` [m] on either side."""
+    """Deflection of the tip [mm] over time [ms], with `limit` [m] on either side.
+
+    >>> result = fj.simulate(fj.scenes.oblique_impact())
+    >>> axes = fj.plot.tip_deflection(result, limit=0.08)
+    """
     axes = _over_time(signals, "deflection", 1e3, axes)
     if limit is not None:
         for side, label in ((1, "limit"), (-1, None)):

@@ -25,6 +25,10 @@ class ErrorEstimate(AbstractByName):
     `None`.
 
     Estimates are constants to differentiation: they add nothing to the cost of a derivative.
+
+    >>> result = fj.simulate(fj.scenes.rigid_wall(), estimate_error=True)
+    >>> print(f"{result.peak_force:.0f} N +- {result.error.peak_force:.1f} N")
+    3294 N +- 0.4 N
     """
 
     errors: dict[str, Array]

@@ -13,6 +13,11 @@ class Status(enum.IntEnum):
     `text` says the likely cause and what to change. Up to `LEFT_OVER_TIP` the numbers are good
     within what `Fidelity` promises; from `PEAK_AT_TIP` on they are not to be relied on, and
     `fencejax.good` takes them out of a sum and of its gradient.
+
+    >>> result = fj.simulate(fj.scenes.rigid_wall(duration=0.02))
+    >>> status = fj.Status(int(result.status))
+    >>> status.name, status.numerical
+    ('IN_CONTACT_AT_END', False)
     """
 
     SUCCESSFUL = 0

@@ -14,6 +14,10 @@ class Scene(Part):
     """A parcel and the parts that act on it. A part that is `None` costs nothing.
 
     Made by the functions of this module; a field is changed with `equinox.tree_at`.
+
+    >>> scene = fj.scenes.oblique_impact(distance=0.9)
+    >>> scene.start, scene.duration
+    (AtTouch(place=900 mm, drive_angle=0.3 rad, corner=1), 0.25)
     """
 
     parcel: Parcel
@@ -36,7 +40,12 @@ class Scene(Part):
 
 class NormalScene(Part):
     """A parcel with one coordinate, against the fence held still or, without one, against an
-    undeformable wall of infinite mass; no belt, no friction."""
+    undeformable wall of infinite mass; no belt, no friction.
+
+    >>> scene = fj.scenes.normal_impact(speed=2.0)
+    >>> float(scene.speed), scene.duration
+    (2.0, 0.25)
+    """
 
     parcel: Parcel
     speed: Array
