@@ -96,7 +96,8 @@ def fit(
     if rows <= len(chosen):
         raise ValueError(
             f"Argument `experiments` must hold more recorded numbers than the {len(chosen)} "
-            f"parameters, but holds {rows}."
+            f"parameters {', '.join(one.name for one in chosen)}, but holds {rows}. Record more, "
+            "or name fewer `parameters`."
         )
     _check_times(experiments, chosen, fidelity)
     begin = starting_shares(chosen, experiments[0].scene)

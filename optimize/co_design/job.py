@@ -40,7 +40,7 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
         say(line)
     say(
         f"{joint.encounters.lanes} sorts, {len(joint.space.names)} variables: "
-        f"{', '.join(joint.space.names)}; compiling ..."
+        f"{', '.join(joint.space.names)}; compiling (minutes, the first time) ..."
     )
     optimum = minimize(
         joint.program,
