@@ -56,7 +56,7 @@ class Film:
             draw_force(result, axes=below)
             span = 1e3 * self.times[[0, -1]]
             below.set_xlim(*(span if span[1] > span[0] else span + (-1, 1)))
-            (self._cursor,) = below.plot([], [], "o", color=style.COLORS[2], markersize=5)
+            (self._cursor,) = below.plot([], [], "o", color=style.RED, markersize=5)
         else:
             self.axes = figure.subplots()
         self._draw_first(scene)

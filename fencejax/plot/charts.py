@@ -22,7 +22,7 @@ def heat_map(
     label: str,
     good: ArrayLike | None = None,
     contours: bool = True,
-    color_map: str = "viridis",
+    color_map: str = style.MAP,
     axes: "Axes | None" = None,
 ) -> "Axes":
     """A quantity over two variables as colors, with lines of equal value.
@@ -59,9 +59,7 @@ def heat_map(
     axes = style.prepared(axes, height=3.8)
     axes.grid(False)
     # Hatched below; colors cover it where there is a value.
-    axes.set_facecolor("#f0f0f0")
-    axes.patch.set_hatch("////")
-    axes.patch.set_edgecolor("#c8c8c8")
+    style.hatched(axes)
     shown = np.ma.masked_where(~sound, table)
     mesh = axes.pcolormesh(across, up, shown, shading="nearest", cmap=color_map, zorder=1)
     spread = shown.compressed()
@@ -136,7 +134,7 @@ def front(
         )
     axes = style.prepared(axes)
     for index, (title, table) in enumerate(tables.items()):
-        color = style.COLORS[1 + index % (len(style.COLORS) - 1)]
+        color = style.LINES[index % len(style.LINES)]
         best = non_dominated(table)
         axes.plot(*table[~best].T, "o", color=color, alpha=0.25, markersize=4)
         picks = np.flatnonzero(best)[np.argsort(table[best, 0], kind="stable")]
@@ -148,7 +146,7 @@ def front(
                 at = (float(table[k, 0]), float(table[k, 1]))
                 axes.annotate(
                     names[int(k)], at, (5, 4), textcoords="offset points", fontsize="small",
-                    color="black" if best[k] else "#909090",
+                    color="black" if best[k] else style.GRAY,
                 )  # fmt: skip
     if bound is not None:
         line = np.asarray(bound, dtype=float)
@@ -220,11 +218,11 @@ def convergence(
     good = [record for record in history if not record.failed]
     number = [record.evaluation for record in good]
     worst = [scale * record.objective for record in good]
-    upper.plot(number, worst, "o-", color=style.COLORS[1], markersize=3)
+    upper.plot(number, worst, "o-", color=style.BLUE, markersize=3)
     upper.set_ylabel(f"worst case [{unit}]")
     for label, color, values in (
-        ("largest violation", style.COLORS[2], [record.violation for record in good]),
-        ("KKT residual", style.COLORS[1], [record.kkt for record in good]),
+        ("largest violation", style.RED, [record.violation for record in good]),
+        ("KKT residual", style.BLUE, [record.kkt for record in good]),
     ):
         shown = np.asarray(values, dtype=float)
         shown = np.where(shown > 0, shown, np.nan)
@@ -266,7 +264,7 @@ def gradient_bars(
             places + (index - (len(elasticities) - 1) / 2) * thick,
             [row.get(name, 0.0) for name in variables],
             height=0.9 * thick,
-            color=style.COLORS[1 + index % (len(style.COLORS) - 1)],
+            color=style.LINES[index % len(style.LINES)],
             label=quantity.replace("_", " "),
         )
     axes.set_yticks(places, [name.replace("_", " ") for name in variables])

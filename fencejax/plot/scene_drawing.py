@@ -18,17 +18,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.quiver import Quiver
 
-FENCE, PARCEL = "#c8501e", "#0b5fa5"
-_BELT, _TEXT = "#ece8df", "#8a8577"
+FENCE, PARCEL = style.RED, style.BLUE
 _FORCES = {
     # name: color, title
     "fence": ("black", "fence, normal"),
-    "fence_friction": ("#7a4aa0", "fence, friction"),
+    "fence_friction": (style.PURPLE, "fence, friction"),
     "border": ("black", "border, normal"),
-    "border_friction": ("#7a4aa0", "border, friction"),
+    "border_friction": (style.PURPLE, "border, friction"),
     "surfaces": ("black", "surface, normal"),
-    "surfaces_friction": ("#7a4aa0", "surface, friction"),
-    "belt": ("#2a8c4a", "belt"),
+    "surfaces_friction": (style.PURPLE, "surface, friction"),
+    "belt": (style.GREEN, "belt"),
 }
 _LONGEST = 0.3
 
@@ -66,8 +65,8 @@ def draw_ground(scene: Scene, axes: "Axes") -> None:
     """Belt, border, other surfaces and hinge, in metres; labels of the axes."""
     if scene.belt is not None:
         width = float(scene.belt.width)
-        axes.axhspan(0.0, width, color=_BELT, linewidth=0, zorder=0)
-        axes.axhline(width, color=_TEXT, linewidth=0.8, linestyle=":", zorder=0)
+        axes.axhspan(0.0, width, color=style.PALE, linewidth=0, zorder=0)
+        axes.axhline(width, color=style.GRAY, linewidth=0.8, linestyle=":", zorder=0)
     axes.axhline(0.0, color="black", linewidth=0.8 if scene.border is None else 2.0, zorder=1)
     for surface in scene.surfaces:
         line = surface.line()

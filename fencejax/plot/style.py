@@ -10,8 +10,22 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
-COLORS = ("#8a8a8a", "#0b5fa5", "#c8501e", "#2a8c4a", "#7a4aa0", "#a08a20")
+COLORS = (
+    "#8a8a8a", "#0b5fa5", "#c8501e", "#2a8c4a", "#7a4aa0", "#a08a20", "#3aa0a0", "#c04080",
+)  # fmt: skip
+"""Of several lines, in turn. The first is for what the others are compared with."""
+GRAY, BLUE, RED, GREEN, PURPLE, OCHRE, TEAL, PINK = COLORS
+LINES = COLORS[1:]
+INK, NOTE, GRID, PALE = "black", "#555555", "#dddddd", "#ece8df"
+"""Of outlines and axes, of notes on a drawing, of grids, and of surfaces: the belt, a solid."""
+CAUTION = "#f7d488"
+"""Of what is warned of, between `BLUE` for what is right and `RED` for what is wrong."""
+EMPTY, HATCH = "#f0f0f0", "#c8c8c8"
+"""Of areas without a value, and of the hatching across them."""
+MAP, SIGNED_MAP = "viridis", "RdBu_r"
+"""matplotlib's color maps of a quantity, and of one that is above and below 0."""
 WIDTH, HEIGHT = 6.3, 3.2
 
 
@@ -35,7 +49,7 @@ def prepared(axes: "Axes | None", height: float = HEIGHT) -> "Axes":
     if axes is None:
         axes = figure(height).subplots()
     axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(True, color="#dddddd", linewidth=0.6)
+    axes.grid(True, color=GRID, linewidth=0.6)
     axes.set_axisbelow(True)
     return axes
 
@@ -51,6 +65,20 @@ def panel(axes: "Axes", x_label: str, y_label: str, title: str = "") -> "Axes":
     axes.set_ylabel(y_label, fontsize="small")
     axes.set_title(title, loc="left", fontsize="small", fontweight="bold")
     return axes
+
+
+def hatched(axes: "Axes") -> None:
+    """Hatch the axes, where nothing covers them."""
+    axes.set_facecolor(EMPTY)
+    axes.patch.set_hatch("////")
+    axes.patch.set_edgecolor(HATCH)
+
+
+def hatched_patch(label: str) -> "Patch":
+    """What a legend shows of hatched areas."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=EMPTY, edgecolor=HATCH, hatch="////", label=label)
 
 
 def legend(axes: "Axes") -> None:

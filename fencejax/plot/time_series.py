@@ -134,7 +134,7 @@ def histories(
             f"Argument `axes` must be one for each of the names {list(names)}, at least one, but "
             f"there are {len(panels)}."
         )
-    colors = style.COLORS if len(lines) > 1 else style.COLORS[1:]
+    colors = style.COLORS if len(lines) > 1 else style.LINES
     for name, panel in zip(names, panels, strict=True):
         style.prepared(panel)
         title, factor, read = _SIGNALS[name]
@@ -178,7 +178,7 @@ def energies(result: Result, *, axes: "Axes | None" = None) -> "Axes":
         }[name]
         values = np.asarray(getattr(history.energy, name))
         axes.plot(
-            1e3 * np.asarray(history.time), values, color=style.COLORS[1 + index], label=title
+            1e3 * np.asarray(history.time), values, color=style.LINES[index], label=title
         )
     axes.set_xlabel(_TIME)
     axes.set_ylabel("energy held [J]")
@@ -196,7 +196,7 @@ def _named(signals: Signals) -> dict[str, Trace]:
 def _over_time(signals: Signals, field: str, factor: float, axes: "Axes | None") -> "Axes":
     axes = style.prepared(axes)
     many = _named(signals)
-    colors = style.COLORS if len(many) > 1 else style.COLORS[1:]
+    colors = style.COLORS if len(many) > 1 else style.LINES
     for index, (name, trace) in enumerate(many.items()):
         value = factor * np.asarray(getattr(trace, field))
         color = colors[index % len(colors)]
