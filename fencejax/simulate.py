@@ -36,6 +36,7 @@ from .model import (
 from .parts import AbstractDrive, AbstractTaper, DriveMotion
 from .results import (
     MEASURES,
+    Kept,
     Measure,
     NormalRecorder,
     Result,
@@ -350,7 +351,7 @@ def _run(
     if isinstance(scene, NormalScene):
         link = normal_direction.prepared(scene, fidelity)
         alike = fidelity.step_tolerance is None
-        recorder = NormalRecorder(scene, link, running_sums, traces, alike, history)
+        recorder = NormalRecorder(scene, link, Kept(running_sums, traces, alike, history))
         record, saved, start, unmet = normal_direction.run(
             scene, link, fidelity, recorder, recorder.saves
         )
@@ -360,7 +361,7 @@ def _run(
         mechanics, clock, memory = prepared(scene, fidelity)
         start, modal = clock.start, fidelity.integrator == "modal"
         alike = not modal or clock.counts[-1] == 1
-        recorder = SceneRecorder(scene, mechanics, running_sums, traces, alike, history)
+        recorder = SceneRecorder(scene, mechanics, Kept(running_sums, traces, alike, history))
         if modal:
             record, saved, unmet = time_loop.modal(
                 mechanics, clock, memory, steps, recorder, recorder.saves

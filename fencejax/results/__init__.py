@@ -31,6 +31,7 @@ from .gradient import (
 from .ledger import Ledger as Ledger
 from .measures import ESTIMATED as ESTIMATED, MEASURES as MEASURES, Measure as Measure
 from .recorder import (
+    Kept as Kept,
     NormalRecorder as NormalRecorder,
     SceneRecorder as SceneRecorder,
     running as running,

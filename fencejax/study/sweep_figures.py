@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ..plot import style
+from ..printing import multiple
 from ..results import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Units shown instead of those of the SI where the largest number is at least so large.
-_SHOWN = (("Pa", 1e9, 1e-9, "GPa"), ("Pa", 1e5, 1e-6, "MPa"), ("N/m^4", 1e9, 1e-9, "GN/m^4"))
 # More points than these hide each other.
 _MOST_POINTS = 4000
 _SLICES = 16
@@ -61,13 +60,10 @@ def _column(table: Lanes, name: str) -> tuple[np.ndarray, str]:
     """A column in the unit shown, and the label of its axis."""
     column = table.variables.get(name, table.outputs.get(name))
     assert column is not None
-    factor, unit = 1.0, table.units[name]
-    for plain, least, shown, title in _SHOWN:
-        if unit == plain and np.max(np.abs(column), initial=0, where=np.isfinite(column)) >= least:
-            factor, unit = shown, title
-            break
+    largest = np.max(np.abs(column), initial=0, where=np.isfinite(column))
+    size, unit = multiple(largest, table.units[name])
     words = name.replace("_", " ").replace(".", ": ")
-    return factor * column, f"{words} [{unit}]"
+    return column / size, f"{words} [{unit}]"
 
 
 def _prepared(axes: "Axes", table: Lanes, x: str) -> "Axes":

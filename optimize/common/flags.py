@@ -98,20 +98,21 @@ def parser(
         else:
             settings["type"] = Path if isinstance(default, Path) else type(default)
         settings |= {k: v for k, v in each.metadata.items() if k not in _CHECKED}
-        settings["help"] += _told(default)
+        if not (default == () and "by default" in settings["help"]):
+            settings["help"] += _told(default)
         result.add_argument("--" + each.name.replace("_", "-"), **settings)
     for name, text in switches.items():
-        result.add_argument("--" + name.replace("_", "-"), action="store_true", help=text)
+        result.add_argument(
+            "--" + name.replace("_", "-"), action="store_true", help=text + _told(False)
+        )
     return result
 
 
 def _told(default: Any) -> str:
-    """A default as one writes it behind its flag; nothing where there is none."""
-    if default == ():
-        return ""
+    """A default as one writes it behind its flag."""
     if isinstance(default, bool):
-        return f" (default: {'yes' if default else 'no'})"
-    words = map(str, default) if isinstance(default, tuple) else (str(default),)
+        default = "yes" if default else "no"
+    words = map(str, default or ("none",)) if isinstance(default, tuple) else (str(default),)
     return f" (default: {' '.join(words)})".replace("%", "%%")
 
 
