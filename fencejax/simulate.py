@@ -351,7 +351,8 @@ def _run(
     if isinstance(scene, NormalScene):
         link = normal_direction.prepared(scene, fidelity)
         alike = fidelity.step_tolerance is None
-        recorder = NormalRecorder(scene, link, Kept(running_sums, traces, alike, history))
+        kept = Kept(running_sums, traces, alike, history)
+        recorder = NormalRecorder(scene=scene, link=link, kept=kept)
         record, saved, start, unmet = normal_direction.run(
             scene, link, fidelity, recorder, recorder.saves
         )
@@ -361,7 +362,8 @@ def _run(
         mechanics, clock, memory = prepared(scene, fidelity)
         start, modal = clock.start, fidelity.integrator == "modal"
         alike = not modal or clock.counts[-1] == 1
-        recorder = SceneRecorder(scene, mechanics, Kept(running_sums, traces, alike, history))
+        kept = Kept(running_sums, traces, alike, history)
+        recorder = SceneRecorder(scene=scene, mechanics=mechanics, kept=kept)
         if modal:
             record, saved, unmet = time_loop.modal(
                 mechanics, clock, memory, steps, recorder, recorder.saves

@@ -99,7 +99,8 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
     say("statuses: " + ", ".join(f"{name} {number}" for name, number in counts.items()))
     for status in fj.Status:
         if status.name in counts and status > fj.Status.LEFT_OVER_TIP:
-            say(f"  {status.name}: {status.text}")
+            flag = " (by --fidelity)" if status.numerical else ""
+            say(f"  {status.name}: {status.text}{flag}")
     for name, number in missing.items():
         say(f"  {name}: not a number in {number} lanes whose status is good")
     share = 1 - float(np.mean(table.good))
