@@ -26,9 +26,10 @@ class ErrorEstimate(AbstractByName):
 
     Estimates are constants to differentiation: they add nothing to the cost of a derivative.
 
-    >>> result = fj.simulate(fj.scenes.rigid_wall(), estimate_error=True)
-    >>> print(f"{result.peak_force:.0f} N +- {result.error.peak_force:.1f} N")
-    3294 N +- 0.4 N
+    >>> found = {"peak_force": jnp.array(12.0), "impulse": jnp.array(0.2)}
+    >>> error = fj.ErrorEstimate(found)  # as `fj.simulate(scene, estimate_error=True).error`
+    >>> print(f"{error.peak_force:.1f} N, {error.impulse:.1f} N s")
+    12.0 N, 0.2 N s
     """
 
     errors: dict[str, Array]

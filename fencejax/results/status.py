@@ -14,10 +14,9 @@ class Status(enum.IntEnum):
     within what `Fidelity` promises; from `PEAK_AT_TIP` on they are not to be relied on, and
     `fencejax.good` takes them out of a sum and of its gradient.
 
-    >>> result = fj.simulate(fj.scenes.rigid_wall(duration=0.02))
-    >>> status = fj.Status(int(result.status))
+    >>> status = fj.Status(10)
     >>> status.name, status.numerical
-    ('IN_CONTACT_AT_END', False)
+    ('STEP_TOO_COARSE', True)
     """
 
     SUCCESSFUL = 0
