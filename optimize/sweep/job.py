@@ -101,6 +101,8 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
         if status.name in counts and status > fj.Status.LEFT_OVER_TIP:
             flag = " (by --fidelity)" if status.numerical else ""
             say(f"  {status.name}: {status.text}{flag}")
+    if np.any(table.rung):
+        say(f"computed again at a finer fidelity: {np.sum(table.rung > 0)} lanes")
     for name, number in missing.items():
         say(f"  {name}: not a number in {number} lanes whose status is good")
     share = 1 - float(np.mean(table.good))
@@ -113,6 +115,7 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
         "config": dataclasses.asdict(config),
         "lanes": sweep.samples.count,
         "statuses": counts,
+        "computed_finer": int(np.sum(table.rung > 0)),
         "not_finite": missing,
         "bad_share": share,
         "succeeded": outcome.succeeded,

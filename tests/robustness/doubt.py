@@ -1,0 +1,99 @@
+"""What a status still means: how random real designs end at each fidelity, as they are and with
+those in doubt computed again (`fencejax.simulate_many`), and what that costs.
+
+    python tests/robustness/doubt.py                 # some minutes
+    python tests/robustness/doubt.py --designs 256
+    python tests/robustness/doubt.py --record        # the table of TRUST.md anew
+
+Designs are oblique impacts, log-uniform within what fences and parcels may really be (`USUAL` in
+`extreme_scenes`), centre of gravity anywhere in the parcel, all in one batch. The cost is the
+median of the ratios of five pairs of runs, as they are and refined, one after the other.
+"""
+
+import argparse
+import time
+
+import figures
+import jax
+import numpy as np
+from robustness.extreme_scenes import USUAL, draw, impact
+
+import fencejax as fj
+from fencejax.results import counted
+
+_ONLY = ("peak_force", "tip_deflection", "impulse")
+_NAMES = ("coarse", "fast", "standard")
+_DOUBT = "numbers in doubt, in all"
+
+
+def said(status):
+    """What kind of statement a status is."""
+    if status <= fj.Status.LEFT_OVER_TIP:
+        return "numbers good"
+    if status.numerical:
+        return "numbers in doubt: computed finer"
+    if status >= fj.Status.INCONSISTENT:
+        return "no result: the scene's numbers"
+    return "beyond the model: change the design"
+
+
+def shares(statuses):
+    """Percentages of designs by status, and of those in numerical doubt."""
+    found = counted(statuses)
+    part = {s.name: round(100 * found.get(s.name, 0) / len(statuses), 1) for s in fj.Status}
+    doubted = sum(n for name, n in found.items() if fj.Status[name].numerical)
+    return part | {_DOUBT: round(100 * doubted / len(statuses), 1)}
+
+
+def measured(fidelity, scenes):
+    """Shares as they are and refined, and how much longer refining takes."""
+
+    def run(refine):
+        return fj.simulate_many(scenes, fidelity=fidelity, only=_ONLY, refine=refine)
+
+    plain, refined, ratios = run(False), run(True), []
+    for _ in range(5):
+        moments = [time.perf_counter()]
+        for refine in (False, True):
+            run(refine)
+            moments.append(time.perf_counter())
+        ratios.append((moments[2] - moments[1]) / (moments[1] - moments[0]))
+    return shares(plain.status), shares(refined.status), float(np.median(ratios))
+
+
+def main():
+    flags = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    flags.add_argument("--designs", type=int, default=1024)
+    flags.add_argument("--seed", type=int, default=20261123)
+    flags.add_argument("--record", action="store_true", help="write the record anew")
+    given = flags.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    scenes = jax.vmap(impact)(draw(given.seed, given.designs, USUAL))
+    columns_of, longer = {}, []
+    for name in _NAMES:
+        plain, refined, ratio = measured(getattr(fj.Fidelity, name)(), scenes)
+        columns_of |= {f"`{name}`": plain, f"{name}, refined": refined}
+        longer.append(round(ratio, 1))
+        print(f"{name}: {plain}\nrefined: {refined}\n{ratio:.2f} times the time", flush=True)
+    rows = {}
+    for name in (*fj.Status.__members__, _DOUBT):
+        told = said(fj.Status[name]) if name in fj.Status.__members__ else ""
+        found = [column[name] for column in columns_of.values()]
+        rows[name] = {"unit": "%", "values": [told, *found]}
+    if given.record:
+        known, command = figures.record(), "python tests/robustness/doubt.py --record"
+        heads = ["status", "what it says", *columns_of]
+        known["doubt"] = {"command": command, "columns": heads, "rows": rows}
+        before, after = columns_of["`standard`"][_DOUBT], columns_of["standard, refined"][_DOUBT]
+        cost = {
+            "designs": (given.designs, "1"), "time": (longer, "1"),
+            "in doubt at standard": (before, "%"), "left in doubt": (after, "%"),
+        }  # fmt: skip
+        cost = {name: {"value": value, "unit": unit} for name, (value, unit) in cost.items()}
+        known["doubt's cost"] = {"command": command, "figures": cost}
+        figures.write(known)
+
+
+if __name__ == "__main__":
+    fj.tune_compiler()
+    main()
