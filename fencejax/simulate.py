@@ -36,6 +36,7 @@ from .model import (
 from .parts import AbstractDrive, AbstractTaper, DriveMotion
 from .results import (
     MEASURES,
+    Kept,
     Measure,
     NormalRecorder,
     Result,
@@ -94,6 +95,20 @@ def simulate(
     Raises `TypeError` for arguments of the wrong kind, `ValueError` for names in `only` that are
     none of `Result`'s fields and for a fidelity that the scene or JAX's settings do not allow and,
     with `throw=True`, `RuntimeError` with the status' text.
+
+    >>> print(fj.simulate(fj.scenes.oblique_impact(distance=1.0)))
+                status  successful
+            peak force  1115.59 N  at 48.11 ms
+               impulse  60.162 N s
+               contact  88.07 ms  from 0.00 ms to 88.07 ms
+           leaves at x  0.993 m  y 0.672 m (C_s, end of the force)
+        tip deflection  65.20 mm  at 48.60 ms
+        bending stress  16.09 MPa  at 0.450 m from the hinge
+          drive torque  1254.69 N m  largest
+          border force  0.00 N  largest
+         surface force  0.00 N  largest
+         pressed in by  28.25 mm
+       energy residual  3.24e-03 J
     """
     if not isinstance(scene, (NormalScene, Scene)):
         raise TypeError(
@@ -332,7 +347,8 @@ def _run(
     if isinstance(scene, NormalScene):
         link = normal_direction.prepared(scene, fidelity)
         alike = fidelity.step_tolerance is None
-        recorder = NormalRecorder(scene, link, running_sums, traces, alike, history)
+        kept = Kept(running_sums, traces, alike, history)
+        recorder = NormalRecorder(scene=scene, link=link, kept=kept)
         record, saved, start, unmet = normal_direction.run(
             scene, link, fidelity, recorder, recorder.saves
         )
@@ -342,7 +358,8 @@ def _run(
         mechanics, clock, memory = prepared(scene, fidelity)
         start, modal = clock.start, fidelity.integrator == "modal"
         alike = not modal or clock.counts[-1] == 1
-        recorder = SceneRecorder(scene, mechanics, running_sums, traces, alike, history)
+        kept = Kept(running_sums, traces, alike, history)
+        recorder = SceneRecorder(scene=scene, mechanics=mechanics, kept=kept)
         if modal:
             record, saved, unmet = time_loop.modal(
                 mechanics, clock, memory, steps, recorder, recorder.saves

@@ -1,5 +1,9 @@
 """A blow in the parcel's own terms: as a load in g, as the drop that hits as hard, as a change of
-its velocity, and as damage or none."""
+its velocity, and as damage or none.
+
+>>> print(f"{fj.shock.g_load(1100.0, 15.0):.1f} g")
+7.5 g
+"""
 
 import functools
 from collections.abc import Mapping
@@ -20,13 +24,21 @@ _PULSE = 0.1
 
 
 def g_load(force: ArrayLike, mass: ArrayLike, gravity: float = _GRAVITY) -> Array:
-    """F / (m g) [1] of a force [N] on a mass [kg]."""
+    """F / (m g) [1] of a force [N] on a mass [kg].
+
+    >>> print(f"{fj.shock.g_load(1100.0, 15.0):.2f} g")
+    7.48 g
+    """
     return jnp.asarray(force) / (jnp.asarray(mass) * gravity)
 
 
 def wall_force(speed: ArrayLike, parcel: Parcel) -> Array:
     """N_stiff [N], the peak force of a parcel that meets a rigid wall with a corner at `speed`
-    [m/s], above 0: `wall_force` of its contact law."""
+    [m/s], above 0: `wall_force` of its contact law.
+
+    >>> print(f"{fj.shock.wall_force(2.426, fj.Parcel()):.0f} N")
+    3294 N
+    """
     return parcel.contact_law.wall_force(speed, parcel.mass)
 
 
@@ -36,6 +48,9 @@ def drop_height(force: ArrayLike, parcel: Parcel, gravity: float = _GRAVITY) -> 
 
     The parcel's contact law holds for the floor as it does for the fence. A force of 0 is a height
     of 0.
+
+    >>> print(f"{fj.shock.drop_height(1100.0, fj.Parcel()):.3f} m")
+    0.073 m
     """
     force = jnp.asarray(force)
     none = force <= 0
@@ -60,7 +75,12 @@ def drop_height(force: ArrayLike, parcel: Parcel, gravity: float = _GRAVITY) -> 
 
 def pulse_impulse(course: Course) -> Array:
     """The impulse [N s] of the pulse in a force [N] that holds its largest value: from where it
-    rises through a tenth of that to where it falls through it again, straight between samples."""
+    rises through a tenth of that to where it falls through it again, straight between samples.
+
+    >>> pulse = fj.results.Course(jnp.linspace(0.0, 0.02, 5), jnp.array([0.0, 0, 1000, 0, 0]))
+    >>> print(f"{fj.shock.pulse_impulse(pulse):.2f} N s")
+    4.95 N s
+    """
     time, force = course
     if force is None:
         return jnp.zeros_like(time[0])
@@ -132,6 +152,9 @@ def damage_boundary(
     D3332 (R. E. Newton, Fragility assessment, 1968).
 
     The quantity raises `ValueError` where neither it nor the parcel has them.
+
+    >>> fj.shock.damage_boundary(60.0, 2.0)
+    damage [1]: how near the blow comes to the parcel's damage boundary
     """
     given = dict(critical_load=critical_load, critical_velocity_change=critical_velocity_change)
 
@@ -186,6 +209,10 @@ def share_damaged(
       counts with the probability Phi(ln(A / A_c) / s) Phi(ln(dV / dV_c) / s). With 0 it counts or
       does not, and the share has no derivative.
     - `weights`: how often each parcel comes, of shape (n,); by default all alike.
+
+    >>> blows = {"load": [5.0, 8.0], "velocity_change": [2.0, 3.0]}
+    >>> float(fj.shock.share_damaged(**blows, critical_load=6.0, critical_velocity_change=2.5))
+    0.5
     """
     pairs = ((load, critical_load), (velocity_change, critical_velocity_change))
     ratios = [jnp.asarray(value) / jnp.asarray(critical) for value, critical in pairs]
@@ -216,6 +243,11 @@ def pseudo_velocity_spectrum(
     shape (k,), above 0; `damping_ratio` zeta [1], from 0 to below 1.
 
     Source: H. A. Gaberson, Shock severity estimation, Sound and Vibration 46 (1), 2012.
+
+    >>> time = np.linspace(0.0, 0.01, 101)
+    >>> blow = 100.0 * np.sin(np.pi * time / 0.01)
+    >>> fj.shock.pseudo_velocity_spectrum(time, blow, [1.0, 10.0]).round(3).tolist()
+    [0.59, 0.584]
     """
     time, acceleration = jnp.asarray(time), jnp.asarray(acceleration)
     steps = jnp.diff(time)

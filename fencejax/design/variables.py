@@ -36,6 +36,10 @@ class DesignVariable:
     - `scaling`: `"logarithmic"` or `"linear"`.
 
     Raises `ValueError` where the bounds do not enclose a range that the scaling can span.
+
+    >>> thickness = fj.DesignVariable("thickness", 0.02, 0.08, "m")
+    >>> round(float(thickness.value(0.5)), 4), round(float(thickness.share(0.04)), 4)
+    (0.04, 0.5)
     """
 
     name: str
@@ -126,6 +130,11 @@ class DesignSpace(Readable):
 
     Values are vectors of shape (n,) in the order of `variables`, in SI units. An optimiser works
     with their shares of the ranges, in [0, 1] (see `DesignVariable`).
+
+    >>> space = fj.DesignSpace([fj.DesignVariable("thickness", 0.02, 0.08, "m")])
+    >>> fence, drive = space.apply(space.from_shares([0.5]))
+    >>> round(float(fence.thickness), 4)
+    0.04
     """
 
     def __init__(

@@ -2,6 +2,10 @@
 fence, kinematics of the corners, contact and friction laws, and the balance of forces.
 
 May import: `scenes`, `parts`, `fidelity`. Nothing here advances in time.
+
+>>> link = fj.model.FlexibleLink(fj.Fence(), fj.Fidelity(modes=2))
+>>> [f"{value**0.5 / (2 * np.pi):.1f} Hz" for value in link.eigenvalues]
+['27.5 Hz', '114.4 Hz']
 """
 
 from . import beam as beam

@@ -7,6 +7,9 @@ May import: `_check` alone. A new taper, drive, contact law, friction law or sur
 of `AbstractTaper`, `AbstractDrive`, `AbstractContactLaw`, `AbstractFriction` or `AbstractSurface`
 in a file of its own, exported by its folder; every number in it is an array field, with its
 `Bounds`.
+
+>>> fj.parts.DRIVES["trapezoid"]()
+TrapezoidDrive(end_angle=0.6623 rad, top_speed=1.53 rad/s, acceleration=6 rad/s^2, dwell=0 s)
 """
 
 from . import (

@@ -17,6 +17,17 @@ class Fence(Part):
     The thickness of the flexible link is h(x) = h_1 g(x / l_p); the rigid link is h_1 thick
     throughout, which matters for the drive torque alone. The defaults are the two-link fence of
     Piatkowski (2010).
+
+    >>> sheet = fj.materials.pet()
+    >>> fj.Fence(thickness=0.04, material=sheet.material)
+    Fence(
+      rigid_length=450 mm,
+      flexible_length=750 mm,
+      width=132 mm,
+      thickness=40 mm,
+      material=Material(youngs_modulus=3.1 GPa, density=1390 kg/m^3, damping_ratio=0.006),
+      taper=ConstantStrength(),
+    )
     """
 
     rigid_length: Array

@@ -13,6 +13,9 @@ class Material(Part):
     """A linear elastic material with stiffness-proportional (Kelvin-Voigt) damping.
 
     The defaults are those of dry polyamide PA6 (data sheets).
+
+    >>> fj.Material(youngs_modulus=2.6e9, density=1140, damping_ratio=0.04)
+    Material(youngs_modulus=2.6 GPa, density=1140 kg/m^3, damping_ratio=0.04)
     """
 
     youngs_modulus: Array

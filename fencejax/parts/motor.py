@@ -12,7 +12,12 @@ from ..printing import Part
 
 class Motor(Part):
     """What the drive can give at the fence's hinge, behind its gear. A number that is `None` is not
-    known, and bounds nothing."""
+    known, and bounds nothing.
+
+    >>> motor = fj.Motor(rated_torque=400.0, rotor_inertia=2e-3, gear_ratio=20.0)
+    >>> f"{motor.reflected_inertia:.2f} kg m^2"
+    '0.80 kg m^2'
+    """
 
     torque: Array | None
     rated_torque: Array | None

@@ -19,6 +19,17 @@ class Parcel(Part):
 
     Corners, seen from the centre of gravity C_s in the parcel's frame: 1 leading lower,
     2 trailing lower, 3 trailing upper, 4 leading upper.
+
+    >>> fj.Parcel(mass=8.0, length=0.3, breadth=0.2)
+    Parcel(
+      mass=8 kg,
+      length=300 mm,
+      breadth=200 mm,
+      center_x=0 m,
+      center_y=0 m,
+      stiffness=1.72e9 N/m^4,
+      damping=330000 N s kg^-0.4 m^-3,
+    )
     """
 
     mass: Array

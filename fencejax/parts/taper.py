@@ -21,6 +21,13 @@ class AbstractTaper(Part):
     rho z h_1 l_p and E z h_1^3 / l_p^3, so one dimensionless eigen-solve, done before the program
     is traced, serves every design. A profile with parameters of its own (array leaves) puts the
     eigen-solve into the program, where it is differentiated.
+
+    >>> class Wedge(fj.AbstractTaper):
+    ...     def __call__(self, position, tip_distance):
+    ...         return 0.3 + 0.7 * tip_distance
+    >>> fence = fj.Fence(taper=Wedge())
+    >>> fence.taper
+    Wedge()
     """
 
     @abc.abstractmethod
@@ -43,6 +50,9 @@ class ConstantStrength(AbstractTaper):
     stress. The thickness at the tip is zero.
 
     Paper: (2.1).
+
+    >>> fj.ConstantStrength()(0.75, 0.25)
+    0.5
     """
 
     def __call__(self, position, tip_distance):
@@ -50,7 +60,12 @@ class ConstantStrength(AbstractTaper):
 
 
 class Uniform(AbstractTaper):
-    """g = 1: a plain strip."""
+    """g = 1: a plain strip.
+
+    >>> fence = fj.Fence(taper=fj.Uniform(), thickness=0.03)
+    >>> fence.taper
+    Uniform()
+    """
 
     def __call__(self, position, tip_distance):
         return tip_distance**0
@@ -60,6 +75,10 @@ class PowerTaper(AbstractTaper):
     """g = (1 - x / l_p)^p with a traced exponent p [1], 0 <= p < 1.
 
     Above p = 1 the tip is so slender that its curvature is no longer square integrable.
+
+    >>> fence = fj.Fence(taper=fj.PowerTaper(0.3))
+    >>> fence.taper
+    PowerTaper(exponent=0.3)
     """
 
     exponent: Array
@@ -74,7 +93,11 @@ class PowerTaper(AbstractTaper):
 
 
 class ProfileTaper(AbstractTaper):
-    """g by linear interpolation of traced `ratios` [1] at equally spaced stations, root to tip."""
+    """g by linear interpolation of traced `ratios` [1] at equally spaced stations, root to tip.
+
+    >>> f"{fj.ProfileTaper([1.0, 0.8, 0.5])(0.25, 0.75):.2f}"
+    '0.90'
+    """
 
     ratios: Array
 
@@ -94,7 +117,11 @@ class ProfileTaper(AbstractTaper):
 
 
 class SteppedTaper(AbstractTaper):
-    """Another profile milled in `steps` equal steps, each as thick as the profile at its middle."""
+    """Another profile milled in `steps` equal steps, each as thick as the profile at its middle.
+
+    >>> f"{fj.SteppedTaper(fj.ConstantStrength(), 4)(0.1, 0.9):.4f}"
+    '0.9354'
+    """
 
     profile: AbstractTaper
     steps: int = eqx.field(static=True)

@@ -67,6 +67,11 @@ def outline(
     Raises `TypeError` where the scene is one of the normal direction alone, `ValueError` where
     the result has no history or that of a batch, where a time lies outside of it, and where the
     fidelity's modes are not the history's.
+
+    >>> scene = fj.scenes.oblique_impact()
+    >>> outline = fj.plot.outline(scene, fj.simulate(scene), times=[0.0, 0.05])
+    >>> outline.parcel.shape
+    (2, 2, 5)
     """
     if not isinstance(scene, Scene):
         raise TypeError(

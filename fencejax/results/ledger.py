@@ -10,6 +10,10 @@ class Ledger(Part):
     """The energy ledger of a scene [J]: changes of what is held, work done, energy dissipated.
 
     residual = changes + dissipated + contact - work. It vanishes at the order of the step.
+
+    >>> energy = fj.simulate(fj.scenes.rigid_wall()).energy
+    >>> print(f"{energy.contact_loss:.1f} J of 44.1 J are lost in the contact")
+    35.6 J of 44.1 J are lost in the contact
     """
 
     parcel_kinetic: Array

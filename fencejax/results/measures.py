@@ -42,6 +42,11 @@ class Measure:
     - `label`, `scale`, `shown_unit`: the row of a printed result, the value times `scale`; no row
       without a label.
     - `note`: text behind the printed value; `{name}` stands for another measure.
+
+    >>> spin = fj.results.accumulators.peak_of("spin", lambda sample: jnp.abs(sample.body.spin))
+    >>> fling = fj.Measure("fling", "rad/s", "", "at least 0", spin, lambda state: state.value)
+    >>> fling.name, fling.unit
+    ('fling', 'rad/s')
     """
 
     name: str

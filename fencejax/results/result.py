@@ -24,6 +24,10 @@ class Result(AbstractByName):
     for (`simulate(only=...)`) is `None`.
 
     Every measure is a field: `result.peak_force`.
+
+    >>> result = fj.simulate(fj.scenes.rigid_wall())
+    >>> print(f"{result.peak_force:.0f} N after {1e3 * result.peak_time:.1f} ms")
+    3294 N after 17.4 ms
     """
 
     measures: dict[str, Array]

@@ -36,6 +36,10 @@ class Number(NamedTuple):
     - `name`: what it is called beside its path. Two numbers that no scene has at once may share it.
     - `lower`, `upper`: default bounds [`unit`] of designs and sweeps, if it has any, with their
       `scaling` (see `fencejax.DesignVariable`).
+
+    >>> number = fj.scene_numbers.number(fj.scenes.oblique_impact(), "thickness")
+    >>> number.path, number.unit
+    ('fence.thickness', 'm')
     """
 
     path: str
@@ -168,7 +172,11 @@ BY_PATH = {number.path: number for number in NUMBERS}
 
 def element(name: str) -> tuple[str, int | None]:
     """`"control_angles[3]"` as ("control_angles", 3): a vector and a place in it. Anything else
-    with `None`."""
+    with `None`.
+
+    >>> fj.scenes.element("control_angles[3]"), fj.scenes.element("mass")
+    (('control_angles', 3), ('mass', None))
+    """
     match = re.fullmatch(r"(.*\w)\[(\d+)\]", name)
     return (name, None) if match is None else (match[1], int(match[2]))
 

@@ -25,6 +25,10 @@ class Scene(Part):
     Made by the functions of this module; a field is changed with `equinox.tree_at`. The `motor`
     follows the drive whatever that takes: its numbers are read by the quantities of
     `fencejax.design.drivability` alone.
+
+    >>> scene = fj.scenes.oblique_impact(distance=0.9)
+    >>> scene.start, scene.duration
+    (AtTouch(place=900 mm, drive_angle=0.3 rad, corner=1), 0.25)
     """
 
     parcel: Parcel
@@ -48,7 +52,12 @@ class Scene(Part):
 
 class NormalScene(Part):
     """A parcel with one coordinate, against the fence held still or, without one, against an
-    undeformable wall of infinite mass; no belt, no friction."""
+    undeformable wall of infinite mass; no belt, no friction.
+
+    >>> scene = fj.scenes.normal_impact(speed=2.0)
+    >>> float(scene.speed), scene.duration
+    (2.0, 0.25)
+    """
 
     parcel: Parcel
     speed: Array

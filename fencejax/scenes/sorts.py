@@ -61,6 +61,10 @@ def free_motion(
     - `fence`, `drive`: if given, the fence swings and rings beside the parcel without contact.
     - `surfaces`: still surfaces that its `surface_corners` can touch.
     - `duration` [s], static, default 0.5.
+
+    >>> scene = fj.scenes.free_motion(position=(0.0, 0.3), velocity=(0.0, 1.0, 2.0))
+    >>> scene.fence is None, scene.duration
+    (True, 0.5)
     """
     numbers = {
         "position x": (position[0], "m"),
@@ -138,6 +142,10 @@ def whole_sort(
       of the chute. `Result.peak_surface_force` is theirs.
     - `duration` [s], static, by default the drive's cycle.
     - `motor`: what swings the fence, for the limits of `fencejax.design.drivability`.
+
+    >>> scene = fj.scenes.whole_sort(offset=0.1, parcel=fj.Parcel(mass=8.0))
+    >>> scene.start, float(scene.parcel.mass)
+    (OnBelt(front=100 mm, offset=100 mm, angle=0 rad), 8.0)
     """
     fence = fence_of(fence)
     if motor is not None:
@@ -203,6 +211,10 @@ def passive_sort(
     - `duration` [s], static.
 
     Raises `ValueError` where a corner lies inside a surface at the start.
+
+    >>> scene = fj.scenes.passive_sort([fj.surfaces.Deflector(angle=0.6)])
+    >>> scene.fence is None, len(scene.surfaces)
+    (True, 1)
     """
     surfaces = surfaces_of(surfaces)
     start = _on_belt(front, offset, angle)

@@ -46,6 +46,11 @@ class Sorter(Readable):
 
     Then `sorter.problem()` is ready for `fj.minimize`, `sorter.scenes()` for
     `fj.simulate_many`, and `sorter.family(["mass"])` for sweeps and studies.
+
+    >>> sorter = fj.Sorter(belt=fj.Belt(speed=2.5))
+    >>> scene = sorter.scene(lane=0)
+    >>> scene.start
+    OnBelt(front=100 mm, offset=0 m, angle=0 rad)
     """
 
     def __init__(

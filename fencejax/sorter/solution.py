@@ -199,7 +199,7 @@ def _settled(
             found = shadow_prices(optimum)
         else:
             found = conflict(optimum.last)
-        prices = _prices(problem, candidate, found)
+        prices = _prices(problem, candidate, found, optimum.last.margins)
     return Solution(
         candidate, before, after, optimum, after.violation <= feasibility and sound,
         verified, prices, starts,
@@ -207,21 +207,28 @@ def _settled(
 
 
 def _prices(
-    problem: SorterProblem, candidate: Candidate, found: ShadowPrices
+    problem: SorterProblem, candidate: Candidate, found: ShadowPrices, margins: np.ndarray
 ) -> tuple[Price, ...]:
     """What limits and bounds that are relaxed by a tenth are worth, most first."""
     limits = dict(problem.limits(candidate))
+    steps = {
+        name: RELAXED * (abs(limit.bound) or limit.unit_of_margin)
+        for name, limit in limits.items()
+    }
     rates: dict[str, float] = {}
     parcels: dict[str, list[str]] = {}
     for index, rate in enumerate(found.margins):
         name, lane = problem.margin(index)
+        # A search that was cut short may still weigh a limit that is further away than it would
+        # give way: that does not decide.
+        if margins[index] * limits[name].unit_of_margin > steps[name]:
+            continue
         rates[name] = rates.get(name, 0.0) + float(rate)
         if rate > 0 and lane is not None:
             parcels.setdefault(name, []).append(problem.machine.parcels.text(lane))
     prices = []
     for name, rate in rates.items():
-        limit = limits[name]
-        step = RELAXED * (abs(limit.bound) or limit.unit_of_margin)
+        limit, step = limits[name], steps[name]
         relaxed = limit.bound + (step if limit.sense == "at most" else -step)
         gain = rate * step / limit.unit_of_margin
         where = tuple(parcels.get(name, ()))

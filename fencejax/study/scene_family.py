@@ -81,6 +81,10 @@ class SceneFamily:
     Any number of the scene can be named, by its path or its short name (see
     `fencejax.scene_numbers`), and those of the scene's function (`KINDS`). The parcel's inertia and
     its angle in an impact become numbers of their own where they are named.
+
+    >>> family = fj.SceneFamily("oblique_impact", ["distance", "mass"])
+    >>> float(family.scene(jnp.array([0.9, 8.0])).parcel.mass)
+    8.0
     """
 
     def __init__(

@@ -19,10 +19,11 @@ import time
 import numpy as np
 
 from fencejax.design import Journal, Stop, minimize, objectives, verify
+from fencejax.printing import shown
 from fencejax.results import counted
 
 from ..common import command, designs, evaluations, machine, nearby, pages, report
-from ..common.amounts import plain, shown
+from ..common.amounts import plain
 from . import page
 from .configuration import CoDesignConfig, configure
 from .outcome import Outcome
@@ -41,7 +42,7 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
         say(line)
     say(
         f"{joint.encounters.lanes} sorts, {len(joint.space.names)} variables: "
-        f"{', '.join(joint.space.names)}; compiling ..."
+        f"{', '.join(joint.space.names)}; compiling (minutes, the first time) ..."
     )
     optimum = minimize(
         joint.program,

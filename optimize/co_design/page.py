@@ -3,10 +3,11 @@
 import numpy as np
 
 import fencejax as fj
+from fencejax.printing import shown
 from fencejax.results import counted
 
 from ..common import nearby, pages, report
-from ..common.amounts import plain, shown
+from ..common.amounts import plain
 from ..common.encounters import Course
 from ..common.html_report import Part, Report, Section, Table
 from .outcome import Outcome

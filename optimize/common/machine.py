@@ -20,10 +20,14 @@ SORTERS = Path(__file__).parents[1] / "sorters"
 """The sorter files that come with the jobs."""
 
 
+def shipped() -> str:
+    """The names of these."""
+    return ", ".join(sorted(path.stem for path in SORTERS.glob("*.toml")))
+
+
 def sorter_field(default: str = NONE) -> str:
     """The field of a configuration that names a sorter file."""
-    known = ", ".join(sorted(path.stem for path in SORTERS.glob("*.toml")))
-    text = f"sorter file (TOML), or one that comes with the jobs: {known}"
+    text = f"sorter file (TOML), or one that comes with the jobs: {shipped()}"
     text += f"; {NONE}: the job's own numbers" if default == NONE else ""
     return flags.field(default, text, metavar="FILE")
 
@@ -58,9 +62,19 @@ def pairs(field: str, texts: tuple[str, ...]) -> dict[str, str]:
 
 
 def file_of(sorter: str) -> Path:
-    """The sorter file of a name."""
-    path = Path(sorter)
-    return path if path.suffix or path.exists() else SORTERS / f"{sorter}.toml"
+    """The sorter file of a name.
+
+    Raises `ValueError` for a name that is neither a file's nor one of those that come with the
+    jobs.
+    """
+    path, own = Path(sorter), SORTERS / f"{sorter}.toml"
+    if path.suffix or path.exists():
+        return path
+    if not own.exists():
+        raise ValueError(
+            f"Argument `sorter` must be a file or one of {shipped()}, but is {sorter!r}."
+        )
+    return own
 
 
 def load(

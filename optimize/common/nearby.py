@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fencejax.design import DesignSpace, Evaluation, Limit, Optimum, conflict, shadow_prices
+from fencejax.printing import shown
 from fencejax.sorter import RELAXED
 
-from .amounts import changed, plain, shown
+from .amounts import changed, plain
 from .html_report import Part, Table
 
 SHARE = 0.05

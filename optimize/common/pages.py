@@ -11,11 +11,12 @@ import numpy as np
 import fencejax as fj
 from fencejax import plot
 from fencejax.design import DesignSpace, Limit, Optimum, fatigue
+from fencejax.printing import shown
 from fencejax.results import Status
 from fencejax.scenes import AnyScene, names as scene_names, numbers as scene_numbers
 
 from . import flags, html_report, machine as machines
-from .amounts import plain, shown
+from .amounts import plain
 from .html_report import Figure, Part, Section, Table, Text, Verbatim
 
 DXF = "fence.dxf"

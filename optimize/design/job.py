@@ -38,10 +38,12 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     fidelity, check = (getattr(fj.Fidelity, n)() for n in (config.fidelity, config.check))
     problem = SorterProblem(machine, fidelity, reserve=config.reserve, rungs=config.rungs)
     journal = None if problem.space is None else evaluations.journal(config, say)
+    several = "s" if len(problem.candidates) > 1 else ""
     say(
         f"{problem.machine.title or config.sorter}: {problem.machine.parcels.count} parcels and "
         f"places, free {', '.join(problem.variable_names) or 'nothing'}, "
-        f"{len(problem.candidates)} candidates; compiling ..."
+        f"{len(problem.candidates)} candidate{several}; compiling (minutes, the first time, and "
+        "again where sorts are computed finer) ..."
     )
     quantity = problem.machine.objective.quantity
     solutions = []

@@ -8,11 +8,12 @@ import fencejax as fj
 from fencejax import plot
 from fencejax.design import fatigue
 from fencejax.plot import Trace
+from fencejax.printing import shown
 from fencejax.results import counted
 from fencejax.sorter import Look
 
 from ..common import pages, report
-from ..common.amounts import changed, plain, shown
+from ..common.amounts import changed, plain
 from ..common.html_report import Figure, Part, Report, Section, Table, Text
 from ..common.nearby import SHARE, room_text
 from . import words

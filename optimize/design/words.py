@@ -3,10 +3,11 @@
 import numpy as np
 
 from fencejax.design import Stop, fatigue
+from fencejax.printing import shown
 from fencejax.sorter import Look, Price, Solution, SorterProblem
 
 from ..common import report
-from ..common.amounts import plain, shown
+from ..common.amounts import plain
 
 
 def worst(problem: SorterProblem, look: Look, name: str) -> tuple[float, int | None]:
@@ -112,6 +113,8 @@ def decides(problem: SorterProblem, one: Solution) -> str:
     """What the limits and bounds on which the design ends cost."""
     optimum = one.optimum
     if optimum is None or not one.prices:
+        if optimum is not None and not optimum.converged:
+            return f"No limit and no bound decides where the search ended: {optimum.stop.value}."
         return "No limit decides, and no bound that could give way."
     lines = []
     for price in one.prices[:6]:

@@ -3,9 +3,10 @@
 
 import fencejax as fj
 from fencejax.design import objectives
+from fencejax.printing import shown
 
 from ..common import nearby, pages, report
-from ..common.amounts import plain, shown
+from ..common.amounts import plain
 from ..common.html_report import Part, Report, Section, Table
 from .outcome import Front
 from .trace import Point

@@ -123,7 +123,10 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     checks = _Checks(config, space, impacts)
     for line in machine.notes(config.machine):
         say(line)
-    say(f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling ...")
+    say(
+        f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling (minutes, "
+        "the first time) ..."
+    )
     optimum = minimize(
         Program(
             batch.problem(space, impacts, limits, config.reserve, config.quantity),

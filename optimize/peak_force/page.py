@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from fencejax.printing import shown
 from fencejax.results import counted
 
 from ..common import nearby, pages, report
-from ..common.amounts import plain, shown
+from ..common.amounts import plain
 from ..common.html_report import Report, Section, Table
 from .configuration import PeakForceConfig
 from .impacts import Impacts

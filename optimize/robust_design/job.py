@@ -71,7 +71,7 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
     count = config.sample if config.method == "sample" else config.batch
     say(
         f"{count} {config.scenes} a step, variables {', '.join(population.space.names)}; "
-        "compiling ..."
+        "compiling (minutes, the first time) ..."
     )
     search = by_sample if config.method == "sample" else by_batches
     found = search(population, journal, say)

@@ -3,9 +3,10 @@
 import numpy as np
 
 import fencejax as fj
+from fencejax.printing import shown
 
 from ..common import nearby, pages
-from ..common.amounts import plain, shown
+from ..common.amounts import plain
 from ..common.encounters import Course, Encounter
 from ..common.html_report import Part, Report, Section, Table
 from .confidence import Interval

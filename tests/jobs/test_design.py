@@ -1,5 +1,6 @@
 """The design for one's own machine, in a small version: the job, and its problem's gradient."""
 
+import dataclasses
 import json
 
 import ezdxf
@@ -8,6 +9,7 @@ import pytest
 import report_pages
 
 import fencejax as fj
+from fencejax.sorter import RELAXED, Price
 from optimize.design import main, words
 from optimize.design.configuration import DesignConfig, configure
 from optimize.design.tolerances import tolerances
@@ -112,9 +114,22 @@ def test_what_it_says_and_writes(outcome):
     content = json.loads((outcome.config.out / "design.json").read_text())
     assert [row["feasible"] for row in content["solutions"]] == [True, True]
     assert content["parcels"] == ["5 kg", "30 kg"]
-    prices = outcome.best.prices
-    assert all(price.gain > 0 for price in prices)
-    assert words.decides(outcome.problem, outcome.best).startswith("What decides")
+
+
+def test_what_decides_is_near(outcome):
+    """A search that was cut short decides nothing by limits that are far away."""
+    problem, best = outcome.problem, outcome.best
+    assert best.optimum.stop is fj.Stop.BUDGET
+    least = {name: np.inf for name in problem.limit_names}
+    for index, margin in enumerate(best.optimum.last.margins):
+        name, _ = problem.margin(index)
+        least[name] = min(least[name], margin)
+    assert all(least.get(price.name, 0.0) <= RELAXED and price.gain > 0 for price in best.prices)
+    price = Price("tip_deflection", 0.17, 0.187, "m", ("5 kg",), 3.0)
+    said = words.decides(problem, dataclasses.replace(best, prices=(price,)))
+    assert "tip deflection (5 kg): 187 mm instead of 170 mm, 3 N less" in said
+    said = words.decides(problem, dataclasses.replace(best, prices=()))
+    assert said.startswith("No limit and no bound decides where the search ended")
 
 
 def test_the_page_and_the_drawing(outcome):

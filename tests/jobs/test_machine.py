@@ -21,6 +21,12 @@ def read(scene, *names):
     return [float(number) for number in scene_numbers.read(scene, names)]
 
 
+def test_a_sorter_that_is_none_is_refused():
+    said = "must be a file or one of paper, parcel_hub, but is 'nosuch'"
+    with pytest.raises(ValueError, match=said):
+        machine.load("nosuch")
+
+
 def test_a_sweep_of_a_sorter():
     sweep = SweepConfig(
         scene="whole_sort", vary=("mass=1:30:3",), set=("offset=50 mm", "fence.material=POM"), **HUB
