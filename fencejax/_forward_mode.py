@@ -1,4 +1,5 @@
-"""Derivatives by one batch of tangents, for whatever kind of differentiation asks for them."""
+"""Derivatives by one batch of tangents, for whatever kind of differentiation asks for them; and
+where there are none."""
 
 import functools
 from collections.abc import Callable
@@ -117,3 +118,30 @@ def _opaque(function):
         return result, jax.tree.map(lambda _: True, result)
 
     return whole
+
+
+def once_alone(tree: Any, message: str) -> Any:
+    """The `tree` itself, whose derivative is not differentiated again: whoever asks for that gets a
+    `TypeError` with the message.
+
+    What a rule of `custom_jvp` makes of its arguments' values is differentiated by what goes on
+    around the first derivative, and by nothing else.
+    """
+
+    @jax.custom_jvp
+    def again(tree):
+        return tree
+
+    @again.defjvp
+    def _(primals, tangents):
+        raise TypeError(message)
+
+    @jax.custom_jvp
+    def same(tree):
+        return tree
+
+    @same.defjvp
+    def _(primals, tangents):
+        return again(*primals), tangents[0]
+
+    return same(tree)

@@ -12,7 +12,7 @@ from jax.core import Tracer
 from jaxtyping import Array
 
 from . import _check
-from ._forward_mode import by_columns
+from ._forward_mode import by_columns, once_alone
 from ._xla import fusion_barrier, sound
 from .fidelity import Fidelity
 from .integrators import (
@@ -65,6 +65,10 @@ def simulate(
 ) -> Result:
     """Integrate a scene and gather what it did.
 
+    Scenes and results are pytrees, and this is a function of JAX: `jax.vmap` makes batches of it
+    (`fencejax.simulate_many` with refinement), `jax.pmap` and `jax.shard_map(..., check_vma=False)`
+    spread them over devices, `jax.export` writes the compiled program to a file.
+
     **Arguments:**
 
     - `scene`: made by a function of `fencejax.scenes`. Every number in it may be traced.
@@ -92,7 +96,8 @@ def simulate(
     or jump: a difference of two gradients tells whether a Hessian holds over the distance that is
     wanted.
 
-    Raises `TypeError` for arguments of the wrong kind, `ValueError` for names in `only` that are
+    Raises `TypeError` for arguments of the wrong kind and for second derivatives with
+    `Fidelity.gradient = "reverse"`, `ValueError` for names in `only` that are
     none of `Result`'s fields and for a fidelity that the scene or JAX's settings do not allow and,
     with `throw=True`, `RuntimeError` with the status' text.
 
@@ -235,6 +240,12 @@ def raise_for(result: Result) -> None:
         raise RuntimeError(f"{outcome.name}: {outcome.text}.")
 
 
+_TWICE = (
+    "Argument `fidelity.gradient` must be 'forward' for second derivatives, but is 'reverse', "
+    'whose loops are differentiated once alone. Write fidelity.replace(gradient="forward").'
+)
+
+
 # A compiled program takes some 30 MB, one with its gradient 50 MB, a whole sort 100 MB.
 @functools.lru_cache(maxsize=32)
 def _program(
@@ -248,6 +259,8 @@ def _program(
     compiled. Kept, so that what was traced and compiled once serves again."""
 
     def outcome(numbers):
+        if fidelity.gradient == "reverse":
+            numbers = once_alone(numbers, _TWICE)
         given = jnp.result_type(*numbers)
         precision = given if fidelity.precision is None else jnp.dtype(fidelity.precision)
         numbers = [number.astype(precision) for number in numbers]

@@ -47,7 +47,7 @@ def solve(hessian: Matrix, slope: Matrix, rows: Matrix, least: Matrix) -> Soluti
         if off <= 1e-12:
             break
         matrix = hessian + rows.T @ (rows * (multipliers / slack)[:, None])
-        matrix[np.diag_indices(size)] += 1e-15 * np.trace(matrix) / size
+        matrix[np.diag_indices(size)] *= 1 + 1e-15
         # Of contradicting constraints the multipliers grow without end, to what is no number.
         try:
             factor = cho_factor(matrix)

@@ -5,6 +5,10 @@ At a point, the worst case and the limits are replaced by their linear parts
 judged by the worst case and nu times the largest violation, nu twice the multipliers' sum. One
 evaluation is one step.
 
+A step along a curved limit leaves it, and one along curved objectives raises another: rejected, it
+is made once more with the limits and objectives as far off their linear parts as they were found to
+be (the second-order correction of Fletcher 1982), and only then in a smaller region.
+
 Peak forces have kinks, where another blow becomes the largest. There the linear part holds on one
 side alone, and steps would shorten to nothing at what is no optimum. As bundle methods do (Kiwiel
 1985), the program also takes in what other points said, where they lie on another branch; a
@@ -48,6 +52,12 @@ _SAMPLES = 8
 # So often points around are evaluated in vain before a run ends, each time twice as far away.
 _ROUNDS = 4
 _STALE = 30.0
+# The first B is lowered by this at most: along a straight line nothing says how small it is to be.
+_FLATTEST = 1e-4
+# A corrected step that ends this near, in its lengths, to the one before says nothing new.
+_ALIKE = 1e-9
+# Of what a step can lower the violation by, it has to by this share, or the penalty is raised.
+_STEERED = 0.5
 # Of the length of a step to a point that could not be evaluated, the next radius: the plane before
 # such points already bounds the next step, and points at one distance tell a wall's direction best.
 # Those within so many radii are minded.
@@ -67,6 +77,18 @@ def _bfgs(curvature, step: Vector, change: Vector):
         change = share * change + (1 - share) * pressed
         inner = float(step @ change)
     return curvature - np.outer(pressed, pressed) / along + np.outer(change, change) / inner
+
+
+def _scaled(curvature, step: Vector, change: Vector):
+    """The first B as small as what was met first, where that is less (Shanno and Phua 1978).
+
+    Too small a B grows to what is met in one update, and the region bounds the steps till then; too
+    large a one falls to no less than a fifth in each.
+    """
+    along = float(step @ curvature @ step)
+    if along <= 1e-300:
+        return curvature
+    return curvature * min(max(float(step @ change) / along, _FLATTEST), 1.0)
 
 
 class _Trail:
@@ -123,8 +145,10 @@ class _Region:
     def learn(self, after: LocalModel, before: LocalModel, held: Multipliers) -> None:
         """Take an evaluation into B and the branches."""
         self.seen = [*self.seen[1 - _MANY :], after]
-        change = after.slope(held) - before.slope(held)
-        self.curvature, self.fresh = _bfgs(self.curvature, after.at - before.at, change), False
+        step, change = after.at - before.at, after.slope(held) - before.slope(held)
+        if self.fresh:
+            self.curvature = _scaled(self.curvature, step, change)
+        self.curvature, self.fresh = _bfgs(self.curvature, step, change), False
 
     def resize(self, share: float, length: float, kink: bool, largest: float) -> None:
         """A new radius after a step that brought a share of what was expected."""
@@ -205,13 +229,14 @@ class Sequence:
     ) -> tuple[Evaluation, Multipliers, str]:
         """Step until there is a reason to stop."""
         largest = _LARGEST if self.bounded else 1e3
-        model = LocalModel.of(at)
+        model, tried, promised = LocalModel.of(at), None, 0.0
         region = _Region(np.eye(at.point.size), radius, _Trail(self.tolerance), [*near, model])
         while not region.exhausted:
             whole = model.with_branches(region.seen, min(region.reach, 2 * region.radius))
-            within = span(model.at, region.radius, self.bounded)
+            if tried is not None:
+                whole = whole.bent_by(*model.bend_to(tried))
             walls = region.walls_from(model.at)
-            solved = whole.step(region.curvature, self.penalty, within, walls)
+            solved = self._solved(whole, region, walls)
             if solved is None:
                 if region.fresh:
                     return at, held, "stalled"
@@ -219,7 +244,7 @@ class Sequence:
                 continue
             step, rows = solved
             new = whole.gathered(rows)
-            if self._too_weak(model, step, new, region.radius):
+            if self._too_weak(whole, step, new, region, walls):
                 continue
             held = latest[0] = new
             # Multipliers that fall let steps along curved limits be longer.
@@ -231,6 +256,8 @@ class Sequence:
             length, far = float(np.max(np.abs(step))), whole.farthest(rows)
             merit = self._merit(at)
             gain = merit - whole.after(step, region.curvature, self.nu)
+            if tried is not None:
+                gain = promised
             none = gain <= 1e-14 * max(1.0, abs(merit)) or length < _SMALLEST
             if far > _STALE * length or (none and whole.widest > 0):
                 # What was said far away forbids what is allowed here.
@@ -240,10 +267,16 @@ class Sequence:
             if none:
                 stuck = at.violation > self.feasibility and self.penalty >= 1e5
                 return at, held, "infeasible" if stuck else "stalled"
-            trial = evaluate(self._moved(model.at, step))
+            point = self._moved(model.at, step)
+            if tried is not None and np.max(np.abs(point - tried.at)) < _ALIKE * length:
+                region.resize(0.0, length, False, largest)
+                tried = None
+                continue
+            trial = evaluate(point)
             if trial is None:
                 return at, held, "spent"
             if trial.failed:
+                tried = None
                 if trial.doubtful:
                     region.learn(LocalModel.of(trial), model, held)
                 region.blocked(model.at + step, length)
@@ -252,15 +285,35 @@ class Sequence:
             region.learn(after, model, held)
             self.told = [*self.told[1 - _MANY :], after]
             reached = merit - self._merit(trial)
-            length = float(np.max(np.abs(after.at - model.at)))
-            region.resize(reached / gain, length, not after.smooth_to(model, held), largest)
+            kink = not after.smooth_to(model, held)
             region.barren += 1
+            if reached <= 1e-4 * gain and tried is None and not kink:
+                tried, promised = after, gain
+                continue
+            length = float(np.max(np.abs(after.at - model.at)))
+            region.resize(reached / gain, length, kink, largest)
+            tried = None
             if reached > 1e-4 * gain:
                 at, model = trial, after
                 region.moved(reached < 1e-2 * self.tolerance * max(1.0, merit))
             if region.trail.add(at, self.nu):
                 break
         return at, held, "stalled"
+
+    def _solved(self, whole: LocalModel, region: _Region, walls: list[Vector]):
+        """The step of the program, and the multipliers of its rows."""
+        within = span(whole.at, region.radius, self.bounded)
+        solved = whole.step(region.curvature, self.penalty, within, walls)
+        if solved is None:
+            return None
+        # The program is solved to a share of the region: a step that is short beside it is told
+        # exactly by a region of its own size.
+        short = 10 * float(np.max(np.abs(solved[0])))
+        if _SMALLEST < short < 0.5 * region.radius:
+            within = span(whole.at, short, self.bounded)
+            again = whole.step(region.curvature, self.penalty, within, walls)
+            return solved if again is None else (again[0], solved[1])
+        return solved
 
     def _moved(self, at: Vector, step: Vector) -> Vector:
         """The point after a step; rounding leaves it within the bounds."""
@@ -269,20 +322,29 @@ class Sequence:
     def _merit(self, at: Evaluation) -> float:
         return at.worst + self.nu * at.violation if not at.failed else np.inf
 
-    def _too_weak(self, model: LocalModel, step: Vector, held: Multipliers, radius: float) -> bool:
+    def _too_weak(
+        self, whole: LocalModel, step: Vector, held: Multipliers, region: _Region, walls
+    ) -> bool:
         """Raise the penalty where it does not outweigh the multipliers; true where the step has to
-        be made again with the higher one."""
-        needed = 1.5 * float(np.sum(held.margins))
-        left = float(np.max(-(model.margins + model.margin_rows @ step), initial=0.0))
-        now = float(np.max(-model.margins, initial=0.0))
-        at_cap = float(np.sum(held.margins)) >= 0.99 * self.penalty and left > self.feasibility
-        # A step cut off by the region's bound may leave a violation to the next one.
-        cut_off = np.max(np.abs(step)) >= 0.99 * radius and left < 0.9 * now
-        if at_cap and not cut_off and self.penalty < 1e5:
-            self.penalty *= 10
-            return True
-        self.penalty = min(max(self.penalty, needed), 1e6)
-        return False
+        be made again with the higher one.
+
+        Where the multipliers are at the penalty's cap, limits stay broken. That may be all that a
+        step within the region can do: the step is judged by what a far higher penalty would have it
+        do (Byrd, Nocedal and Waltz 2008).
+        """
+        total = float(np.sum(held.margins))
+        left, now = whole.violation(step), whole.violation(0 * step)
+        if total < 0.99 * self.penalty or left <= self.feasibility:
+            self.penalty = min(max(self.penalty, 1.5 * total), 1e6)
+            return False
+        if self.penalty >= 1e5:
+            return False
+        within = span(whole.at, region.radius, self.bounded)
+        eager = whole.step(region.curvature, 1e3 * self.penalty, within, walls)
+        if eager is None or now - left >= _STEERED * (now - whole.violation(eager[0])):
+            return False
+        self.penalty *= 10
+        return True
 
     def _optimal(self, at: Evaluation, held: Multipliers, model: LocalModel) -> Multipliers | None:
         """The multipliers with which the conditions hold, at the point or on the sides of its

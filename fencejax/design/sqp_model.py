@@ -118,6 +118,22 @@ class LocalModel:
             _kinked(self.margins - other.margins, self.margin_rows, other.margin_rows, step),
         )  # fmt: skip
 
+    def bend_to(self, other: "LocalModel") -> tuple[Vector, Vector]:
+        """By how much the objectives and the margins there are off these straight lines."""
+        step = other.at - self.at
+        return (
+            other.objectives - self.objectives - self.objective_rows @ step,
+            other.margins - self.margins - self.margin_rows @ step,
+        )
+
+    def bent_by(self, objectives: Vector, margins: Vector) -> "LocalModel":
+        """The same with the values of every objective and margin shifted, in all of their rows."""
+        return dataclasses.replace(
+            self,
+            objectives=self.objectives + objectives[self.lanes],
+            margins=self.margins + margins[self.places],
+        )
+
     def smooth_to(self, other: "LocalModel", held: Multipliers) -> bool:
         """Whether what counts in the Lagrangian has no kink between here and there."""
         forces, limits = self._bent(other)
@@ -175,8 +191,11 @@ class LocalModel:
     def after(self, step, curvature, nu: float) -> float:
         """The merit that the model expects of a step."""
         top = float(np.max(self.objectives + self.objective_rows @ step))
-        missing = float(np.max(-(self.margins + self.margin_rows @ step), initial=0.0))
-        return top + 0.5 * step @ curvature @ step + nu * missing
+        return top + 0.5 * step @ curvature @ step + nu * self.violation(step)
+
+    def violation(self, step: Vector) -> float:
+        """The largest violation that the model expects of a step."""
+        return float(np.max(-(self.margins + self.margin_rows @ step), initial=0.0))
 
     def gathered(self, held: Multipliers) -> Multipliers:
         """The multipliers of rows as those of objectives and margins."""

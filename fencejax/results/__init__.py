@@ -28,6 +28,7 @@ from .error_estimate import ErrorEstimate as ErrorEstimate
 from .gradient import (
     Gradient as Gradient,
 )
+from .interpolation import interpolate as interpolate
 from .ledger import Ledger as Ledger
 from .measures import ESTIMATED as ESTIMATED, MEASURES as MEASURES, Measure as Measure
 from .recorder import (

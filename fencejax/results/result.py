@@ -41,7 +41,8 @@ class Result(AbstractByName):
     status: Array
     """A `Status`, as an integer (one a lane)."""
     history: Sample | None
-    """Every sample, if asked for: each field with the time as its first axis."""
+    """Every sample, if asked for: each field with the time as its first axis. `history.at(times)`
+    gives it at times of one's own."""
     error: ErrorEstimate | None = None
     """Estimated errors of the measures, if asked for."""
     rung: Any = None

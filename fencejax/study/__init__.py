@@ -40,14 +40,15 @@ from .fit_problem import (
     PARAMETERS as PARAMETERS,
     Experiment as Experiment,
 )
-from .fit_signals import (
-    interpolate as interpolate,
-)
 from .identify import (
     fit as fit,
 )
 from .measured_lanes import (
     measured as measured,
+)
+from .posterior import (
+    Posterior as Posterior,
+    laplace as laplace,
 )
 from .recording import (
     SIGNALS as SIGNALS,

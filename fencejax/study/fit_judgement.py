@@ -9,6 +9,7 @@ from ..printing import Readable, Table, of_lines
 from ..results import Status
 from .fit_problem import Problem
 from .fit_search import residual_deviations
+from .posterior import Posterior, laplace
 
 # Above this, directions in parameter space are hardly told apart (Belsley, Kuh and Welsch 1980).
 _ILL_CONDITIONED = 30.0
@@ -36,6 +37,7 @@ class Fit(Readable):
     - `converged`, `evaluations`, `stop`: of the descent; `costs`: half the weighted sum of squares
       reached from each start.
     - `warnings`: what speaks against taking the numbers as they are.
+    - `posterior`: with the model's curvature, if asked for.
     """
 
     parameters: tuple[DesignVariable, ...]
@@ -57,6 +59,7 @@ class Fit(Readable):
     stop: str
     costs: list[float]
     warnings: tuple[str, ...]
+    posterior: Posterior | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -83,7 +86,8 @@ class Fit(Readable):
 
 
 def judged(
-    problem: Problem, begin, shares, weights, converged, stop, costs, confidence: float
+    problem: Problem, begin, shares, weights, converged, stop, costs, confidence: float,
+    posterior: bool = False,
 ) -> Fit:
     """The parameters at the best shares, with the covariance of the linearised problem."""
     from scipy import stats
@@ -92,11 +96,7 @@ def judged(
     residual, jacobian = problem.stacked(shares, weights)
     freedom = residual.size - shares.size
     misfit = float(np.sqrt(residual @ residual / freedom))
-    # From shares of the range to ln p, or to p.
-    spans = np.array([
-        p.upper - p.lower if p.scaling == "linear" else np.log(p.upper / p.lower)
-        for p in parameters
-    ])  # fmt: skip
+    spans = problem.spans
     logarithmic = np.array([p.scaling == "logarithmic" for p in parameters])
     lengths = np.linalg.norm(jacobian, axis=0)
     seen = lengths > 0
@@ -129,6 +129,13 @@ def judged(
     models = problem.models(shares)
     noise = residual_deviations(problem, shares, shares.size)
     lagged = _autocorrelation(problem, models)
+    left = list(_warnings(problem, shares, standard, condition, weakest, lagged, models, costs))
+    bent = laplace(problem, shares, weights, misfit, standard) if posterior else None
+    if bent is not None and not bent.holds:
+        left.append(
+            "the second derivatives do not hold over a standard error (unsteadiness "
+            f"{bent.unsteadiness:.2g}): the posterior is not normal, or has a kink there"
+        )
     return Fit(
         parameters=parameters,
         start=problem.values(begin),
@@ -148,9 +155,8 @@ def judged(
         evaluations=problem.evaluations,
         stop=stop,
         costs=costs,
-        warnings=tuple(
-            _warnings(problem, shares, standard, condition, weakest, lagged, models, costs)
-        ),
+        warnings=tuple(left),
+        posterior=bent,
     )
 
 

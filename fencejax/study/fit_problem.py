@@ -11,7 +11,7 @@ import numpy as np
 from ..design import DesignVariable
 from ..scenes import AnyScene, numbers as scene_numbers
 from . import sampling
-from .fit_signals import program_of
+from .fit_signals import curvature_of, program_of
 from .recording import Recording
 
 OFFSET = "time_offset"
@@ -55,6 +55,7 @@ class Problem:
         self.chosen = tuple(p.name for p in parameters if not p.name.startswith(OFFSET))
         self.offsets = [k for k, p in enumerate(parameters) if p.name.startswith(OFFSET)]
         self.evaluations = 0
+        self.fidelity = fidelity
         self.programs = []
         for scene, recording in experiments:
             structure = jax.tree.structure(scene)
@@ -74,6 +75,41 @@ class Problem:
             p.upper - p.lower if p.scaling == "linear" else v * np.log(p.upper / p.lower)
             for p, v in zip(self.parameters, values, strict=True)
         ])  # fmt: skip
+
+    @property
+    def spans(self) -> np.ndarray:
+        """From shares of the ranges to ln p, or to p where the scaling is linear, (n,)."""
+        return np.array([
+            p.upper - p.lower if p.scaling == "linear" else np.log(p.upper / p.lower)
+            for p in self.parameters
+        ])  # fmt: skip
+
+    def curvature(self, shares, noise: Mapping[str, float]) -> np.ndarray:
+        """Second derivatives in u of half the sum of the squared weighted residuals, (n, n), by the
+        second derivatives of the simulation."""
+        values = self.values(shares)
+        stretch = self.stretch(values)
+        residual, rows = self.stacked(shares, noise)
+        # p bends over u where it is a power: d^2p/du^2 = dp/du ln(b / a).
+        bends = np.where([p.scaling == "linear" for p in self.parameters], 0.0, self.spans)
+        total = np.diag(bends * (rows.T @ residual))
+        plain = [k for k in range(len(values)) if k not in self.offsets]
+        for index, ((scene, recording), (_, leaves, time)) in enumerate(
+            zip(self.experiments, self.programs, strict=True)
+        ):
+            own = self.offsets[index if len(self.offsets) > 1 else 0] if self.offsets else None
+            places = plain if own is None else [*plain, own]
+            program = curvature_of(
+                jax.tree.structure(scene), self.chosen, recording.names, self.fidelity,
+                own is not None,
+            )  # fmt: skip
+            weight = np.array([1 / noise[name] for name in recording.names])[:, None]
+            found = np.asarray(program(
+                jnp.asarray(values[places]), leaves, time, jnp.asarray(recording.values),
+                jnp.asarray(weight * recording.present),
+            ))  # fmt: skip
+            total[np.ix_(places, places)] += found * np.outer(stretch[places], stretch[places])
+        return total
 
     def models(self, shares):
         """Values (signals, K), derivatives in u (signals, K, n) and status of every experiment."""

@@ -7,38 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Fidelity
-from ..results import Sample
+from ..results import Sample, interpolate
 from ..scenes import numbers as scene_numbers
 from ..simulate import simulate
-
-
-def interpolate(time: Array, knots: Array, values: Array) -> Array:
-    """A signal at other times, by cubics between its samples; constant before and after them.
-
-    The slope at a knot is that of the parabola through it and its neighbours (a knot at an end has
-    the chord's), so that the error is of the third order in any spacing; two knots at the same time
-    are a jump. Differentiable in all three.
-
-    **Arguments:** `time` (K,), `knots` [the same unit] (T,) in rising order, `values` (T,).
-    """
-    span = jnp.diff(knots)
-    apart = span > 0
-    safe = jnp.where(apart, span, 1.0)
-    chord = jnp.where(apart, jnp.diff(values) / safe, 0.0)
-    before, after = safe[:-1], safe[1:]
-    inner = (after * chord[:-1] + before * chord[1:]) / (before + after)
-    # Beside a jump the parabola would reach over it.
-    inner = jnp.where(apart[:-1], jnp.where(apart[1:], inner, chord[:-1]), chord[1:])
-    slope = jnp.concatenate([chord[:1], inner, chord[-1:]])
-    place = jnp.clip(
-        jnp.searchsorted(knots, jax.lax.stop_gradient(time), side="right") - 1, 0, span.size - 1
-    )
-    inside = jnp.clip(time, knots[0], knots[-1])
-    width = safe[place]
-    s = (inside - knots[place]) / width
-    a, b = values[place], values[place + 1]
-    rise, fall = slope[place] * width, slope[place + 1] * width
-    return a + s * (rise + s * (3 * (b - a) - 2 * rise - fall + s * (2 * (a - b) + rise + fall)))
 
 
 def _signal(history: Sample, name: str) -> Array:
@@ -61,9 +32,8 @@ def _read(time: Array, history: Sample, name: str) -> Array:
     return found + rate * jnp.minimum(time - knots[0], 0.0)
 
 
-@functools.lru_cache(maxsize=64)
-def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fidelity: Fidelity):
-    """Signals at given times with their derivatives in the parameters and in the offset."""
+def _model_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fidelity: Fidelity):
+    """Signals at given times and the status."""
 
     def model(parameters, offset, leaves, time):
         scene = scene_numbers.replace(jax.tree.unflatten(structure, leaves), chosen, parameters)
@@ -72,6 +42,15 @@ def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fid
         assert history is not None
         shown = [_read(time + offset, history, name) for name in signals]
         return jnp.stack(shown), result.status
+
+    return model
+
+
+@functools.lru_cache(maxsize=64)
+def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fidelity: Fidelity):
+    """Signals at given times with their derivatives in the parameters and in the offset."""
+
+    model = _model_of(structure, chosen, signals, fidelity)
 
     def run(parameters, offset, leaves, time):
         def twice(p, o):
@@ -84,3 +63,22 @@ def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fid
         return values, jnp.stack([*slopes[0], slopes[1]], axis=-1), status
 
     return jax.jit(run)
+
+
+@functools.lru_cache(maxsize=16)
+def curvature_of(
+    structure, chosen: tuple[str, ...], signals: tuple[str, ...], fidelity: Fidelity, shifted: bool
+):
+    """Second derivatives of half the weighted sum of squares in the parameters, and in the offset
+    behind them where it is `shifted`."""
+    model = _model_of(structure, chosen, signals, fidelity)
+
+    def cost(numbers, leaves, time, recorded, weight):
+        parameters = [numbers[k] for k in range(len(chosen))]
+        offset = numbers[len(chosen)] if shifted else jnp.zeros(())
+        values, _ = model(parameters, offset, leaves, time)
+        # What is missing has no weight.
+        left = jnp.where(weight > 0, weight * (values - jnp.nan_to_num(recorded)), 0.0)
+        return 0.5 * jnp.sum(left**2)
+
+    return jax.jit(jax.hessian(cost))

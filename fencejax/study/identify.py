@@ -22,7 +22,6 @@ from .fit_problem import (
     starting_shares,
 )
 from .fit_search import first_scales, search, starts_from
-from .fit_signals import interpolate as interpolate
 from .recording import SIGNALS
 
 # A recording this much larger or smaller than the model is in another unit.
@@ -39,6 +38,7 @@ def fit(
     confidence: float = 0.95,
     seed: int = 0,
     most: int = 100,
+    posterior: bool = False,
     progress: Callable[[int, float], None] | None = None,
 ) -> Fit:
     """Find parameters p such that scenes do what was recorded of them:
@@ -53,7 +53,9 @@ def fit(
     The covariance of the estimates is that of the linearised problem,
     C = s^2 (J^T J)^-1 with s^2 = sum of weighted squares / (N - n): right for independent noise of
     constant size, a model that is true, and errors small enough for straight lines. Standard errors
-    do not hold what the model or the fidelity leave out: see `Fit.warnings`.
+    do not hold what the model or the fidelity leave out: see `Fit.warnings`. Where the lines bend
+    within the errors, `posterior=True` says what the recordings leave open with the model's second
+    derivatives (`Posterior`).
 
     **Arguments:**
 
@@ -68,6 +70,7 @@ def fit(
     - `starts`: the first is at the scene's own numbers, others are spread over the bounds; the best
       is kept.
     - `confidence`: of the intervals [1]. `seed`: of the starts. `most`: evaluations in a search.
+    - `posterior`: also compute `Fit.posterior`: a program more, and two evaluations a parameter.
     - `progress`: called with the evaluation's number and half the weighted sum of squares.
 
     Raises `ValueError` where names, bounds, times or sizes cannot be; a recording whose times or
@@ -111,7 +114,9 @@ def fit(
     # Each search has weights of its own: compared by what they make of the first ones.
     compared = [0.5 * float(np.sum(problem.stacked(x, first)[0] ** 2)) for x, *_ in found]
     shares, weights, converged, stop = found[int(np.argmin(compared))]
-    return judged(problem, begin, shares, weights, converged, stop, compared, confidence)
+    return judged(
+        problem, begin, shares, weights, converged, stop, compared, confidence, posterior
+    )
 
 
 def _check_times(experiments, parameters, fidelity: Fidelity) -> None:

@@ -5,8 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import fencejax as fj
+from fencejax.results import interpolate
 from fencejax.scenes import AnyScene, numbers as scene_numbers
-from fencejax.study import Recording, interpolate
+from fencejax.study import Recording
 
 TRUTH = {
     "youngs_modulus": 2.6e9,

@@ -70,6 +70,18 @@ def test_every_way_to_ask(on_the_wall):
     np.testing.assert_allclose(lane, expected, atol=1e-9)
 
 
+@pytest.mark.parametrize("way", [jax.hessian, lambda f: jax.grad(lambda x: jax.grad(f)(x)[0])])
+def test_reverse_mode_says_that_it_has_none(way):
+    def peak(mass):
+        scene = fj.scenes.rigid_wall(parcel=fj.Parcel(mass=mass[0]), speed=1.0)
+        return fj.simulate(
+            scene, fidelity=fj.Fidelity.fast(gradient="reverse"), only=("peak_force",)
+        ).peak_force
+
+    with pytest.raises(TypeError, match=r"gradient. must be 'forward' for second derivatives"):
+        jax.eval_shape(way(peak), jnp.ones(1))
+
+
 def test_against_differences_of_gradients():
     # Friction, belt, drive and a bending fence. The gradient is judged elsewhere by an independent
     # version; its central differences are off by the square of their step, 1e-8 times the third

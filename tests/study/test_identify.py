@@ -2,8 +2,6 @@
 
 import dataclasses
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
@@ -16,7 +14,6 @@ from fencejax.study import (
     align,
     fit,
     identify,
-    interpolate,
 )
 
 _TRUTH = {"youngs_modulus": 2.6e9, "stiffness": 1.2e9, "damping": 4.0e5}
@@ -33,13 +30,11 @@ def impact(**numbers):
 
 
 def clean(scene, time=_TIME):
-    history = fj.simulate(scene, only=("history",)).history
+    history = fj.simulate(scene, only=("history",)).history.at(time)
     return {
-        name: np.asarray(interpolate(jnp.asarray(time), history.time, knots))
-        for name, knots in (
-            ("force", history.fence_force), ("tip_deflection", history.tip_deflection),
-        )
-    }  # fmt: skip
+        "force": np.asarray(history.fence_force),
+        "tip_deflection": np.asarray(history.tip_deflection),
+    }
 
 
 @pytest.fixture(scope="module")
@@ -267,27 +262,6 @@ def test_a_wrong_model_is_said(truth):
     # The parcel weighed 15 kg; whoever fits takes it for 10 kg.
     found = fit(Experiment(impact(mass=10.0), noisy(truth, 10)), _NAMES)
     assert any("follow one another" in w for w in found.warnings)
-
-
-def test_interpolation():
-    # Exact for parabolas on any grid, up to the two ends; differentiable in the time.
-    knots = jnp.asarray([0.0, 0.1, 0.4, 0.5, 1.1, 1.2])
-    values = 2 * knots**2 - knots
-    time = jnp.linspace(0.1, 1.1, 23)
-    found = interpolate(time, knots, values)
-    np.testing.assert_allclose(found, 2 * time**2 - time, rtol=0, atol=1e-14)
-    slope = jax.vmap(jax.grad(lambda t: interpolate(t[None], knots, values)[0]))(time[1:-1])
-    np.testing.assert_allclose(slope, 4 * time[1:-1] - 1, rtol=0, atol=1e-12)
-    # Constant outside, and itself at the knots.
-    outside = interpolate(jnp.asarray([-1.0, 9.0]), knots, values)
-    np.testing.assert_allclose(outside, np.asarray(values)[[0, -1]], rtol=0, atol=1e-14)
-    at_knots = interpolate(knots, knots, values)
-    np.testing.assert_allclose(at_knots, values, rtol=0, atol=1e-14)
-    # A jump: two knots at one time.
-    step = jnp.asarray([0.0, 1.0, 1.0, 2.0])
-    jump = jnp.asarray([0.0, 0.0, 5.0, 5.0])
-    found = interpolate(jnp.asarray([0.5, 0.999, 1.0, 1.5]), step, jump)
-    np.testing.assert_allclose(found, jump, rtol=0, atol=1e-12)
 
 
 def test_units_that_are_suspected(truth):
