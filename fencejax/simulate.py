@@ -111,6 +111,13 @@ def simulate(
             "Argument `fidelity.integrator` must be 'modal' for a scene of the normal direction "
             f"alone, but is {fidelity.integrator!r}. Write fidelity.replace(integrator=\"modal\")."
         )
+    if isinstance(scene, Scene) and scene.fence is not None and scene.fence.pad is not None:
+        if fidelity.integrator != "modal":
+            raise ValueError(
+                "Argument `fidelity.integrator` must be 'modal' for a fence with a pad, whose "
+                f"compression is a state of its own, but is {fidelity.integrator!r}. Write "
+                'fidelity.replace(integrator="modal").'
+            )
     if fidelity.precision == "float64" and not jax.config.read("jax_enable_x64"):
         raise ValueError(
             "Argument `fidelity.precision` is 'float64', but JAX is set to single precision. Write "

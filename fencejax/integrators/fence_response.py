@@ -21,6 +21,7 @@ from ..model import (
     small_point,
 )
 from ..parts import DriveMotion
+from .pad_response import PadEnd
 from .step_size import Stride
 
 
@@ -39,6 +40,7 @@ class FenceEnd(eqx.Module):
     normals_before: tuple[Array, ...]
     lagged_before: tuple[Array, ...]
     residual_before: tuple[ResidualMode, ...]
+    pads: tuple[PadEnd, ...]
     shares: tuple[Array, ...]
     shapes: tuple[Shape, ...]
     inertia: Blocks
@@ -65,17 +67,25 @@ class FenceEnd(eqx.Module):
         self.link, self.stride, self.drive = link, stride, drive
         self.normals_before, self.lagged_before = normals, before.lagged_rate
         self.residual_before = before.residual
+        self.pads = ()
+        if link.cover is not None:
+            self.pads = tuple(PadEnd.of(link.cover, pad, stride) for pad in before.pads)
         self.shapes, self.shares = shapes, shares
         self.inertia = link.inertia_force(drive)
         self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
         self.affine = tuple(self._affine(k) for k in range(len(shapes)))
         self.expected = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
-        self.arcs = self._arcs() if self.flexible and link.geometry == "arc" else ()
+        self.arcs = self._arcs() if self.bends and link.geometry == "arc" else ()
+
+    @property
+    def bends(self) -> bool:
+        """Whether there are modes."""
+        return len(self.link.frequency_squared) > 0
 
     @property
     def flexible(self) -> bool:
-        """Whether there are modes: a rigid fence does not answer to the forces."""
-        return len(self.link.frequency_squared) > 0
+        """Whether the fence answers to the forces: a rigid one without a cover does not."""
+        return self.bends or bool(self.pads)
 
     def _affine(self, k: int):
         """Deflection, its rate and slope at one place: at no contact force, and per newton [1/N]
@@ -125,15 +135,25 @@ class FenceEnd(eqx.Module):
         """What of the contact forces [N] bends the fence [N]."""
         return bending_loads(self.shares, normals)
 
-    def compliance(self, k: int, other: int):
-        """How far [m/N] and how fast [m/s/N] the gap at place k gives way at the step's end for a
-        force at another place there."""
+    def bending_compliance(self, k: int, other: int):
+        """How far [m/N] and how fast [m/s/N] the fence gives way at place k at the step's end for
+        a force at another place there."""
         give, give_rate, _ = self.affine[k][1][other]
         own = self.shapes[k].residual
         if own is not None and k == other:
             by_rate = self.stride.lag_gain
             give = give + own * (1 - self.link.lag * by_rate)
             give_rate = give_rate + own * by_rate
+        return give, give_rate
+
+    def compliance(self, k: int, other: int, normal: Array):
+        """The same of the gap there: with the cover, under the force `normal` [N] at place k, and
+        for the share of a force that bends the fence."""
+        give, give_rate = self.bending_compliance(k, other)
+        if self.pads and k == other:
+            load = self.shares[k] * normal if self.shares else normal
+            pressed, pressed_rate = self.pads[k].compliance(load)
+            give, give_rate = give + pressed, give_rate + pressed_rate
         if self.shares:
             both = self.shares[k] * self.shares[other]
             give, give_rate = both * give, both * give_rate
@@ -143,7 +163,7 @@ class FenceEnd(eqx.Module):
         """How fast [m/s/N] a corner slides at place k, of that `slope`, at the step's end for a
         force at another place there, as the fence moves along itself. To the first order in the
         bending, and not of chords: for Newton's method alone."""
-        give, give_rate = self.compliance(k, other)
+        give, give_rate = self.compliance(k, other, self.expected[other])
         rate = slope * give_rate - self.drive.speed * give
         if self.arcs:
             along = self.arcs[k][1][other].short_rate
@@ -159,7 +179,7 @@ class FenceEnd(eqx.Module):
         return tuple(self._point(k, normals) for k in range(len(self.shapes)))
 
     def deflection(self, k: int, normals) -> tuple[Array, Array, Array]:
-        """Deflection [m] at place k, its rate [m/s] and the slope there."""
+        """Deflection [m] at place k, its rate [m/s] and the slope there, without the cover's."""
         extra, extra_rate, turn = self._residual(k, normals[k])
         (deflection, rate, slope), gains = self.affine[k]
         for normal, (give, give_rate, lean) in zip(normals, gains, strict=True):
@@ -169,7 +189,17 @@ class FenceEnd(eqx.Module):
         return deflection + extra, rate + extra_rate, slope + turn
 
     def _point(self, k: int, normals) -> FencePoint:
+        point = self._bent_point(k, normals)
+        if not self.pads:
+            return point
+        depth, rate = self.pads[k].compression(normals[k])
+        return point._replace(y=point.y - depth, y_rate=point.y_rate - rate)
+
+    def _bent_point(self, k: int, normals) -> FencePoint:
         link, shape = self.link, self.shapes[k]
+        if not self.bends:
+            zero = jnp.zeros_like(self.drive.angle)
+            return FencePoint(shape.place, zero, zero, zero, zero)
         if link.geometry == "chord":
             extra = self._residual(k, normals[k])
             return link.chord_point(shape, self._vibration(normals), *extra)
@@ -221,6 +251,7 @@ class FenceEnd(eqx.Module):
             lagged = tuple(n - self.link.lag * r for n, r in zip(normals, rates, strict=True))
             residual = tuple(self._residual_mode(k, n) for k, n in enumerate(normals))
         vibration = self._vibration(normals)
+        pads = tuple(pad.state(n) for pad, n in zip(self.pads, normals, strict=False))
         return FenceState(
-            self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares
+            self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares, pads
         )

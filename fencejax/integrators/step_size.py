@@ -16,7 +16,8 @@ from ..model import FlexibleLink, Forces, Mechanics, Propagator, blocks, relaxat
 
 class Stride(NamedTuple):
     """A step of one length: `length` h [s] and `rate` 1 / h [1/s]; the modes' exact maps over it;
-    of the load that the modes left out carry, exp(-h / lag) [1] and (1 - exp(-h / lag)) / h [1/s].
+    of the load that the modes left out carry, exp(-h / lag) [1] and (1 - exp(-h / lag)) / h [1/s];
+    and the same of the fence's cover (`None` without one).
 
     A scene begins with a step of no length: nothing moves in it and the forces come out that belong
     to the state. Its `rate` is 0, and the modes left out carry the contact forces without lag.
@@ -27,6 +28,8 @@ class Stride(NamedTuple):
     maps: tuple[Propagator, ...]
     lag_decay: Array
     lag_gain: Array
+    pad_decay: Array | None = None
+    pad_gain: Array | None = None
 
     @property
     def begins(self) -> Array:
@@ -81,12 +84,18 @@ class Clock(eqx.Module):
                 for parts in zip(*(blocks(values) for values in every), strict=True)
             )
         gains = [zero, *((1 - d) / h for d, h in zip(decay[1:], moving, strict=True))]
+        of_pad: tuple[Array, ...] = ()
+        if link is not None and link.cover is not None:
+            pad = [jnp.ones_like(start), *(relaxation(link.cover.lag, h) + zero for h in moving)]
+            rates = [zero, *((1 - d) / h for d, h in zip(pad[1:], moving, strict=True))]
+            of_pad = jnp.stack(pad), jnp.stack(rates)
         strides = Stride(
             length=jnp.stack([zero, *moving]),
             rate=jnp.stack([zero, *(1 / h for h in moving)]),
             maps=by_mode,
             lag_decay=jnp.stack(decay),
             lag_gain=jnp.stack(gains),
+            **dict(zip(("pad_decay", "pad_gain"), of_pad, strict=False)),
         )
         leaves, self.structure = jax.tree.flatten(strides)
         self.shapes = tuple(leaf.shape[1:] for leaf in leaves)

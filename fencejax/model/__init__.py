@@ -59,6 +59,10 @@ from .mechanics import (
 from .mode_shapes import (
     Blocks as Blocks,
 )
+from .pad import (
+    Cover as Cover,
+    PadState as PadState,
+)
 from .propagation import (
     Propagator as Propagator,
     propagator as propagator,

@@ -9,6 +9,7 @@ from ..parts import DriveMotion
 from .flexible_link import FlexibleLink, Shape, Vibration
 from .mechanics import Forces
 from .mode_shapes import Blocks
+from .pad import PadState
 
 
 def bending_loads(shares: tuple[Array, ...], normals: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -35,8 +36,9 @@ class ResidualMode(NamedTuple):
 class FenceState(NamedTuple):
     """The fence at an instant: the drive's motion (`None` where it is not kept), the vibration with
     its modal forces, the shapes where it is loaded, the contact loads as the modes left out carry
-    them (lagged force r [N] and its rate [N/s]), their residual mode under each, and the `shares`
-    [1] of the contact forces that bend it (empty where they do so whole)."""
+    them (lagged force r [N] and its rate [N/s]), their residual mode under each, the `shares` [1]
+    of the contact forces that bend it (empty where they do so whole), and its cover under each
+    (empty without one)."""
 
     drive: DriveMotion | None
     vibration: Vibration
@@ -46,6 +48,7 @@ class FenceState(NamedTuple):
     lagged_rate: tuple[Array, ...]
     residual: tuple[ResidualMode, ...] = ()
     shares: tuple[Array, ...] = ()
+    pads: tuple[PadState, ...] = ()
 
     @classmethod
     def unloaded(cls, link: FlexibleLink, vibration: Vibration, places: int) -> "FenceState":
@@ -54,7 +57,8 @@ class FenceState(NamedTuple):
         rates = (zero,) * places if link.table.corrected else ()
         residual = tuple(ResidualMode(zero, zero) for _ in rates)
         still = tuple(jnp.zeros_like(q) for q in vibration.amplitude)
-        return cls(None, vibration, still, (), (), rates, residual)
+        pads = () if link.cover is None else (PadState(zero, zero),) * places
+        return cls(None, vibration, still, (), (), rates, residual, (), pads)
 
     def loads(self, forces: Forces) -> tuple[Array, ...]:
         """What of the contact forces bends the fence [N]."""

@@ -19,6 +19,7 @@ from ..parts import AbstractDrive, DriveMotion, Fence
 from . import beam
 from .fence_geometry import Arc, FencePoint, arc, arc_point, chain, small_point
 from .mode_shapes import MOST_SCALAR_MODES, Blocks, ShapeTable
+from .pad import Cover
 from .propagation import Propagator, propagator
 
 SWING_STEPS = 64
@@ -93,6 +94,7 @@ class FlexibleLink(eqx.Module):
     stations: Array
     swing_inertia: Array
     root_inertia: Array
+    cover: Cover | None
     elements: int = eqx.field(static=True)
     geometry: str = eqx.field(static=True)
 
@@ -138,6 +140,7 @@ class FlexibleLink(eqx.Module):
         )
         rigid_mass = fence.material.density * fence.width * fence.thickness * arm
         self.root_inertia = rigid_mass * arm**2 / 3
+        self.cover = None if fence.pad is None else Cover(fence)
 
     @property
     def reach(self) -> Array:

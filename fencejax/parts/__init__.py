@@ -53,6 +53,9 @@ from .materials import (
 from .motor import (
     Motor as Motor,
 )
+from .pad import (
+    Pad as Pad,
+)
 from .parcel import (
     SIDES as SIDES,
     Parcel as Parcel,

@@ -8,6 +8,7 @@ from .. import _check
 from .._check import Bounds
 from ..printing import Part
 from .material import Material
+from .pad import Pad
 from .taper import AbstractTaper, ConstantStrength
 
 
@@ -25,6 +26,7 @@ class Fence(Part):
     thickness: Array
     material: Material
     taper: AbstractTaper
+    pad: Pad | None
 
     bounds: ClassVar[dict[str, Bounds]] = {
         "rigid_length": Bounds("m", least=0, size=1.0),
@@ -41,6 +43,7 @@ class Fence(Part):
         thickness: ArrayLike = 0.045,
         material: Material | None = None,
         taper: AbstractTaper | None = None,
+        pad: Pad | None = None,
     ):
         """**Arguments:**
 
@@ -50,6 +53,7 @@ class Fence(Part):
         - `thickness`: h_1 [m] of the flexible link at its root, above 0.
         - `material`: default `Material()`.
         - `taper`: the profile of the thickness, default `ConstantStrength()`.
+        - `pad`: an elastic cover, where the parcel meets it; by default none.
         """
         _check.fields(
             self, rigid_length=rigid_length, flexible_length=flexible_length, width=width,
@@ -60,6 +64,7 @@ class Fence(Part):
         example = "material=fj.materials.named('POM').material"
         self.material = _check.part("material", material, Material, example)
         self.taper = _check.part("taper", taper, AbstractTaper, "taper=fj.Uniform()")
+        self.pad = None if pad is None else _check.part("pad", pad, Pad, "pad=fj.Pad(0.01)")
 
     @classmethod
     def one_link(cls, **changes) -> "Fence":

@@ -19,7 +19,7 @@ class Ledger(Part):
     strain: Array
     """Change of the energy of bending."""
     contact_stored: Array
-    """Change of the elastic energy of the contacts."""
+    """Change of the elastic energy of the contacts, with the fence's cover."""
     drive_work: Array
     """Work of the drive at the hinge."""
     belt_work: Array
@@ -27,7 +27,7 @@ class Ledger(Part):
     geometry_work: Array
     """Work that small-deflection beam theory leaves out (see `fencejax.results.Power`)."""
     contact_loss: Array
-    """Dissipated in the contacts."""
+    """Dissipated in the contacts, with the fence's cover."""
     fence_friction_loss: Array
     """Dissipated by corners sliding along the fence."""
     border_friction_loss: Array

@@ -24,7 +24,7 @@ from ..scenes import Body
 
 class Energy(NamedTuple):
     """Energies held at an instant [J]: of the parcel's motion, of the fence's motion, of its
-    bending, and of the elastic part of the contacts."""
+    bending, and of the elastic part of the contacts, with the fence's cover."""
 
     parcel: Array
     fence: Array
@@ -34,7 +34,7 @@ class Energy(NamedTuple):
 
 class Power(NamedTuple):
     """Rates of work [W], positive where the name says it: done by `drive`, `belt` and `geometry`;
-    taken up by `contact` (stored and dissipated); dissipated by the others.
+    taken up by `contact`, with the fence's cover (stored and dissipated); dissipated by the others.
 
     `geometry` is what small-deflection beam theory leaves out: the contact forces act along the
     bent fence's normal and tangent at the point U, while the beam is loaded with N along the
@@ -125,6 +125,10 @@ def describe(
         torque = _torque(link, fence, forces)
         energy = _fence_energy(link, fence, energy)
         power = _fence_power(link, fence, forces, torque, power)
+        if fence.pads:
+            energy = energy._replace(contact=energy.contact + pad_energy(link, fence))
+            taken = pad_power(link, fence, fence.loads(forces))
+            power = power._replace(contact=power.contact + taken)
     return Sample(
         time=time,
         body=body,
@@ -194,6 +198,21 @@ def damping_power(link: FlexibleLink, fence: FenceState) -> Array:
     return damped
 
 
+def pad_energy(link: FlexibleLink, fence: FenceState) -> Array:
+    """Held by the cover [J]."""
+    assert link.cover is not None
+    return total(map(link.cover.stored_energy, fence.pads))
+
+
+def pad_power(link: FlexibleLink, fence: FenceState, loads: tuple[Array, ...]) -> Array:
+    """Taken up by the cover under its `loads` [N], stored and dissipated [W]."""
+    assert link.cover is not None
+    return total(
+        load * link.cover.compression(pad)[1]
+        for load, pad in zip(loads, fence.pads, strict=True)
+    )
+
+
 def _torque(link: FlexibleLink, fence: FenceState, forces: Forces) -> Array:
     """Moment of the drive [N m]: the generalised force on alpha_w,
     (I_root + Phi^T M Phi) alpha'' + Phi^T M u'' + sum N sigma over the loads of the fence."""
@@ -228,6 +247,8 @@ def _fence_power(
         transverse = shape.place * fence.drive.speed + dot(shape.load, fence.vibration.rate)
         if fence.residual and shape.residual_mode is not None:
             transverse = transverse - shape.residual_mode[0] * fence.residual[k].rate
+        if fence.pads and link.cover is not None:
+            transverse = transverse - link.cover.compression(fence.pads[k])[1]
         across, along = parts.rates
         geometry = geometry + c.normal * across - load * transverse + c.friction * along
     return power._replace(
@@ -251,6 +272,10 @@ def describe_normal(parcel: Parcel, link: FlexibleLink | None, state: NormalStat
         kinetic = 0.5 * link.mass_scale * total(v * v for v in fence.vibration.rate)
         energy = energy._replace(fence=kinetic, strain=strain_energy(link, fence))
         power = power._replace(beam_damping=damping_power(link, fence))
+        if fence.pads:
+            energy = energy._replace(contact=stored + pad_energy(link, fence))
+            taken = pad_power(link, fence, (state.force,))
+            power = power._replace(contact=power.contact + taken)
     touching = Contact(state.force, zero, state.gap, state.gap_rate, place, zero)
     return Sample(
         time=state.time,

@@ -18,6 +18,7 @@ from ..parts import (
     HarmonicDrive,
     HeldDrive,
     Material,
+    Pad,
     Parcel,
     SCurveDrive,
     SplineDrive,
@@ -90,6 +91,10 @@ FENCE = (
     _of(Material, "fence.material.damping_ratio", "damping_ratio", 0.005, 0.20),
     _of(Fence, "fence.rigid_length", "rigid_length"),
     _of(Fence, "fence.flexible_length", "flexible_length"),
+    _of(Pad, "fence.pad.thickness", "pad_thickness", 0.0, 0.03, _LINE),
+    _of(Pad, "fence.pad.modulus", "pad_modulus", 5e4, 5e6),
+    _of(Pad, "fence.pad.contact_length", "pad_contact_length"),
+    _of(Pad, "fence.pad.retardation_time", "pad_retardation_time"),
 )
 # Of several drives with such a number, the one that asks for least.
 DRIVE = (

@@ -22,6 +22,7 @@ from ..parts import (
     DataSheet,
     Fence,
     Material,
+    Pad,
     materials,
 )
 from .amounts import amount, nearest, refuse_unknown
@@ -169,6 +170,13 @@ def taper(raw: Any, reading: Reading) -> AbstractTaper:
     return _law("fence.taper", raw, AbstractTaper, TAPERS, "constant_strength", reading)
 
 
+def pad(raw: Any, reading: Reading) -> Pad | None:
+    """The fence's cover; `False` for none."""
+    if raw is False or isinstance(raw, Pad):
+        return raw or None
+    return _made("fence.pad", Pad, _a_table("fence.pad", raw, "pad=fj.Pad(0.01)"), reading)
+
+
 def _law(
     path: str, raw: Any, kind: type[_P], laws: Mapping[str, type[_P]], usual: str, reading: Reading
 ) -> _P:
@@ -200,11 +208,13 @@ def fence(raw: Any, reading: Reading) -> tuple[Fence, tuple[DataSheet, ...]]:
     if isinstance(raw, Fence):
         return raw, (DataSheet("as given", raw.material),)
     table = dict(_a_table("fence", raw, "fence=fj.Fence(thickness=0.045)"))
-    refuse_unknown("fence", table, ("width", "thickness", "material", "taper", *_LENGTHS))
+    refuse_unknown("fence", table, ("width", "thickness", "material", "taper", "pad", *_LENGTHS))
     sheets = _materials(table.pop("material", "PA6 dry"), reading)
     inner: dict[str, Any] = {"material": sheets[0].material}
     if "taper" in table:
         inner["taper"] = taper(table.pop("taper"), reading)
+    if "pad" in table:
+        inner["pad"] = pad(table.pop("pad"), reading)
     lengths = {name: table.pop(name) for name in _LENGTHS if name in table}
     inner |= _lengths(lengths, reading)
     return _made("fence", Fence, table, reading, **inner), sheets
