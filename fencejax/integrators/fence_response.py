@@ -46,6 +46,7 @@ class FenceEnd(eqx.Module):
     inertia: Blocks
     free: Vibration
     affine: tuple
+    hinge: tuple | None
     expected: tuple[Array, ...]
     arcs: tuple[tuple[Arc, tuple[Arc, ...]], ...]
 
@@ -73,7 +74,10 @@ class FenceEnd(eqx.Module):
         self.shapes, self.shares = shapes, shares
         self.inertia = link.inertia_force(drive)
         self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
+        if link.hinge is not None:
+            self.free = link.hinge.coupled(stride.maps, self.free)
         self.affine = tuple(self._affine(k) for k in range(len(shapes)))
+        self.hinge = None if link.hinge is None else self._hinge()
         self.expected = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
         self.arcs = self._arcs() if self.bends and link.geometry == "arc" else ()
 
@@ -98,8 +102,7 @@ class FenceEnd(eqx.Module):
         )
         gains = []
         for other in self.shapes:
-            pushed = [m.q_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
-            struck = [m.v_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
+            pushed, struck = self._push(other)
             gains.append(
                 (
                     dot(shape.deflection, pushed) / link.mass_scale,
@@ -108,6 +111,33 @@ class FenceEnd(eqx.Module):
                 )
             )
         return free, tuple(gains)
+
+    def _push(self, other: Shape) -> tuple[Blocks, Blocks]:
+        """What a force at a shape at the step's end makes of the amplitudes and of the rates, in
+        units of 1 / m_0."""
+        pushed = [m.q_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
+        struck = [m.v_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
+        push = Vibration(tuple(pushed), tuple(struck))
+        if self.link.hinge is not None:
+            push = self.link.hinge.coupled(self.stride.maps, push)
+        return push
+
+    def _hinge(self):
+        """How far the hinge is ahead of the motor [rad], and how fast [rad/s]: at no contact force,
+        and per newton of each."""
+        assert self.link.hinge is not None
+        pushes = (Vibration(*self._push(other)) for other in self.shapes)
+        gains = (self.link.hinge.twist(push) for push in pushes)
+        mass = self.link.mass_scale
+        return self.link.hinge.twist(self.free), tuple((q / mass, v / mass) for q, v in gains)
+
+    def _twist(self, normals) -> tuple[Array, Array]:
+        """The same under the contact forces."""
+        assert self.hinge is not None
+        (angle, rate), gains = self.hinge
+        for normal, (give, give_rate) in zip(normals, gains, strict=True):
+            angle, rate = angle - give * normal, rate - give_rate * normal
+        return angle, rate
 
     def _arcs(self):
         """The small terms of the arc at each place: as foreseen, and per newton of each force."""
@@ -139,6 +169,10 @@ class FenceEnd(eqx.Module):
         """How far [m/N] and how fast [m/s/N] the fence gives way at place k at the step's end for
         a force at another place there."""
         give, give_rate, _ = self.affine[k][1][other]
+        if self.hinge is not None:
+            turn, turn_rate = self.hinge[1][other]
+            arm = self.shapes[k].place
+            give, give_rate = give + arm * turn, give_rate + arm * turn_rate
         own = self.shapes[k].residual
         if own is not None and k == other:
             by_rate = self.stride.lag_gain
@@ -179,7 +213,17 @@ class FenceEnd(eqx.Module):
         return tuple(self._point(k, normals) for k in range(len(self.shapes)))
 
     def deflection(self, k: int, normals) -> tuple[Array, Array, Array]:
-        """Deflection [m] at place k, its rate [m/s] and the slope there, without the cover's."""
+        """How far the fence gives way [m] at place k, how fast [m/s] and the slope there, without
+        its cover and where all are small."""
+        deflection, rate, slope = self._bending(k, normals)
+        if self.hinge is not None:
+            arm, (turn, turn_rate) = self.shapes[k].place, self._twist(normals)
+            deflection, rate = deflection + arm * turn, rate + arm * turn_rate
+            slope = slope + turn
+        return deflection, rate, slope
+
+    def _bending(self, k: int, normals) -> tuple[Array, Array, Array]:
+        """Deflection [m] at place k from the rigid link's line, its rate [m/s] and the slope."""
         extra, extra_rate, turn = self._residual(k, normals[k])
         (deflection, rate, slope), gains = self.affine[k]
         for normal, (give, give_rate, lean) in zip(normals, gains, strict=True):
@@ -190,6 +234,8 @@ class FenceEnd(eqx.Module):
 
     def _point(self, k: int, normals) -> FencePoint:
         point = self._bent_point(k, normals)
+        if self.hinge is not None:
+            point = point.turned_by(*self._twist(normals))
         if not self.pads:
             return point
         depth, rate = self.pads[k].compression(normals[k])
@@ -204,8 +250,8 @@ class FenceEnd(eqx.Module):
             extra = self._residual(k, normals[k])
             return link.chord_point(shape, self._vibration(normals), *extra)
         if link.geometry == "arc":
-            return arc_point(shape.place, self._arc(k, normals), *self.deflection(k, normals))
-        return small_point(shape.place, *self.deflection(k, normals))
+            return arc_point(shape.place, self._arc(k, normals), *self._bending(k, normals))
+        return small_point(shape.place, *self._bending(k, normals))
 
     def _residual(self, k: int, normal):
         """Deflection [m] of the modes left out, its rate [m/s] and their slope."""
@@ -234,6 +280,11 @@ class FenceEnd(eqx.Module):
         amplitude, rate = list(self.free.amplitude), list(self.free.rate)
         for shape, normal in zip(self.shapes, normals, strict=True):
             share = normal / self.link.mass_scale
+            if self.link.hinge is not None:
+                pushed, struck = self._push(shape)
+                amplitude = [q - p * share for q, p in zip(amplitude, pushed, strict=True)]
+                rate = [v - p * share for v, p in zip(rate, struck, strict=True)]
+                continue
             for i, (phi, m) in enumerate(zip(shape.load, self.stride.maps, strict=True)):
                 amplitude[i] = amplitude[i] - m.q_end * phi * share
                 rate[i] = rate[i] - m.v_end * phi * share
@@ -243,6 +294,10 @@ class FenceEnd(eqx.Module):
         """The fence under the solved forces."""
         normals = self.loads(normals)
         load = self.link.loaded(self.inertia, self.shapes, normals)
+        vibration = self._vibration(normals)
+        if self.link.hinge is not None:
+            coupling = self.link.hinge.coupling(vibration.rate)
+            load = tuple(f + g for f, g in zip(load, coupling, strict=True))
         lagged, rates, residual = normals, tuple(jnp.zeros_like(n) for n in normals), ()
         if self.link.table.corrected:
             rates = tuple(
@@ -250,7 +305,6 @@ class FenceEnd(eqx.Module):
             )
             lagged = tuple(n - self.link.lag * r for n, r in zip(normals, rates, strict=True))
             residual = tuple(self._residual_mode(k, n) for k, n in enumerate(normals))
-        vibration = self._vibration(normals)
         pads = tuple(pad.state(n) for pad, n in zip(self.pads, normals, strict=False))
         return FenceState(
             self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares, pads

@@ -72,8 +72,10 @@ class _Blow(NamedTuple):
 
 
 def prepared(scene: NormalScene, fidelity: Fidelity) -> FlexibleLink | None:
-    """The fence's flexible link, where the scene has a fence that bends or has a cover."""
-    if scene.fence is None or not (fidelity.mode_count or scene.fence.pad):
+    """The fence's flexible link, where the scene has a fence that gives way."""
+    if scene.fence is None:
+        return None
+    if not (fidelity.mode_count or scene.fence.pad or scene.fence.shaft):
         return None
     return FlexibleLink(scene.fence, fidelity)
 

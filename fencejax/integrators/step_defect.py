@@ -82,6 +82,10 @@ def _ringing(
     for k, shape in enumerate(fence.shapes):
         deflection = dot(shape.deflection, vibration.amplitude)
         rate = dot(shape.deflection, vibration.rate)
+        if fence.link.hinge is not None:
+            turn, turn_rate = fence.link.hinge.twist(vibration)
+            deflection = deflection + shape.place * turn
+            rate = rate + shape.place * turn_rate
         if shape.residual_mode is not None:
             force, amplitude_rate = residual[k]
             amplitude = force - fence.link.lag * amplitude_rate

@@ -31,15 +31,13 @@ from .flexible_link import (
     SWING_STEPS as SWING_STEPS,
     FlexibleLink as FlexibleLink,
     Shape as Shape,
-    Vibration as Vibration,
-    blocks as blocks,
-    dot as dot,
-    propagate as propagate,
-    total as total,
 )
 from .friction import (
     belt_grip as belt_grip,
     corner_share as corner_share,
+)
+from .hinge import (
+    Hinge as Hinge,
 )
 from .kinematics import (
     Acceleration as Acceleration,
@@ -72,4 +70,11 @@ from .state import NormalState as NormalState, SceneState as SceneState
 from .tip import (
     Side as Side,
     around as around,
+)
+from .vibration import (
+    Vibration as Vibration,
+    blocks as blocks,
+    dot as dot,
+    propagate as propagate,
+    total as total,
 )

@@ -6,10 +6,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..parts import DriveMotion
-from .flexible_link import FlexibleLink, Shape, Vibration
+from .flexible_link import FlexibleLink, Shape
 from .mechanics import Forces
 from .mode_shapes import Blocks
 from .pad import PadState
+from .vibration import Vibration
 
 
 def bending_loads(shares: tuple[Array, ...], normals: tuple[Array, ...]) -> tuple[Array, ...]:

@@ -63,6 +63,9 @@ from .parcel import (
 from .rotation import (
     turned as turned,
 )
+from .shaft import (
+    Shaft as Shaft,
+)
 from .surfaces import (
     AbstractSurface as AbstractSurface,
     Border as Border,

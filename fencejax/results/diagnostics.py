@@ -130,10 +130,11 @@ def unresolved(
     if unmet is not None:
         rough = rough | unmet
     checks = [(Status.STEP_TOO_COARSE, rough)]
-    if link is not None and link.frequency_squared:
+    if link is not None and link.clamped_eigenvalues.size:
         # A clamped beam's n-th frequency goes with (n - 1/2)^2.
-        kept = link.eigenvalues.shape[-1]
-        square = ((kept + 0.5) / (kept - 0.5)) ** 2 * jax.lax.stop_gradient(link.eigenvalues[-1])
+        clamped = jax.lax.stop_gradient(link.clamped_eigenvalues)
+        kept = clamped.shape[-1]
+        square = ((kept + 0.5) / (kept - 0.5)) ** 2 * clamped[-1]
         lag = _LAGGING * square * seen.deepest
         checks.append((Status.MODES_TOO_FEW, seen.resolution.residual_acceleration > lag))
     return checks

@@ -79,6 +79,8 @@ class Sample(NamedTuple):
     C_s [m]; empty where the tip carries none, as they follow from the fence's slope then."""
     surfaces: tuple[tuple[Contact, ...], ...] = ()
     """For each of the scene's other surfaces: its corners."""
+    twist: Array | None = None
+    """How far the hinge is ahead of the motor [rad]; `None` without a shaft that gives way."""
     stresses: Array | None = None
     """Bending stress [Pa] at the nodes 0 ... n - 1 of the flexible link, positive on the side away
     from the parcel where a parcel bends it; not in histories."""
@@ -102,6 +104,7 @@ def describe(
         stored = stored + touch.remaining(share) * mechanics.law.stored_energy(c.gap)
         over_tip = jnp.where(mechanics.ends(k, c, touch), 1.0, over_tip)
     tip, stress, place, torque, stresses = zero, zero, zero, zero, None
+    vibration = twist = None
     energy = Energy(kinetic, zero, zero, stored)
     power = Power(
         drive=zero,
@@ -122,6 +125,8 @@ def describe(
         link = mechanics.link
         assert link is not None
         tip, stress, place, stresses = bent(link, fence)
+        vibration = link.clamped(fence.vibration)
+        twist = None if link.hinge is None else link.hinge.twist(fence.vibration)[0]
         torque = _torque(link, fence, forces)
         energy = _fence_energy(link, fence, energy)
         power = _fence_power(link, fence, forces, torque, power)
@@ -134,7 +139,7 @@ def describe(
         body=body,
         acceleration=forces.acceleration,
         drive=None if fence is None else fence.drive,
-        vibration=None if fence is None else fence.vibration,
+        vibration=vibration,
         fence=at_fence,
         border=at_border,
         belt=forces.belt,
@@ -153,6 +158,7 @@ def describe(
         surfaces=tuple(
             tuple(meeting.contact for meeting in group) for group in forces.surfaces
         ),
+        twist=twist,
         stresses=stresses,
     )
 
@@ -193,6 +199,9 @@ def damping_power(link: FlexibleLink, fence: FenceState) -> Array:
     damped = link.mass_scale * total(
         c * v * v for c, v in zip(link.damping, fence.vibration.rate, strict=True)
     )
+    if link.hinge is not None:
+        rate = fence.vibration.rate
+        damped = damped - link.mass_scale * dot(link.hinge.coupling(rate), rate)
     for _, rate in fence.residual:
         damped = damped + link.lag * rate**2
     return damped
@@ -266,9 +275,12 @@ def describe_normal(parcel: Parcel, link: FlexibleLink | None, state: NormalStat
     energy = Energy(0.5 * parcel.mass * state.rate**2, zero, zero, stored)
     power = Power(zero, zero, zero, state.force * state.gap_rate, zero, zero, zero, zero)
     place, tip, stress, stress_place, stresses = zero, zero, zero, zero, None
+    vibration = twist = None
     if link is not None and fence is not None:
         place = fence.shapes[0].place + zero
         tip, stress, stress_place, stresses = bent(link, fence)
+        vibration = link.clamped(fence.vibration)
+        twist = None if link.hinge is None else link.hinge.twist(fence.vibration)[0]
         kinetic = 0.5 * link.mass_scale * total(v * v for v in fence.vibration.rate)
         energy = energy._replace(fence=kinetic, strain=strain_energy(link, fence))
         power = power._replace(beam_damping=damping_power(link, fence))
@@ -282,7 +294,7 @@ def describe_normal(parcel: Parcel, link: FlexibleLink | None, state: NormalStat
         body=Body(place, -state.advance, zero, zero, -state.rate, zero),
         acceleration=Acceleration(zero, state.force / parcel.mass, zero),
         drive=None,
-        vibration=None if fence is None else fence.vibration,
+        vibration=vibration,
         fence=(touching,),
         border=(),
         belt=None,
@@ -295,5 +307,6 @@ def describe_normal(parcel: Parcel, link: FlexibleLink | None, state: NormalStat
         energy=energy,
         power=power,
         carried=() if fence is None else carried(fence),
+        twist=twist,
         stresses=stresses,
     )

@@ -21,6 +21,7 @@ from ..parts import (
     Pad,
     Parcel,
     SCurveDrive,
+    Shaft,
     SplineDrive,
     TrapezoidDrive,
 )
@@ -93,6 +94,9 @@ FENCE = (
     _of(Fence, "fence.flexible_length", "flexible_length"),
     _of(Pad, "fence.pad.thickness", "pad_thickness", 0.0, 0.03, _LINE),
     _of(Pad, "fence.pad.modulus", "pad_modulus", 5e4, 5e6),
+    _of(Shaft, "fence.shaft.stiffness", "shaft_stiffness", 1e4, 1e7),
+    _of(Shaft, "fence.shaft.damping", "shaft_damping"),
+    _of(Shaft, "fence.shaft.inertia", "shaft_inertia"),
     _of(Pad, "fence.pad.contact_length", "pad_contact_length"),
     _of(Pad, "fence.pad.retardation_time", "pad_retardation_time"),
 )
