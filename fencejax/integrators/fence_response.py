@@ -16,11 +16,13 @@ from ..model import (
     Vibration,
     arc_point,
     bending_loads,
+    blocks,
     dot,
     propagate,
     small_point,
 )
 from ..parts import DriveMotion
+from .hinge_response import HingeEnd
 from .pad_response import PadEnd
 from .step_size import Stride
 
@@ -46,7 +48,7 @@ class FenceEnd(eqx.Module):
     inertia: Blocks
     free: Vibration
     affine: tuple
-    hinge: tuple | None
+    hinge: HingeEnd | None
     expected: tuple[Array, ...]
     arcs: tuple[tuple[Arc, tuple[Arc, ...]], ...]
 
@@ -76,9 +78,12 @@ class FenceEnd(eqx.Module):
         self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
         if link.hinge is not None:
             self.free = link.hinge.coupled(stride.maps, self.free)
+        self.hinge = None
+        if link.hinge is not None:
+            loads = tuple(shape.load for shape in shapes)
+            self.hinge = HingeEnd(link, stride, self.free, loads, before.clutch)
         self.affine = tuple(self._affine(k) for k in range(len(shapes)))
-        self.hinge = None if link.hinge is None else self._hinge()
-        self.expected = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
+        self.expected = self._every(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
         self.arcs = self._arcs() if self.bends and link.geometry == "arc" else ()
 
     @property
@@ -101,8 +106,7 @@ class FenceEnd(eqx.Module):
             dot(shape.slope, self.free.amplitude),
         )
         gains = []
-        for other in self.shapes:
-            pushed, struck = self._push(other)
+        for pushed, struck in self._pushes():
             gains.append(
                 (
                     dot(shape.deflection, pushed) / link.mass_scale,
@@ -112,32 +116,18 @@ class FenceEnd(eqx.Module):
             )
         return free, tuple(gains)
 
-    def _push(self, other: Shape) -> tuple[Blocks, Blocks]:
-        """What a force at a shape at the step's end makes of the amplitudes and of the rates, in
+    def _pushes(self):
+        """What a unit of each load at the step's end makes of the amplitudes and of the rates, in
         units of 1 / m_0."""
-        pushed = [m.q_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
-        struck = [m.v_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
-        push = Vibration(tuple(pushed), tuple(struck))
-        if self.link.hinge is not None:
-            push = self.link.hinge.coupled(self.stride.maps, push)
-        return push
-
-    def _hinge(self):
-        """How far the hinge is ahead of the motor [rad], and how fast [rad/s]: at no contact force,
-        and per newton of each."""
-        assert self.link.hinge is not None
-        pushes = (Vibration(*self._push(other)) for other in self.shapes)
-        gains = (self.link.hinge.twist(push) for push in pushes)
-        mass = self.link.mass_scale
-        return self.link.hinge.twist(self.free), tuple((q / mass, v / mass) for q, v in gains)
-
-    def _twist(self, normals) -> tuple[Array, Array]:
-        """The same under the contact forces."""
-        assert self.hinge is not None
-        (angle, rate), gains = self.hinge
-        for normal, (give, give_rate) in zip(normals, gains, strict=True):
-            angle, rate = angle - give * normal, rate - give_rate * normal
-        return angle, rate
+        if self.hinge is not None:
+            yield from self.hinge.pushes
+            return
+        maps = self.stride.maps
+        for other in self.shapes:
+            yield (
+                [m.q_end * b for m, b in zip(maps, other.load, strict=True)],
+                [m.v_end * b for m, b in zip(maps, other.load, strict=True)],
+            )
 
     def _arcs(self):
         """The small terms of the arc at each place: as foreseen, and per newton of each force."""
@@ -165,12 +155,17 @@ class FenceEnd(eqx.Module):
         """What of the contact forces [N] bends the fence [N]."""
         return bending_loads(self.shares, normals)
 
+    def _every(self, normals: tuple[Array, ...]) -> tuple[Array, ...]:
+        """The same, with the load of a clutch behind them."""
+        loads = self.loads(normals)
+        return loads if self.hinge is None else self.hinge.every(loads)
+
     def bending_compliance(self, k: int, other: int):
         """How far [m/N] and how fast [m/s/N] the fence gives way at place k at the step's end for
         a force at another place there."""
         give, give_rate, _ = self.affine[k][1][other]
         if self.hinge is not None:
-            turn, turn_rate = self.hinge[1][other]
+            turn, turn_rate = self.hinge.turns[other]
             arm = self.shapes[k].place
             give, give_rate = give + arm * turn, give_rate + arm * turn_rate
         own = self.shapes[k].residual
@@ -209,7 +204,7 @@ class FenceEnd(eqx.Module):
         if not self.flexible:
             zero = jnp.zeros_like(self.drive.angle)
             return tuple(FencePoint(s.place, zero, zero, zero, zero) for s in self.shapes)
-        normals = self.loads(normals)
+        normals = self._every(normals)
         return tuple(self._point(k, normals) for k in range(len(self.shapes)))
 
     def deflection(self, k: int, normals) -> tuple[Array, Array, Array]:
@@ -217,7 +212,7 @@ class FenceEnd(eqx.Module):
         its cover and where all are small."""
         deflection, rate, slope = self._bending(k, normals)
         if self.hinge is not None:
-            arm, (turn, turn_rate) = self.shapes[k].place, self._twist(normals)
+            arm, (turn, turn_rate) = self.shapes[k].place, self.hinge.twist(normals)
             deflection, rate = deflection + arm * turn, rate + arm * turn_rate
             slope = slope + turn
         return deflection, rate, slope
@@ -235,7 +230,7 @@ class FenceEnd(eqx.Module):
     def _point(self, k: int, normals) -> FencePoint:
         point = self._bent_point(k, normals)
         if self.hinge is not None:
-            point = point.turned_by(*self._twist(normals))
+            point = point.turned_by(*self.hinge.twist(normals))
         if not self.pads:
             return point
         depth, rate = self.pads[k].compression(normals[k])
@@ -278,13 +273,14 @@ class FenceEnd(eqx.Module):
     def _vibration(self, normals) -> Vibration:
         """The modes at the step's end."""
         amplitude, rate = list(self.free.amplitude), list(self.free.rate)
-        for shape, normal in zip(self.shapes, normals, strict=True):
-            share = normal / self.link.mass_scale
-            if self.link.hinge is not None:
-                pushed, struck = self._push(shape)
+        if self.hinge is not None:
+            for (pushed, struck), load in zip(self.hinge.pushes, normals, strict=True):
+                share = load / self.link.mass_scale
                 amplitude = [q - p * share for q, p in zip(amplitude, pushed, strict=True)]
                 rate = [v - p * share for v, p in zip(rate, struck, strict=True)]
-                continue
+            return Vibration(tuple(amplitude), tuple(rate))
+        for shape, normal in zip(self.shapes, normals, strict=True):
+            share = normal / self.link.mass_scale
             for i, (phi, m) in enumerate(zip(shape.load, self.stride.maps, strict=True)):
                 amplitude[i] = amplitude[i] - m.q_end * phi * share
                 rate[i] = rate[i] - m.v_end * phi * share
@@ -292,12 +288,16 @@ class FenceEnd(eqx.Module):
 
     def state(self, normals) -> FenceState:
         """The fence under the solved forces."""
-        normals = self.loads(normals)
+        every, normals = self._every(normals), self.loads(normals)
         load = self.link.loaded(self.inertia, self.shapes, normals)
-        vibration = self._vibration(normals)
-        if self.link.hinge is not None:
-            coupling = self.link.hinge.coupling(vibration.rate)
+        vibration, clutch = self._vibration(every), None
+        if self.hinge is not None:
+            coupling = self.hinge.hinge.coupling(vibration.rate)
             load = tuple(f + g for f, g in zip(load, coupling, strict=True))
+            clutch = self.hinge.clutch(every)
+        if clutch is not None and self.hinge is not None:
+            relief, turn = clutch.relief / self.link.mass_scale, blocks(self.hinge.hinge.turn)
+            load = tuple(f + a * relief for f, a in zip(load, turn, strict=True))
         lagged, rates, residual = normals, tuple(jnp.zeros_like(n) for n in normals), ()
         if self.link.table.corrected:
             rates = tuple(
@@ -307,5 +307,6 @@ class FenceEnd(eqx.Module):
             residual = tuple(self._residual_mode(k, n) for k, n in enumerate(normals))
         pads = tuple(pad.state(n) for pad, n in zip(self.pads, normals, strict=False))
         return FenceState(
-            self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares, pads
-        )
+            self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares, pads,
+            clutch,
+        )  # fmt: skip

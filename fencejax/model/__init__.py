@@ -37,6 +37,7 @@ from .friction import (
     corner_share as corner_share,
 )
 from .hinge import (
+    ClutchState as ClutchState,
     Hinge as Hinge,
 )
 from .kinematics import (

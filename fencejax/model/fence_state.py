@@ -7,6 +7,7 @@ from jaxtyping import Array
 
 from ..parts import DriveMotion
 from .flexible_link import FlexibleLink, Shape
+from .hinge import ClutchState
 from .mechanics import Forces
 from .mode_shapes import Blocks
 from .pad import PadState
@@ -38,8 +39,8 @@ class FenceState(NamedTuple):
     """The fence at an instant: the drive's motion (`None` where it is not kept), the vibration with
     its modal forces, the shapes where it is loaded, the contact loads as the modes left out carry
     them (lagged force r [N] and its rate [N/s]), their residual mode under each, the `shares` [1]
-    of the contact forces that bend it (empty where they do so whole), and its cover under each
-    (empty without one)."""
+    of the contact forces that bend it (empty where they do so whole), its cover under each
+    (empty without one), and its clutch (`None` without one)."""
 
     drive: DriveMotion | None
     vibration: Vibration
@@ -50,6 +51,7 @@ class FenceState(NamedTuple):
     residual: tuple[ResidualMode, ...] = ()
     shares: tuple[Array, ...] = ()
     pads: tuple[PadState, ...] = ()
+    clutch: ClutchState | None = None
 
     @classmethod
     def unloaded(cls, link: FlexibleLink, vibration: Vibration, places: int) -> "FenceState":
@@ -59,7 +61,10 @@ class FenceState(NamedTuple):
         residual = tuple(ResidualMode(zero, zero) for _ in rates)
         still = tuple(jnp.zeros_like(q) for q in vibration.amplitude)
         pads = () if link.cover is None else (PadState(zero, zero),) * places
-        return cls(None, vibration, still, (), (), rates, residual, (), pads)
+        clutch = None
+        if link.hinge is not None and link.hinge.clutch is not None:
+            clutch = ClutchState(zero, zero)
+        return cls(None, vibration, still, (), (), rates, residual, (), pads, clutch)
 
     def loads(self, forces: Forces) -> tuple[Array, ...]:
         """What of the contact forces bends the fence [N]."""

@@ -43,19 +43,67 @@ class ClampedLink(NamedTuple):
     lag: Array
 
 
+class ClutchState(NamedTuple):
+    """A clutch at an instant: the moment L = k_t s + c_t s' [N m] that its slip s [rad] takes off
+    the shaft's spring and damper, and the rate s' [rad/s]."""
+
+    relief: Array
+    rate: Array
+
+
+class Clutch(eqx.Module):
+    """The shaft's clutch: the moment T_c [N m] at which it slips, k_t [N m/rad] and c_t [N m s/rad]
+    of the shaft."""
+
+    limit: Array
+    stiffness: Array
+    damping: Array
+
+    def __init__(self, shaft: Shaft):
+        assert shaft.slip_torque is not None
+        self.limit = shaft.slip_torque
+        self.stiffness, self.damping = shaft.stiffness, shaft.damping
+
+    @property
+    def lag(self) -> Array:
+        """c_t / k_t [s]: s + lag s' = L / k_t."""
+        return self.damping / self.stiffness
+
+    def slip(self, state: ClutchState) -> Array:
+        """s [rad]."""
+        return state.relief / self.stiffness - self.lag * state.rate
+
+    def moment(self, twist: Array, rate: Array) -> Array:
+        """-k_t theta - c_t theta' [N m]: T less L."""
+        return -self.stiffness * twist - self.damping * rate
+
+    def stored(self, twist: Array, state: ClutchState) -> Array:
+        """k_t (theta - s)^2 / 2 less k_t theta^2 / 2 [J], which the modes hold."""
+        slip = self.slip(state)
+        return self.stiffness * slip * (0.5 * slip - twist)
+
+    def loss(self, twist: Array, rate: Array, state: ClutchState) -> Array:
+        """c_t (theta' - s')^2 - T s' less c_t theta'^2 [W], which the modes dissipate."""
+        spring = self.stiffness * (twist - self.slip(state))
+        return state.rate * (spring - self.damping * rate)
+
+
 class Hinge(eqx.Module):
     """The modes of a fence on a shaft: `turn` a_j [rad/m], (m + 1,), and `clamped` b_ij [1],
     (m, m + 1), of unit amplitude, with the `eigenvalues` Omega_j^2 [1/s^2]; kappa / m_0, the
-    shaft's damping in `excess` of the material's [1/s m^2]; and the clamped `link`."""
+    shaft's damping in `excess` of the material's [1/s m^2]; the clamped `link`; and the clutch, if
+    there is one."""
 
     turn: Array
     clamped: Array
     eigenvalues: Array
     excess: Array
     link: ClampedLink
+    clutch: Clutch | None
 
     def __init__(self, shaft: Shaft, link: ClampedLink):
         self.link = link
+        self.clutch = None if shaft.slip_torque is None else Clutch(shaft)
         # A = K^-1/2 M K^-1/2, whose eigenvalues are 1 / Omega^2: for a stiff shaft the large ones,
         # of the slow modes, are those of the clamped fence to round-off.
         precision = link.eigenvalues.dtype

@@ -17,7 +17,7 @@ class Ledger(Part):
     fence_kinetic: Array
     """Change of the fence's kinetic energy."""
     strain: Array
-    """Change of the energy of bending."""
+    """Change of the energy of bending, and of the shaft."""
     contact_stored: Array
     """Change of the elastic energy of the contacts, with the fence's cover."""
     drive_work: Array
@@ -35,7 +35,7 @@ class Ledger(Part):
     belt_friction_loss: Array
     """Dissipated between parcel and belt."""
     damping_loss: Array
-    """Dissipated in the fence's material."""
+    """Dissipated in the fence's material, its shaft and its clutch."""
 
     def _unit(self, name):
         return "J"

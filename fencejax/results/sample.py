@@ -81,6 +81,8 @@ class Sample(NamedTuple):
     """For each of the scene's other surfaces: its corners."""
     twist: Array | None = None
     """How far the hinge is ahead of the motor [rad]; `None` without a shaft that gives way."""
+    slip: Array | None = None
+    """What of that its clutch has slipped [rad]; `None` without one."""
     stresses: Array | None = None
     """Bending stress [Pa] at the nodes 0 ... n - 1 of the flexible link, positive on the side away
     from the parcel where a parcel bends it; not in histories."""
@@ -104,7 +106,7 @@ def describe(
         stored = stored + touch.remaining(share) * mechanics.law.stored_energy(c.gap)
         over_tip = jnp.where(mechanics.ends(k, c, touch), 1.0, over_tip)
     tip, stress, place, torque, stresses = zero, zero, zero, zero, None
-    vibration = twist = None
+    vibration = twist = slip = None
     energy = Energy(kinetic, zero, zero, stored)
     power = Power(
         drive=zero,
@@ -127,6 +129,8 @@ def describe(
         tip, stress, place, stresses = bent(link, fence)
         vibration = link.clamped(fence.vibration)
         twist = None if link.hinge is None else link.hinge.twist(fence.vibration)[0]
+        if link.hinge is not None and link.hinge.clutch is not None and fence.clutch is not None:
+            slip = link.hinge.clutch.slip(fence.clutch)
         torque = _torque(link, fence, forces)
         energy = _fence_energy(link, fence, energy)
         power = _fence_power(link, fence, forces, torque, power)
@@ -159,6 +163,7 @@ def describe(
             tuple(meeting.contact for meeting in group) for group in forces.surfaces
         ),
         twist=twist,
+        slip=slip,
         stresses=stresses,
     )
 
@@ -189,19 +194,25 @@ def strain_energy(link: FlexibleLink, fence: FenceState) -> Array:
     strain = 0.5 * link.mass_scale * total(
         k * q * q for k, q in zip(link.frequency_squared, fence.vibration.amplitude, strict=True)
     )
+    if link.hinge is not None and link.hinge.clutch is not None and fence.clutch is not None:
+        angle, _ = link.hinge.twist(fence.vibration)
+        strain = strain + link.hinge.clutch.stored(angle, fence.clutch)
     for force, rate in fence.residual:
         strain = strain + 0.5 * (force - link.lag * rate) ** 2
     return strain
 
 
 def damping_power(link: FlexibleLink, fence: FenceState) -> Array:
-    """Dissipated by the modes and by the modes left out [W]."""
+    """Dissipated by the modes, with shaft and clutch, and by the modes left out [W]."""
     damped = link.mass_scale * total(
         c * v * v for c, v in zip(link.damping, fence.vibration.rate, strict=True)
     )
     if link.hinge is not None:
         rate = fence.vibration.rate
         damped = damped - link.mass_scale * dot(link.hinge.coupling(rate), rate)
+        if link.hinge.clutch is not None and fence.clutch is not None:
+            twist = link.hinge.twist(fence.vibration)
+            damped = damped + link.hinge.clutch.loss(*twist, fence.clutch)
     for _, rate in fence.residual:
         damped = damped + link.lag * rate**2
     return damped

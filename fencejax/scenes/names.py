@@ -97,6 +97,7 @@ FENCE = (
     _of(Shaft, "fence.shaft.stiffness", "shaft_stiffness", 1e4, 1e7),
     _of(Shaft, "fence.shaft.damping", "shaft_damping"),
     _of(Shaft, "fence.shaft.inertia", "shaft_inertia"),
+    _of(Shaft, "fence.shaft.slip_torque", "slip_torque", 50.0, 5e3),
     _of(Pad, "fence.pad.contact_length", "pad_contact_length"),
     _of(Pad, "fence.pad.retardation_time", "pad_retardation_time"),
 )

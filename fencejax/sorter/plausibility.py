@@ -19,6 +19,7 @@ _USUAL: Mapping[str, tuple[float, float]] = {
     "fence.thickness": (2e-4, 0.3),
     "shaft.stiffness": (10.0, 1e12),
     "shaft.damping": (0.0, 1e7),
+    "shaft.slip_torque": (0.05, 1e6),
     "shaft.inertia": (0.0, 100.0),
     "pad.thickness": (0.0, 0.3),
     "pad.modulus": (1e3, 1e10),

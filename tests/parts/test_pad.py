@@ -115,7 +115,7 @@ def test_it_is_described_named_and_refused():
     sort = sorter.replace(free={"pad_thickness": ("0 mm", "30 mm")}).scene()
     assert fj.scene_numbers.resolve(sort, "pad_modulus") == "fence.pad.modulus"
     assert fj.scene_numbers.number(sort, "pad_thickness").unit == "m"
-    with pytest.raises(ValueError, match="`fidelity.integrator` must be 'modal' for a fence with"):
+    with pytest.raises(ValueError, match="must be 'modal' for a fence with a pad"):
         fj.simulate(sort, fidelity=fj.Fidelity(integrator="tsit5"))
     with pytest.raises(ValueError, match="`modulus` must be above 0"):
         fj.Pad(modulus=0.0)

@@ -11,7 +11,8 @@ from reference.impact_shaft import solve
 import fencejax as fj
 from fencejax.model import FlexibleLink, dot
 
-NUMBERS = {"stiffness": 1e5, "damping": 150.0, "inertia": 0.5}
+# A clutch that never slips.
+NUMBERS = {"stiffness": 1e5, "damping": 150.0, "inertia": 0.5, "slip_torque": 1e9}
 HORIZON = 0.07
 # The modes of the independent version, and no more, in its small-deflection geometry.
 FIDELITY = fj.Fidelity.standard(modes=3, static_correction=False, geometry="small")
@@ -50,22 +51,37 @@ def independent(**changes):
     return solve(INDEPENDENT, *{**NUMBERS, **changes}.values())
 
 
-def test_impact_against_the_independent_version():
-    # The step is of the second order: 2e-4 of the peak at a quarter of a millisecond. The
-    # differences of the independent version are good to 1e-3 of a slope.
-    for changes in ({"stiffness": 2e4, "damping": 10.0}, {}):
-        slopes, result = run(**changes)
-        peak, moment, _ = independent(**changes)
-        assert float(result.peak_force) == pytest.approx(peak, rel=3e-4)
-        assert float(result.peak_torque) == pytest.approx(moment, rel=3e-4)
-        held = sum(abs(float(term)) for term in jax.tree.leaves(result.energy))
-        assert abs(float(result.energy.residual)) < 1e-4 * held
-    for name, value in NUMBERS.items():
-        low, high = (independent(**{name: share * value})[0] for share in (0.99, 1.01))
-        assert float(slopes[name]) == pytest.approx((high - low) / (0.02 * value), rel=1e-2), name
+@pytest.mark.parametrize(
+    ("changes", "varied", "within"),
+    [
+        # The step is of the second order: 2e-4 of the peak at a quarter of a millisecond. The
+        # differences of the independent version are good to 1e-3 of a slope, and with a clutch,
+        # which begins to slip at a kink, slopes lose an order of the step.
+        ({}, ("stiffness", "damping", "inertia"), 1e-2),
+        ({"slip_torque": 600.0}, ("stiffness", "inertia", "slip_torque"), 2e-2),
+        ({"stiffness": 2e4, "damping": 10.0}, (), 0.0),
+    ],
+    ids=["shaft", "clutch", "soft"],
+)
+def test_impact_against_the_independent_version(changes, varied, within):
+    numbers = {**NUMBERS, **changes}
+    slopes, result = run(**changes)
+    peak, moment, _ = independent(**changes)
+    assert float(result.peak_force) == pytest.approx(peak, rel=3e-4)
+    assert float(result.peak_torque) == pytest.approx(moment, rel=1e-3)
+    assert moment <= numbers["slip_torque"]
+    held = sum(abs(float(term)) for term in jax.tree.leaves(result.energy))
+    assert abs(float(result.energy.residual)) < 1e-4 * held
+    for name in varied:
+        value = numbers[name]
+        low, high = (
+            independent(**{**changes, name: share * value})[0] for share in (0.99, 1.01)
+        )
+        slope = (high - low) / (0.02 * value)
+        assert float(slopes[name]) == pytest.approx(slope, rel=within), name
 
 
-def test_a_stiff_shaft_is_none():
+def test_a_stiff_shaft_is_none_and_a_clutch_that_holds_is_none():
     # The compliance is R^2 / k: what it changes falls with 1 / k, to nothing.
     bare = fj.simulate(scene(None), fidelity=FIDELITY, only=["peak_force"])
     off = [
@@ -73,6 +89,9 @@ def test_a_stiff_shaft_is_none():
     ]
     assert off[0] == pytest.approx(10 * off[1], rel=0.02)
     assert abs(off[2]) < 1e-9
+    plain = {name: value for name, value in NUMBERS.items() if name != "slip_torque"}
+    alone = fj.simulate(scene(fj.Shaft(**plain)), fidelity=FIDELITY, only=["peak_force"])
+    assert float(run()[1].peak_force) == pytest.approx(float(alone.peak_force), rel=1e-9)
 
 
 def test_compliance_at_a_place():
@@ -103,3 +122,6 @@ def test_it_is_described_and_named():
     assert np.isfinite(sort.fence.shaft.inertia)
     with pytest.raises(ValueError, match="`stiffness` must be above 0"):
         fj.Shaft(stiffness=0.0)
+    fence = fj.Fence(shaft=fj.Shaft(slip_torque=500.0))
+    with pytest.raises(ValueError, match="`slip_torque` of the fence's shaft must be None"):
+        fj.simulate(fj.scenes.normal_impact(fence=fence))
