@@ -6,6 +6,7 @@ import os
 import shutil
 import sys
 import tempfile
+from pathlib import Path
 
 # Programs here run once: the least of the compiler's effort does for them. Not where speed is
 # measured.
@@ -33,8 +34,6 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
-from pathlib import Path  # noqa: E402
-
 import pytest  # noqa: E402
 
 
@@ -49,11 +48,28 @@ def pytest_addoption(parser):
 
 def pytest_collection_modifyitems(config, items):
     if config.getoption("--bench") is not None:
+        for item in items:
+            item.add_marker(pytest.mark.timeout(0))
         return
     skip = pytest.mark.skip(reason="measures speed: give --bench DIR")
     for item in items:
         if "bench" in item.keywords:
             item.add_marker(skip)
+
+
+# Linux allows a process so many mapped pieces of memory (vm.max_map_count); each compiled program
+# has some thirty, and the compiler crashes where it gets no more.
+_MAPPED = Path("/proc/self/maps")
+_MANY = 65530 // 3
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _few_programs_are_kept():
+    """Compiled programs are dropped between files where there are too many."""
+    yield
+    if _MAPPED.exists() and _MAPPED.read_bytes().count(b"\n") > _MANY:
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture

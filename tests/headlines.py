@@ -4,13 +4,15 @@
     python tests/headlines.py --out DIR pareto sweep     # some
     python tests/headlines.py --out DIR --record pareto  # writes its figures on record anew
 
-Each job runs with its defaults (the two that map accuracy with `--quick`) in a process of its own
-and has to end with status 0. Its figures may differ from the record, `figures.json`, by the
+Each job runs with its defaults (the two that map accuracy with `--quick`) in a process of its own,
+as many of them at once as there are cores (`--at-once 1` for times that mean something), and has to
+end with status 0 within the time given (`--limit`). Its figures may differ from the record, `figures.json`, by the
 tolerance that stands beside them: that of the optimiser for optima, of the sample for statistics.
 The README takes its figures from there (`python tests/figures.py --write`).
 """
 
 import argparse
+import concurrent.futures
 import json
 import os
 import shlex
@@ -123,8 +125,12 @@ def _with_summaries(content: dict[str, Any]) -> dict[str, Any]:
     return content
 
 
-def run(name: str, out: Path) -> dict[str, Any]:
-    """Run a job and read its figures; `status` is its exit status."""
+# The exit status of a program that `timeout` ended.
+_TOO_LONG = 124
+
+
+def run(name: str, out: Path, limit: float | None = None) -> dict[str, Any]:
+    """Run a job and read its figures; `status` is its exit status, 124 after `limit` [s]."""
     job = RUNS[name]
     folder = out / name.replace(", ", "-").replace(" ", "-")
     begin = time.perf_counter()
@@ -132,12 +138,18 @@ def run(name: str, out: Path) -> dict[str, Any]:
     print(f"{name}: {' '.join(command[1:])}", flush=True)
     # Its time counts the compilation.
     environment = os.environ | {"JAX_ENABLE_COMPILATION_CACHE": "false"}
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-    found: dict[str, Any] = {
-        "status": done.returncode, "seconds": round(time.perf_counter() - begin)
-    }
-    if done.returncode:
-        print("\n".join((done.stdout + done.stderr).splitlines()[-15:]), flush=True)
+    out.mkdir(parents=True, exist_ok=True)
+    log = folder.with_suffix(".log")
+    with log.open("w") as told:
+        try:
+            status = subprocess.run(
+                command, stdout=told, stderr=told, check=False, env=environment, timeout=limit
+            ).returncode
+        except subprocess.TimeoutExpired:
+            status = _TOO_LONG
+    found: dict[str, Any] = {"status": status, "seconds": round(time.perf_counter() - begin)}
+    if status:
+        print("\n".join(log.read_text().splitlines()[-15:]), flush=True)
     if job.figures and (folder / job.file).exists():
         content = _with_summaries(json.loads((folder / job.file).read_text()))
         for label, figure in job.figures.items():
@@ -146,7 +158,7 @@ def run(name: str, out: Path) -> dict[str, Any]:
                 value = value[key]
             found[label] = float(value)
     shown = [f"{k} {found[k]:.5g} {f.unit}" for k, f in job.figures.items() if k in found]
-    print(f"    status {done.returncode}, {found['seconds']} s  {', '.join(shown)}", flush=True)
+    print(f"{name}: status {status}, {found['seconds']} s  {', '.join(shown)}", flush=True)
     return found
 
 
@@ -184,17 +196,23 @@ def main(arguments=None) -> int:
     parser.add_argument("jobs", nargs="*", default=[], help=f"of {', '.join(RUNS)}; by default all")
     parser.add_argument("--out", type=Path, required=True, help="folder for what the jobs write")
     parser.add_argument("--record", action="store_true", help="write the record anew")
+    parser.add_argument("--at-once", type=int, default=os.cpu_count(), help="jobs at a time")
+    parser.add_argument("--limit", type=float, help="time that each job may take [s]")
     given = parser.parse_args(arguments)
     known = figures.record()
     wrong, begin = [], time.perf_counter()
-    for name in given.jobs or RUNS:
+    names = given.jobs or list(RUNS)
+    for name in names:
         if name not in RUNS:
             parser.error(f"no job {name!r}: of {', '.join(RUNS)}")
-        found = run(name, given.out)
-        if given.record and RUNS[name].figures and not found["status"]:
-            known[name] = recorded(name, found)
-            figures.write(known)
-        wrong += differences(name, found, known.get(name, {}).get("figures", {}))
+    with concurrent.futures.ThreadPoolExecutor(given.at_once) as pool:
+        runs = {pool.submit(run, name, given.out, given.limit): name for name in names}
+        for done in concurrent.futures.as_completed(runs):
+            name, found = runs[done], done.result()
+            if given.record and RUNS[name].figures and not found["status"]:
+                known[name] = recorded(name, found)
+                figures.write(known)
+            wrong += differences(name, found, known.get(name, {}).get("figures", {}))
     print(f"{time.perf_counter() - begin:.0f} s in all")
     print("\n".join(wrong) if wrong else "all figures as on record")
     return len(wrong) > 0

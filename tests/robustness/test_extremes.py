@@ -21,7 +21,7 @@ PROMISE = {"coarse": 0.003, "fast": 0.004, "standard": 0.0015, "reference": 0.00
 `reference` has the paper's chords where the truth has the arc."""
 GRADIENT_PROMISE = {"coarse": 0.035, "fast": 0.02, "standard": 0.015, "reference": 0.006}
 """The same for its gradient, as elasticities and relative to its norm; for the rows of `GIVEN`."""
-HARD = {"coarse": 0.05, "fast": 0.11, "standard": 0.065, "reference": 0.05}
+HARD = {"coarse": 0.05, "fast": 0.11, "standard": 0.065}
 """The same for the other rows: a contact of ten steps, one without stiffness."""
 KINK = {"belt-friction-5": 0.08}
 """The same where a corner comes to rest on the fence at the peak: the derivative jumps there, from
@@ -148,13 +148,17 @@ def chosen(result):
     return jnp.stack([getattr(result, name) for name in FIELDS])
 
 
+# Programs that run longer than they compile at the suite's least effort.
+RUNS_LONG = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 2})
+
+
 @functools.cache
 def program(name):
     """Numbers -> status (lanes,), values (lanes, fields), elasticities' numerators x df/dx
     (lanes, fields, varied), and whether all of the result is finite."""
     fidelity = getattr(fj.Fidelity, name)()
 
-    @jax.jit
+    @(RUNS_LONG if name == "reference" else jax.jit)
     @jax.vmap
     def run(x):
         def values(varied):
@@ -174,23 +178,37 @@ def program(name):
 
 @functools.cache
 def outcome(name):
-    return jax.device_get(program(name)(numbers()))
+    """What the `program` finds for the rows; at `reference` slopes of the rows of `GIVEN` alone,
+    zeros for the others: the derivatives of the paper's chords take thirty times a value."""
+    if name != "reference":
+        return jax.device_get(program(name)(numbers()))
+    reference = values_program(fj.Fidelity.reference())
+    status, values, finite = map(np.array, jax.device_get(reference(numbers())))
+    slopes = np.zeros((*values.shape, len(VARIED)))
+    given = np.array([row in GIVEN for row in ROWS])
+    found = jax.device_get(program(name)({k: x[given] for k, x in numbers().items()}))
+    np.testing.assert_array_equal(found[0], status[given])
+    slopes[given], finite[given] = found[2], found[3]
+    return status, values, slopes, finite
 
 
 @functools.cache
-def truth_program():
+def values_program(fidelity):
+    """The same without derivatives: status, values, whether these are finite."""
+
     @jax.jit
     @jax.vmap
     def run(x):
-        result = fj.simulate(impact(x), fidelity=TRUTH, only=FIELDS)
-        return result.status, chosen(result)
+        result = fj.simulate(impact(x), fidelity=fidelity, only=FIELDS)
+        found = chosen(result)
+        return result.status, found, jnp.all(jnp.isfinite(found))
 
     return run
 
 
 @functools.cache
 def truth():
-    return jax.device_get(truth_program()(numbers()))
+    return jax.device_get(values_program(TRUTH)(numbers()))[:2]
 
 
 @pytest.mark.parametrize("fidelity", PROMISE)
@@ -246,12 +264,15 @@ def test_gradients_are_those_of_the_values(name):
 @functools.cache
 def true_slopes():
     """Of the peak force, (lanes, varied)."""
-    by_one = [differences(lambda x: truth_program()(x)[1], (k,))[:, 0] for k in VARIED]
+    by_one = [differences(lambda x: values_program(TRUTH)(x)[1], (k,))[:, 0] for k in VARIED]
     return np.stack(by_one, axis=-1)
 
 
-@pytest.mark.parametrize("fidelity", GRADIENT_PROMISE)
-@pytest.mark.parametrize("name", sorted(set(ROWS) - REFUSED))
+@pytest.mark.parametrize(
+    ("name", "fidelity"),
+    [(n, f) for n in sorted(set(ROWS) - REFUSED) for f in HARD]
+    + [(n, "reference") for n in sorted(GIVEN)],
+)
 def test_gradients_are_within_the_promise(name, fidelity):
     lane = list(ROWS).index(name)
     status, _, slopes, _ = (each[lane] for each in outcome(fidelity))

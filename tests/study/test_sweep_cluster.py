@@ -19,7 +19,8 @@ from optimize.sweep.configuration import SweepConfig
 PATIENCE = 120
 
 
-def started(*command):
+def started(*command, told=subprocess.DEVNULL):
+    # Nobody reads what a scheduler and its workers say: a full pipe would hold them.
     # The flags of XLA that this process has, tests' own modules, one cache for compiled programs.
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join(sys.path),
@@ -27,8 +28,8 @@ def started(*command):
         "JAX_NUMPY_DTYPE_PROMOTION": "strict",
     }
     return subprocess.Popen(
-        [sys.executable, *command], env=environment, stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT, text=True,
+        [sys.executable, *command], env=environment, stdout=told, stderr=subprocess.STDOUT,
+        text=True,
     )  # fmt: skip
 
 
@@ -105,7 +106,7 @@ with distributed.Client(sys.argv[2]) as client:
 def test_the_client_is_killed(dask, alone, tmp_path):
     with dask.client(2) as client:
         address = client.scheduler.address
-        killed = started("-c", CLIENT, str(tmp_path), address)
+        killed = started("-c", CLIENT, str(tmp_path), address, told=subprocess.PIPE)
         assert killed.stdout is not None
         line = killed.stdout.readline()
         killed.send_signal(signal.SIGKILL)
