@@ -91,18 +91,19 @@ class Clutch(eqx.Module):
 class Hinge(eqx.Module):
     """The modes of a fence on a shaft: `turn` a_j [rad/m], (m + 1,), and `clamped` b_ij [1],
     (m, m + 1), of unit amplitude, with the `eigenvalues` Omega_j^2 [1/s^2]; kappa / m_0, the
-    shaft's damping in `excess` of the material's [1/s m^2]; the clamped `link`; and the clutch, if
-    there is one."""
+    shaft's damping in `excess` of the material's [1/s m^2]; its `stiffness` k_t [N m/rad]; the
+    clamped `link`; and the clutch, if there is one."""
 
     turn: Array
     clamped: Array
     eigenvalues: Array
     excess: Array
+    stiffness: Array
     link: ClampedLink
     clutch: Clutch | None
 
     def __init__(self, shaft: Shaft, link: ClampedLink):
-        self.link = link
+        self.link, self.stiffness = link, shaft.stiffness
         self.clutch = None if shaft.slip_torque is None else Clutch(shaft)
         # A = K^-1/2 M K^-1/2, whose eigenvalues are 1 / Omega^2: for a stiff shaft the large ones,
         # of the slow modes, are those of the clamped fence to round-off.
@@ -143,6 +144,14 @@ class Hinge(eqx.Module):
             swing_tip=tables.swing_tip @ self.clamped + inertia,
             moment=tables.moment @ self.clamped,
         )
+
+    @property
+    def stuck_frequency(self) -> Array:
+        """sqrt(k_t / J_0) [rad/s] of the hinge against the shaft's spring, J_0 the part of the
+        inertia that does not move with the clamped modes: how fast the moment answers."""
+        link = self.link
+        alone = link.inertia - link.mass_scale * jnp.sum(link.swing**2)
+        return jnp.sqrt(self.stiffness / alone)
 
     def first_clamped(self, values: Blocks, count: int) -> list[Array]:
         """Amplitudes [m] of the first clamped modes, or their rates [m/s], from those of these
