@@ -3,6 +3,8 @@
 import dataclasses
 from typing import TYPE_CHECKING, NamedTuple
 
+import jax
+
 from . import _check
 from .printing import Readable, Table
 
@@ -13,6 +15,9 @@ if TYPE_CHECKING:
 _LONG, _STRIDE = 0.5, 2e-3
 
 _INTEGRATORS = ("modal", "kvaerno5", "tsit5")
+
+# What single precision still resolves: a step's change of the motion [s], a smoothing [m/s].
+_SINGLE = {"step": 1e-4, "slip_speed": 2e-4}
 
 
 class Smoothing(NamedTuple):
@@ -155,6 +160,10 @@ class Fidelity(Readable):
         """Whether modes are left out whose compliance is still there."""
         return self.static_correction and 0 < self.mode_count < 2 * self.elements
 
+    def beyond_single(self) -> dict[str, float]:
+        """The knobs that single precision does not resolve, each with the least that it does."""
+        return {name: least for name, least in _SINGLE.items() if getattr(self, name) < least}
+
     def settled(self, duration: float) -> "Fidelity":
         """The same with a longest stride for contacts of a duration [s]."""
         if self.integrator != "modal":
@@ -184,28 +193,37 @@ class Fidelity(Readable):
         smoothing of `reference`. Both keep this one's geometry, so that what is refined is the
         same model: the paper's chords are within 5e-4 of the arc, and their derivatives cost ten
         times as much. They keep its longest stride, too, over which nothing touches or parts:
-        the 60,000 steps of a whole sort would else cost as much as all others together. For
-        double precision, which the third one asks for. What has the step of `reference` or a
-        shorter one is its own last rung.
+        the 60,000 steps of a whole sort would else cost as much as all others together. In single
+        precision the ladder ends before the rungs that it does not resolve. What has the step of
+        `reference` or a shorter one is its own last rung.
         """
         last = Fidelity.reference()
         if self.step <= last.step:
             return (self,)
+
+        def with_modes(least: int) -> int | None:
+            """As many modes, or all that the elements have."""
+            if self.modes is None:
+                return None
+            return max(self.modes, min(least, 2 * self.elements))
+
         finer = self.replace(
-            modes=None if self.modes is None else max(8, self.modes),
+            modes=with_modes(8),
             step=min(self.step / 2, 1.25e-4),
             step_tolerance=None if self.step_tolerance is None else self.step_tolerance / 8,
             slip_speed=self.slip_speed / 4,
             static_speed=self.static_speed / 4,
         )
         finest = self.replace(
-            modes=None if self.modes is None else max(last.mode_count, finer.mode_count),
+            modes=with_modes(last.mode_count),
             step=min(finer.step, last.step),
             step_tolerance=last.step_tolerance,
             slip_speed=min(finer.slip_speed, last.slip_speed),
             static_speed=min(finer.static_speed, last.static_speed),
         )
-        return self, finer, finest
+        single = self.precision == "float32" or not jax.config.read("jax_enable_x64")
+        rungs = (rung for rung in (finer, finest) if not (single and rung.beyond_single()))
+        return self, *rungs
 
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":

@@ -145,8 +145,6 @@ def simulate(
 
 # More steps than these are no longer counted exactly in single and in double precision [1].
 _STEPS = {"float32": 2**24, "float64": 2**31 - 2}
-# What single precision still resolves: a step's change of the motion [s], a smoothing [m/s].
-_SINGLE = {"step": 1e-4, "slip_speed": 2e-4}
 
 
 def _refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
@@ -182,14 +180,12 @@ def _refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
         )
     if precision == "float64" or isinstance(scene, NormalScene):
         return
-    for name, least in _SINGLE.items():
-        value = getattr(fidelity, name)
-        if value < least:
-            raise ValueError(
-                f"Argument `fidelity.{name}` must be at least {least:g} in single precision, but "
-                f"is {value:g}: smaller changes are lost in rounding. Raise it, or write "
-                'fidelity.replace(precision="float64") with JAX\'s jax_enable_x64.'
-            )
+    for name, least in fidelity.beyond_single().items():
+        raise ValueError(
+            f"Argument `fidelity.{name}` must be at least {least:g} in single precision, but is "
+            f"{getattr(fidelity, name):g}: smaller changes are lost in rounding. Raise it, or "
+            'write fidelity.replace(precision="float64") with JAX\'s jax_enable_x64.'
+        )
 
 
 def _refuse_fence(scene: NormalScene | Scene, fence: Fence, fidelity: Fidelity) -> None:

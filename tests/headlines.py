@@ -6,9 +6,9 @@
 
 Each job runs with its defaults (the two that map accuracy with `--quick`) in a process of its own,
 as many of them at once as there are cores (`--at-once 1` for times that mean something), and has to
-end with status 0 within the time given (`--limit`). Its figures may differ from the record, `figures.json`, by the
-tolerance that stands beside them: that of the optimiser for optima, of the sample for statistics.
-The README takes its figures from there (`python tests/figures.py --write`).
+end with status 0 within the time given (`--limit`). Its figures may differ from the record,
+`figures.json`, by the tolerance that stands beside them: that of the optimiser for optima, of the
+sample for statistics. The README takes its figures from there (`python tests/figures.py --write`).
 """
 
 import argparse

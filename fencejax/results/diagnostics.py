@@ -17,8 +17,10 @@ from .recorder import Record
 from .resolution import Resolution
 from .result import Result
 from .sample import Sample
-from .status import Status, worst
+from .status import NUMERICAL, Status, worst
 
+# What a finer step, more modes or less smoothing of friction settles.
+_SETTLED = NUMERICAL - {Status.LIMIT_REACHED}
 # A force whose second difference from step to step is a larger share of its peak than this is not
 # resolved: the peak is off by up to a sixth of that share, its gradient by up to twice of it.
 _ROUGHNESS = 0.14
@@ -46,6 +48,8 @@ _SMOOTHED = 0.004
 # by more when it lets go, from how many times kinetic friction on, and by how much.
 _CREEP_LOSS = 0.00105
 _FRICTION_FALLS = ((9.0, 0.0), (2.0, 0.2), (0.7, 0.45))
+# A parcel that creeps is slower than so many w_s: exp(-3^2) of the jump of friction is left there.
+_CREEP_SPEED = 3.0
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
 _CREEP_SHARE = 0.0082
 # Share of the slip at the peak that the belt's friction may add within a step, of a parcel that
@@ -100,14 +104,17 @@ def _smoothed(scene: Scene, fidelity: Fidelity, seen: Evidence, weight: Array) -
     there. A parcel that stuck to the belt and let go before creeps meanwhile, for a time T: it has
     a head start of eps, and of w_s as far as static and kinetic friction differ; and it is held by
     up to |mu_s - mu_k| m_p g, as it is not by dry friction: a share of the peak force, times the
-    share |mu_s - mu_k| g T / s of the slip.
+    share |mu_s - mu_k| g T / s of the slip, of which a parcel that creeps is no more than 3 w_s
+    behind.
     """
     assert scene.belt is not None
     peak = seen.resolution.at_peak
     kinetic, jump, largest = scene.belt.friction.scales(peak.slip)
     lost = kinetic * fidelity.slip_speed + jump * fidelity.static_speed
     now = weight * lost > _SMOOTHED * seen.force.value * peak.slip
-    held = jump * scene.belt.gravity * peak.creep_time
+    held = jnp.minimum(
+        jump * scene.belt.gravity * peak.creep_time, _CREEP_SPEED * fidelity.static_speed
+    )
     steep = [jump > times * kinetic for times, _ in _FRICTION_FALLS]
     allowed = _CREEP_LOSS * jnp.select(steep, [share for _, share in _FRICTION_FALLS], 1.0)
     late = jump * weight * held > allowed * seen.force.value * peak.slip
@@ -205,10 +212,15 @@ def of_record(
         # It runs away: finite still, but its derivatives may be so no more.
         checks.append((Status.NON_FINITE, seen.tip.value > _RUNAWAY * limit))
     if scene.fence_corners:
+        at_tip = seen.resolution.at_peak.over_tip > 0
+        # No fidelity settles a force that the model ends at the tip.
+        checks = [
+            (code, holds & ~at_tip if code in _SETTLED else holds) for code, holds in checks
+        ]
         checks.append((Status.NEVER_TOUCHED, seen.touched == 0))
         checks.append((Status.IN_CONTACT_AT_END, seen.last.fence_force > 0))
         checks.append((Status.LEFT_OVER_TIP, seen.over_tip > 0))
-        checks.append((Status.PEAK_AT_TIP, seen.resolution.at_peak.over_tip > 0))
+        checks.append((Status.PEAK_AT_TIP, at_tip))
     body = seen.last.body
     finite = jnp.isfinite(sum(body) + seen.force.value + seen.tip.value)
     checks.append((Status.NON_FINITE, ~finite))

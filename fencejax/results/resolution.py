@@ -17,6 +17,7 @@ from .accumulators import (
     BORDER,
     CONTACT,
     FORCE,
+    OVER_TIP,
     SURFACE,
     Accumulator,
     Step,
@@ -45,14 +46,14 @@ class AtPeak(NamedTuple):
 
 class Resolution(NamedTuple):
     """`roughness`, `border_roughness` [N] are the largest second differences of the forces of the
-    fence and of the still surfaces from step to step; `creep_time` [s] is how long C_s, under the
-    fence's force, has let go of the belt or come to rest on it so far, neither at rest nor sliding;
-    `separated` and `sliding_reversed` are 1.0 where parcel and fence have touched and parted, and
-    where a corner pressed on the fence has come to rest on it or turned round, `belt_slip_reversed`
-    where C_s, pressed by the fence, has turned round on the belt within a step;
-    `residual_acceleration` [m/s^2] is the largest |N''| G under a corner, G [m/N] the compliance of
-    the modes left out, and `residual_deflection` [m] the largest deflection G N that they take
-    there."""
+    fence, but for its end over the tip, and of the still surfaces from step to step; `creep_time`
+    [s] is how long C_s, under the fence's force, has let go of the belt or come to rest on it so
+    far, neither at rest nor sliding; `separated` and `sliding_reversed` are 1.0 where parcel and
+    fence have touched and parted, and where a corner pressed on the fence has come to rest on it or
+    turned round, `belt_slip_reversed` where C_s, pressed by the fence, has turned round on the belt
+    within a step; `residual_acceleration` [m/s^2] is the largest |N''| G under a corner, G [m/N]
+    the compliance of the modes left out, and `residual_deflection` [m] the largest deflection G N
+    that they take there."""
 
     roughness: Array
     border_roughness: Array
@@ -165,6 +166,14 @@ def _residual_deflection(sample: Sample, least: Array) -> Array:
     return least
 
 
+def _ends_over_tip(step: Step) -> Array:
+    """Whether the force changes because a corner runs over the tip, where the model ends it: no
+    step is too long for that."""
+    before, now = step.before, step.now
+    ended = (step.known["over_tip"] > 0) & (now.fence_force <= 0)
+    return (before.over_tip > 0) | (now.over_tip > 0) | ended
+
+
 def _start(nothing: Sample, body: Body) -> Resolution:
     zero = nothing.time
     return Resolution(*(zero,) * 8, at_peak=AtPeak(*(zero,) * 6))
@@ -174,6 +183,7 @@ def _update(state: Resolution, step: Step) -> Resolution:
     before, now, length, smoothing = step.before, step.now, step.span.length, step.smoothing
     force, border = step.known["force"], step.known["border"]
     roughness = second_difference(force.before, force.now, now.fence_force, step.span, step.second)
+    roughness = jnp.where(_ends_over_tip(step), 0.0, roughness)
     slip_before, slip = _slip(before), _slip(now)
     creep_time = _creep_time(slip_before, slip, now, length, smoothing, state.creep_time)
     at_border = border_force(now)
@@ -204,4 +214,6 @@ def _update(state: Resolution, step: Step) -> Resolution:
     )
 
 
-RESOLUTION = Accumulator("resolution", _start, _update, needs=(FORCE, BORDER, SURFACE, CONTACT))
+RESOLUTION = Accumulator(
+    "resolution", _start, _update, needs=(FORCE, BORDER, SURFACE, CONTACT, OVER_TIP)
+)

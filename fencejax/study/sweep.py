@@ -53,6 +53,8 @@ class Sweep:
       `None`. A sweep then takes two to four times as long.
     - `fidelity`: default `Fidelity.standard()`.
     - `measures`: measures of one's own that the outputs name.
+    - `refine`: whether lanes whose status doubts the numbers (`Status.numerical`) are computed
+      again at the next rungs of `Fidelity.ladder`; `rung` then tells where each ended.
 
     Raises `ValueError` for names that are none of these and where a variable's bound gives no
     scene, whatever the others (see `SceneFamily.check`). Single lanes that give none are counted
@@ -65,6 +67,7 @@ class Sweep:
     gradient_of: str | None = None
     fidelity: Fidelity = dataclasses.field(default_factory=Fidelity.standard)
     measures: Sequence[Measure] = ()
+    refine: bool = True
 
     def __post_init__(self):
         object.__setattr__(self, "outputs", tuple(dict.fromkeys(_check.several(self.outputs))))
@@ -113,7 +116,12 @@ class Sweep:
     def lane(self) -> "Lane":
         """What is done at each point."""
         return Lane(
-            self.family, tuple(self.outputs), self.gradient_of, self.fidelity, tuple(self.measures)
+            self.family,
+            tuple(self.outputs),
+            self.gradient_of,
+            self.fidelity,
+            tuple(self.measures),
+            self.refine,
         )
 
     def describe(self) -> dict[str, Any]:
@@ -139,6 +147,12 @@ class Lane:
     gradient_of: str | None
     fidelity: Fidelity
     measures: tuple[Measure, ...] = ()
+    refine: bool = False
+
+    def rungs(self) -> "tuple[Lane, ...]":
+        """The same at the finer fidelities at which what is in doubt is computed again."""
+        finer = self.fidelity.ladder()[1:] if self.refine else ()
+        return tuple(dataclasses.replace(self, fidelity=each, refine=False) for each in finer)
 
     def describe(self) -> dict[str, Any]:
         """All that the results of a point depend on, as plain numbers, names and so on."""
@@ -154,6 +168,7 @@ class Lane:
             "outputs": list(self.outputs),
             "gradient_of": self.gradient_of,
             "measures": [_named(measure) for measure in self.measures],
+            "refine": self.refine,
             "fidelity": {
                 # A solver of diffrax is known by what it prints.
                 each.name: _named(getattr(self.fidelity, each.name))

@@ -111,7 +111,7 @@ def _compute(job: _Job, points: np.ndarray) -> dict[str, np.ndarray]:
     lane, devices = _lane(job.lane, job.description), jax.local_devices()
     # Each of a worker's threads has its device, as far as there are as many.
     turn = _turns.setdefault(threading.get_ident(), len(_turns))
-    programs = compile_chunks(lane, job.description, job.plan, devices)
+    programs = compile_chunks(lane, job.plan, devices)
     return programs[turn % len(devices)](points)
 
 

@@ -13,7 +13,9 @@ import numpy as np
 from jax.sharding import SingleDeviceSharding
 
 from .. import _check
+from ..results import NUMERICAL
 from .sweep import Lane
+from .sweep_store import digest
 from .sweep_table import derivative
 
 # Lanes that go through a loop together: many keep a core's vector units busy, few wait less for
@@ -23,6 +25,7 @@ _CPU_GROUP = 64
 _CPU_CHUNK = 4096
 # Other devices are wide: they want all lanes at once, and many of them.
 _WIDE_CHUNK = 16384
+_DOUBTS = np.array(sorted(NUMERICAL))
 # So that there is something to report, and to keep, before the end.
 _LEAST_CHUNKS = 16
 
@@ -81,7 +84,8 @@ class _Job:
     devices: tuple[Any, ...]
 
 
-@functools.lru_cache(maxsize=4)
+# Four sweeps, with three rungs each.
+@functools.lru_cache(maxsize=12)
 def _compiled(job: _Job) -> list[Any]:
     """The compiled program, once for each device: points of shape (chunk, n) and the number of
     groups that are wanted -> arrays by name, of whose lanes those of the wanted groups count.
@@ -124,15 +128,51 @@ _compiling = threading.Lock()
 
 
 def compile_chunks(
-    lane: Lane, description: str, plan: Plan, devices: Sequence[Any]
+    lane: Lane, plan: Plan, devices: Sequence[Any]
 ) -> list[Callable[[np.ndarray], dict[str, np.ndarray]]]:
     """For each device the function from a chunk's points, (lanes, n), to its columns, each of
-    shape (lanes,); compiled where it has not been before. `description`: the digest of the lane's.
-    """
+    shape (lanes,); compiled where it has not been before, for the finer rungs where a lane is in
+    doubt for the first time."""
+    runs = _runs(lane, plan, devices)
+    return [functools.partial(_settled, run, lane, plan, devices, k) for k, run in enumerate(runs)]
+
+
+def _runs(
+    lane: Lane, plan: Plan, devices: Sequence[Any]
+) -> list[Callable[[np.ndarray], dict[str, np.ndarray]]]:
+    """For each device the function from points to columns at the lane's own fidelity."""
+    description = digest(dataclasses.replace(lane, refine=False).describe())
     with _compiling:
         found = _compiled(_Job(lane, description, plan.chunk, plan.group, tuple(devices)))
     pairs = zip(found, devices, strict=True)
     return [functools.partial(_computed, lane, plan, *pair) for pair in pairs]
+
+
+def _settled(
+    run: Callable[[np.ndarray], dict[str, np.ndarray]],
+    lane: Lane,
+    plan: Plan,
+    devices: Sequence[Any],
+    device: int,
+    points: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """The columns of a chunk by one of the devices, each lane at the first rung at which its
+    numbers are not in doubt, or at the last; with `rung`, where lanes are to be refined. `run` is
+    the first rung's."""
+    columns = run(points)
+    if not lane.refine:
+        return columns
+    columns = {name: np.array(column) for name, column in columns.items()}
+    columns["rung"] = np.zeros(len(points), np.int32)
+    for rung, finer in enumerate(lane.rungs(), start=1):
+        doubtful = np.flatnonzero(np.isin(columns["status"], _DOUBTS))
+        if not doubtful.size:
+            break
+        runs = _runs(finer, plan, devices)
+        for name, column in runs[device](points[doubtful]).items():
+            columns[name][doubtful] = column
+        columns["rung"][doubtful] = rung
+    return columns
 
 
 def _computed(

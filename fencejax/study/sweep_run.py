@@ -18,7 +18,7 @@ from ..results import Status
 from .sweep import Sweep
 from .sweep_cluster import Cluster
 from .sweep_program import Plan, compile_chunks
-from .sweep_store import FILE, Store, digest, sweep_library
+from .sweep_store import FILE, Store, sweep_library
 from .sweep_table import SweepTable, lanes
 
 if TYPE_CHECKING:
@@ -70,8 +70,9 @@ def run_sweep(
       is free, and those of a worker that is lost are done again. Only this process writes.
     - `progress`: called after each chunk.
 
-    The results are the same, bit by bit, however many chunks, devices and workers of one kind took
-    part, and however often they were stopped.
+    Lanes in doubt are computed again, at the next rungs (`Sweep.refine`), together with those of
+    their chunk. The results are the same, bit by bit, however many devices and workers of one kind
+    took part, and however often they were stopped; without lanes in doubt, for any chunk, too.
 
     Raises `ImportError` without the extra; `ValueError` where the folder holds another sweep or
     what is none; `OSError` where it cannot be written; `RuntimeError` where the cluster is lost.
@@ -126,6 +127,8 @@ def _empty(
     if whole is None:
         array, real = sweep_library("dask.array"), np.dtype(jnp.result_type(float))
         kinds = {**dict.fromkeys(sweep.columns, real), "status": np.dtype(np.int32)}
+        if sweep.refine:
+            kinds["rung"] = np.dtype(np.int32)
         whole = {
             name: array.zeros(samples.count, dtype=kind, chunks=plan.chunk)
             for name, kind in kinds.items()
@@ -134,6 +137,7 @@ def _empty(
         dict(zip(samples.names, samples.values.T.copy(), strict=True)),
         {name: whole[name] for name in sweep.columns},
         whole["status"],
+        whole.get("rung"),
         units=sweep.units | sweep.columns,
         scalings={v.name: v.scaling for v in samples.variables},
         outputs=tuple(sweep.outputs),
@@ -159,7 +163,7 @@ class _Devices:
         if not missing:
             return
         used, lane = self._devices[: len(missing)], self._sweep.lane
-        programs = compile_chunks(lane, digest(lane.describe()), plan, used)
+        programs = compile_chunks(lane, plan, used)
         yield -1, None
         values = self._sweep.samples.values
         found: queue.SimpleQueue = queue.SimpleQueue()

@@ -38,6 +38,7 @@ def lanes(
     variables: Mapping[str, np.ndarray],
     columns: Mapping[str, Any],
     status: Any,
+    rung: Any = None,
     *,
     units: Mapping[str, str],
     scalings: Mapping[str, str],
@@ -46,8 +47,8 @@ def lanes(
     shape: tuple[int, ...],
     configuration: Mapping[str, Any],
 ) -> "xarray.Dataset":
-    """A dataset along the dimension `lane`: variables as coordinates; outputs, derivatives and the
-    status, arrays of NumPy or Dask of shape (N,), as data.
+    """A dataset along the dimension `lane`: variables as coordinates; outputs, derivatives, the
+    status and, where lanes were refined, the rung, arrays of NumPy or Dask of shape (N,), as data.
 
     Attributes: `units` everywhere; a variable's `scaling`; the meanings of the status; of the
     whole, the names of `variables` and `outputs` in order, `gradient_of`, the grid's `shape`, the
@@ -58,6 +59,9 @@ def lanes(
     meanings = " ".join(status_name(code) for code in codes)
     data: dict[str, Any] = {n: ("lane", c, {"units": units[n]}) for n, c in columns.items()}
     data["status"] = ("lane", status, {"flag_values": codes, "flag_meanings": meanings})
+    if rung is not None:
+        told = "place of the lane's fidelity in the sweep's Fidelity.ladder()"
+        data["rung"] = ("lane", rung, {"long_name": told})
     coordinates = {
         n: ("lane", c, {"units": units[n], "scaling": scalings[n]}) for n, c in variables.items()
     }
@@ -101,6 +105,14 @@ class SweepTable(Readable):
         """Shape (N,), a `Status` or `IMPOSSIBLE`. Up to `Status.LEFT_OVER_TIP` the numbers are
         good."""
         return self.dataset["status"].to_numpy()
+
+    @property
+    def rung(self) -> np.ndarray:
+        """Shape (N,): the rung of `Fidelity.ladder` that each lane's numbers are of; 0 is the
+        sweep's own fidelity."""
+        if "rung" not in self.dataset:
+            return np.zeros(self.dataset.sizes["lane"], np.int32)
+        return self.dataset["rung"].to_numpy()
 
     @property
     def gradient_of(self) -> str | None:
@@ -207,7 +219,8 @@ class SweepTable(Readable):
         return xarray.Dataset(data, coords=axes, attrs=self.dataset.attrs)
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """A row a lane: variables, outputs, derivatives and the status, a number of `Status`.
+        """A row a lane: variables, outputs, derivatives, the status, a number of `Status`, and
+        the `rung`.
 
         Raises `ImportError` where pandas is not installed.
         """
@@ -232,5 +245,7 @@ class SweepTable(Readable):
         if self.gradient_of is not None:
             rows.append(("derivatives", f"of {self.gradient_of}"))
         rows.append(("status", ", ".join(f"{name} {n}" for name, n in self.counts().items())))
+        if np.any(self.rung):
+            rows.append(("computed finer", f"{np.sum(self.rung > 0)} lanes"))
         shape = " x ".join(map(str, self.shape))
         return Table(f"SweepTable of {shape} lanes", tuple(rows))

@@ -60,6 +60,9 @@ class SweepConfig:
     )
     duration: float = flags.field(0.0, "length of each scene [s]; 0: the scene's own")
     fidelity: str = flags.field("standard", "fast, standard or reference", choices=flags.FIDELITIES)
+    refine: bool = flags.field(
+        True, "compute lanes whose status doubts the numbers again, at finer fidelities"
+    )
     chunk: int = flags.field(
         0, "lanes that a device or worker computes at a time, kept together; 0: chosen", least=0
     )
@@ -148,6 +151,7 @@ class SweepConfig:
             None if self.gradient == "none" else names[-1],
             getattr(fj.Fidelity, self.fidelity)(),
             tuple({measure.name: measure for measure in own.values()}.values()),
+            self.refine,
         )
 
     def quick(self) -> "SweepConfig":

@@ -94,6 +94,8 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
         )
     counts, missing = table.counts(), table.missing()
     say("statuses: " + ", ".join(f"{name} {number}" for name, number in counts.items()))
+    if np.any(table.rung):
+        say(f"computed again at a finer fidelity: {np.sum(table.rung > 0)} lanes")
     for name, number in missing.items():
         say(f"  {name}: not a number in {number} lanes whose status is good")
     share = 1 - float(np.mean(table.good))
@@ -106,6 +108,7 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
         "config": dataclasses.asdict(config),
         "lanes": sweep.samples.count,
         "statuses": counts,
+        "computed_finer": int(np.sum(table.rung > 0)),
         "not_finite": missing,
         "bad_share": share,
         "succeeded": outcome.succeeded,

@@ -52,7 +52,7 @@ class PlainLane(Lane):
 class PlainSweep(Sweep):
     @property
     def lane(self):
-        return PlainLane(self.family, tuple(self.outputs), None, self.fidelity)
+        return PlainLane(self.family, self.outputs, None, self.fidelity, refine=self.refine)
 
 
 def plain(most=10.0):
