@@ -272,29 +272,30 @@ def _finite(fields: Mapping[str, Any]) -> Array:
     return finite
 
 
-# Share of the energy turned over that a ledger may gain.
-_GAIN = 0.05
+# Share of the energy turned over by which a ledger may fail to close: a force goes with the root of
+# the energy behind it, and 2.5 % of it are promised.
+_UNBALANCED = 0.05
 
 
-def _gained(scene: NormalScene | Scene, result: Result) -> Array:
-    """Whether the energy ledger ends with more than the work done accounts for: a residual above
-    5 % of what was turned over, the parcel's kinetic energy at the end and the sizes of the
-    ledger's terms together."""
+def _unbalanced(scene: NormalScene | Scene, result: Result) -> Array:
+    """Whether the energy ledger ends with more than the work done accounts for, or with less: a
+    residual above 5 % of what was turned over, the parcel's kinetic energy at the end and the sizes
+    of the ledger's terms together."""
     parcel, final = scene.parcel, result.final
     held = 0.5 * parcel.mass * (final.x_rate**2 + final.y_rate**2)
     held = held + 0.5 * parcel.inertia * final.spin**2
     turned = held + sum(jnp.abs(term) for term in jax.tree.leaves(result.energy))
-    return result.energy.residual > _GAIN * turned
+    return jnp.abs(result.energy.residual) > _UNBALANCED * turned
 
 
 def of_result(scene: NormalScene | Scene, result: Result) -> Result:
-    """The same with the status `ENERGY_GAINED` where the ledger is wanted and says so, and
+    """The same with the status `ENERGY_UNBALANCED` where the ledger is wanted and says so, and
     `NON_FINITE` where a number is not finite, and then without derivatives: a lane whose value is
     taken out of a sum is out of the sum's gradient too."""
     status = jax.lax.stop_gradient(result.status)
     if result.energy is not None and result.final is not None:
-        gain = _gained(*jax.lax.stop_gradient((scene, result)))
-        status = jnp.where(gain, jnp.maximum(status, float(Status.ENERGY_GAINED)), status)
+        open_ = _unbalanced(*jax.lax.stop_gradient((scene, result)))
+        status = jnp.where(open_, jnp.maximum(status, float(Status.ENERGY_UNBALANCED)), status)
     finite = jax.lax.stop_gradient(_finite(_fields(result)))
     status = jnp.where(finite, status, float(Status.NON_FINITE))
     lost = status >= Status.NON_FINITE

@@ -24,7 +24,7 @@ class Status(enum.IntEnum):
     DEEP_PENETRATION = 6
     FRICTION_SMOOTHED = 7
     MODES_TOO_FEW = 8
-    ENERGY_GAINED = 9
+    ENERGY_UNBALANCED = 9
     STEP_TOO_COARSE = 10
     LIMIT_REACHED = 11
     INCONSISTENT = 12
@@ -61,7 +61,7 @@ _TEXT = {
     "force; lower `slip_speed` and `static_speed` in the fidelity, both alike",
     Status.MODES_TOO_FEW: "the bending modes kept do not follow the force; raise `modes` in the "
     "fidelity",
-    Status.ENERGY_GAINED: "the energy ledger ends with more than the work done accounts for; "
+    Status.ENERGY_UNBALANCED: "the energy ledger does not close with the work done; "
     "lower `step` in the fidelity",
     Status.STEP_TOO_COARSE: "the steps are too long for what happens within one (a blow, a second "
     "one, friction that turns round); lower `step` in the fidelity",
@@ -75,8 +75,8 @@ _TEXT = {
 
 
 NUMERICAL = frozenset({
-    Status.FRICTION_SMOOTHED, Status.MODES_TOO_FEW, Status.ENERGY_GAINED, Status.STEP_TOO_COARSE,
-    Status.LIMIT_REACHED,
+    Status.FRICTION_SMOOTHED, Status.MODES_TOO_FEW, Status.ENERGY_UNBALANCED,
+    Status.STEP_TOO_COARSE, Status.LIMIT_REACHED,
 })  # fmt: skip
 """The statuses that doubt the numbers and not the design."""
 

@@ -13,19 +13,20 @@ from jaxtyping import ArrayLike
 from .. import _check
 from ..design import OBJECTIVES, Quantity, fields, measures
 from ..fidelity import Fidelity
-from ..results import counted
+from ..results import counted, refined
 from ..scenes import AnyScene, numbers as scene_numbers
 from ..simulate import simulate
 from .chunks import CountProgress, in_chunks
 
 
 class Batch(NamedTuple):
-    """Lanes of a `Response`: `values` of shape (P, m), `slopes` of shape (P, m, N) or `None`, and a
-    `Status` for each lane, of shape (P,)."""
+    """Lanes of a `Response`: `values` of shape (P, m), `slopes` of shape (P, m, N) or `None`, and,
+    of shape (P,), a `Status` for each lane and the rung of `Fidelity.ladder` it was computed at."""
 
     values: np.ndarray
     slopes: np.ndarray | None
     status: np.ndarray
+    rung: np.ndarray
 
     def counts(self) -> dict[str, int]:
         """How many lanes ended with each status."""
@@ -98,6 +99,7 @@ class Response:
         *,
         chunk: int = 16,
         workers: int | None = None,
+        refine: bool = True,
     ):
         """**Arguments:**
 
@@ -106,6 +108,8 @@ class Response:
         - `fidelity`: default `Fidelity.standard()`.
         - `chunk`: lanes computed at a time by a thread.
         - `workers`: threads; by default one a core.
+        - `refine`: whether lanes whose status doubts the numbers (`Status.numerical`) are computed
+          again at the next rungs of `Fidelity.ladder`.
 
         Raises `ValueError` where a name or a count is none that can be.
         """
@@ -116,31 +120,38 @@ class Response:
         self.chunk = _check.count("chunk", chunk, least=1)
         workers = (os.cpu_count() or 1) if workers is None else workers
         self.workers = _check.count("workers", workers, least=1)
-        leaves, structure = jax.tree.flatten(scene)
-        shapes = tuple(np.shape(leaf) for leaf in leaves)
-        self._values, self._slopes = _programs(
-            structure, shapes, self.quantities, self.fidelity
-        )
+        self.refine = refine
 
-    def _run(self, program, lanes: ArrayLike, progress: CountProgress | None):
+    def _run(self, sloped: bool, lanes: ArrayLike, progress: CountProgress | None) -> Batch:
         lanes = np.asarray(lanes, dtype=float)
         if lanes.ndim != 2 or lanes.shape[1] != len(self.names) or not len(lanes):
             raise ValueError(
                 f"Argument `lanes` must have the shape (P, {len(self.names)}) with P at least 1, "
                 f"but has {lanes.shape}. Write scene_numbers.vary(scene, names, rows)."
             )
-        return in_chunks(
-            program, lanes, self.chunk, workers=self.workers, progress=progress
-        )
+        leaves, structure = jax.tree.flatten(self.scene)
+        shapes = tuple(np.shape(leaf) for leaf in leaves)
+        ladder = self.fidelity.ladder() if self.refine else (self.fidelity,)
+
+        def compute(rung: int, part):
+            program = _programs(structure, shapes, self.quantities, ladder[rung])[sloped]
+            told = progress if len(part) == len(lanes) and not rung else None
+            *numbers, status = in_chunks(
+                program, part, self.chunk, workers=self.workers, progress=told
+            )
+            return tuple(numbers), status
+
+        found = refined(compute, lanes, len(ladder))
+        values, slopes = found.numbers if sloped else (*found.numbers, None)
+        return Batch(values, slopes, found.statuses, found.rungs)
 
     def values(self, lanes: ArrayLike, *, progress: CountProgress | None = None) -> Batch:
         """Q of lanes of shape (P, N). `progress(done, total)` is called after every chunk."""
-        values, status = self._run(self._values, lanes, progress)
-        return Batch(values, None, status)
+        return self._run(False, lanes, progress)
 
     def slopes(self, lanes: ArrayLike, *, progress: CountProgress | None = None) -> Batch:
         """Q and dQ/dp of lanes of shape (P, N)."""
-        return Batch(*self._run(self._slopes, lanes, progress))
+        return self._run(True, lanes, progress)
 
     def slopes_in(
         self, chosen: Sequence[str], rows: ArrayLike, *, progress: CountProgress | None = None

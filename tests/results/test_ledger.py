@@ -10,6 +10,7 @@ parcel's kinetic energy is h^2 / 8 (m |a|^2 + I phiddot^2) between the two ends,
 order; the rest is of the second order as well.
 """
 
+import dataclasses
 import functools
 
 import jax
@@ -18,6 +19,7 @@ import pytest
 from runs import SCENES, standard
 
 import fencejax as fj
+from fencejax.results import diagnostics
 
 LOSSES = (
     "contact_loss", "fence_friction_loss", "border_friction_loss", "belt_friction_loss",
@@ -247,3 +249,28 @@ def test_totals_are_sums_of_the_history():
     assert result.energy.border_friction_loss == pytest.approx(
         integral(-c.friction * c.sliding), rel=1e-12
     )
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_ledger_that_does_not_close_is_said(sign):
+    """Energy that comes from nowhere or goes nowhere, a little less and more than 5 % of what was
+    turned over with the parcel's at the end."""
+    name = "oblique_impact"
+    scene, result = SCENES[name](), standard(name)
+    parcel, final = scene.parcel, result.final
+    held = 0.5 * parcel.mass * (final.x_rate**2 + final.y_rate**2)
+    held = float(held + 0.5 * parcel.inertia * final.spin**2)
+
+    def status(share):
+        # share = more / (turned + more), but for the residual that is there.
+        more = share / (1 - share) * (turned_over(result.energy) + held)
+        loss = result.energy.contact_loss
+        drive = result.energy.drive_work
+        changed = dict(contact_loss=loss + more) if sign > 0 else dict(drive_work=drive + more)
+        energy = dataclasses.replace(result.energy, **changed)
+        status = np.asarray(result.status, float)
+        other = dataclasses.replace(result, energy=energy, status=status)
+        return int(diagnostics.of_result(scene, other).status)
+
+    assert status(0.045) == result.status
+    assert status(0.055) == fj.Status.ENERGY_UNBALANCED

@@ -1,20 +1,19 @@
 """What a status still means: how random real designs end at each fidelity, as they are and with
 those in doubt computed again (`fencejax.simulate_many`), and what that costs.
 
-    python tests/robustness/doubt.py --out doubt.json
-    python tests/robustness/doubt.py --designs 256 --fidelity standard --out doubt.json
+    python tests/robustness/doubt.py                 # some minutes
+    python tests/robustness/doubt.py --designs 256
+    python tests/robustness/doubt.py --record        # the table of TRUST.md anew
 
 Designs are oblique impacts, log-uniform within what fences and parcels may really be (`USUAL` in
-`extreme_scenes`), centre of gravity anywhere in the parcel. The cost is the median of the times of
-batches of 64, as they are and refined, side by side. `doubt.json` beside this file is what the
-first command found.
+`extreme_scenes`), centre of gravity anywhere in the parcel, all in one batch. The cost is the
+median of the ratios of five pairs of runs, as they are and refined, one after the other.
 """
 
 import argparse
-import json
 import time
-from pathlib import Path
 
+import figures
 import jax
 import numpy as np
 from robustness.extreme_scenes import USUAL, draw, impact
@@ -22,66 +21,77 @@ from robustness.extreme_scenes import USUAL, draw, impact
 import fencejax as fj
 from fencejax.results import counted
 
-_BATCH = 64
 _ONLY = ("peak_force", "tip_deflection", "impulse")
+_NAMES = ("coarse", "fast", "standard")
+_DOUBT = "numbers in doubt, in all"
 
 
-def ended(statuses):
-    """Shares of designs [1]: without numerical doubt, with a good status, and by status."""
-    told = [fj.Status(int(status)) for status in statuses]
-    return {
-        "numerically good": float(np.mean([not status.numerical for status in told])),
-        "good": float(np.mean([status <= fj.Status.LEFT_OVER_TIP for status in told])),
-        **{name: number / len(told) for name, number in counted(statuses).items()},
-    }
+def said(status):
+    """What kind of statement a status is."""
+    if status <= fj.Status.LEFT_OVER_TIP:
+        return "numbers good"
+    if status.numerical:
+        return "numbers in doubt: computed finer"
+    if status >= fj.Status.INCONSISTENT:
+        return "no result: the scene's numbers"
+    return "beyond the model: change the design"
 
 
-def measured(name, scenes, lanes):
-    """How the designs of a batch of scenes end at a fidelity, plain and refined, and the cost."""
-    fidelity = getattr(fj.Fidelity, name)()
-    statuses, rungs, times = {False: [], True: []}, [], {False: [], True: []}
-    batches = [
-        jax.tree.map(lambda leaf, k=k: leaf[k : k + _BATCH], scenes)
-        for k in range(0, lanes, _BATCH)
-    ]
-    # Compiled before the clock runs.
-    for batch in batches:
-        fj.simulate_many(batch, fidelity=fidelity, only=_ONLY)
-    for batch in batches:
+def shares(statuses):
+    """Percentages of designs by status, and of those in numerical doubt."""
+    found = counted(statuses)
+    part = {s.name: round(100 * found.get(s.name, 0) / len(statuses), 1) for s in fj.Status}
+    doubted = sum(n for name, n in found.items() if fj.Status[name].numerical)
+    return part | {_DOUBT: round(100 * doubted / len(statuses), 1)}
+
+
+def measured(fidelity, scenes):
+    """Shares as they are and refined, and how much longer refining takes."""
+
+    def run(refine):
+        return fj.simulate_many(scenes, fidelity=fidelity, only=_ONLY, refine=refine)
+
+    plain, refined, ratios = run(False), run(True), []
+    for _ in range(5):
+        moments = [time.perf_counter()]
         for refine in (False, True):
-            began = time.perf_counter()
-            found = fj.simulate_many(batch, fidelity=fidelity, only=_ONLY, refine=refine)
-            times[refine].append(time.perf_counter() - began)
-            statuses[refine].append(found.status)
-        rungs.append(found.rung)
-    ratio = float(np.median(np.array(times[True]) / np.array(times[False])))
-    return {
-        "plain": ended(np.concatenate(statuses[False])),
-        "refined": ended(np.concatenate(statuses[True])),
-        "by rung": (np.bincount(np.concatenate(rungs)) / lanes).tolist(),
-        "time, refined over plain": ratio,
-    }
+            run(refine)
+            moments.append(time.perf_counter())
+        ratios.append((moments[2] - moments[1]) / (moments[1] - moments[0]))
+    return shares(plain.status), shares(refined.status), float(np.median(ratios))
 
 
 def main():
     flags = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    flags.add_argument("--designs", type=int, default=1024, help="a multiple of 64")
-    flags.add_argument(
-        "--fidelity", nargs="+", default=["coarse", "fast", "standard"],
-        choices=("coarse", "fast", "standard"),
-    )
+    flags.add_argument("--designs", type=int, default=1024)
     flags.add_argument("--seed", type=int, default=20261123)
-    flags.add_argument("--out", type=Path, default=Path("doubt.json"))
+    flags.add_argument("--record", action="store_true", help="write the record anew")
     given = flags.parse_args()
-    if given.designs % _BATCH:
-        flags.error(f"--designs must be a multiple of {_BATCH}, but is {given.designs}")
     jax.config.update("jax_enable_x64", True)
     scenes = jax.vmap(impact)(draw(given.seed, given.designs, USUAL))
-    report: dict = {"designs": given.designs, "seed": given.seed}
-    for name in given.fidelity:
-        report[name] = measured(name, scenes, given.designs)
-        print(name, json.dumps(report[name], indent=1), flush=True)
-        given.out.write_text(json.dumps(report, indent=1) + "\n")
+    columns_of, longer = {}, []
+    for name in _NAMES:
+        plain, refined, ratio = measured(getattr(fj.Fidelity, name)(), scenes)
+        columns_of |= {f"`{name}`": plain, f"{name}, refined": refined}
+        longer.append(round(ratio, 1))
+        print(f"{name}: {plain}\nrefined: {refined}\n{ratio:.2f} times the time", flush=True)
+    rows = {}
+    for name in (*fj.Status.__members__, _DOUBT):
+        told = said(fj.Status[name]) if name in fj.Status.__members__ else ""
+        found = [column[name] for column in columns_of.values()]
+        rows[name] = {"unit": "%", "values": [told, *found]}
+    if given.record:
+        known, command = figures.record(), "python tests/robustness/doubt.py --record"
+        heads = ["status", "what it says", *columns_of]
+        known["doubt"] = {"command": command, "columns": heads, "rows": rows}
+        before, after = columns_of["`standard`"][_DOUBT], columns_of["standard, refined"][_DOUBT]
+        cost = {
+            "designs": (given.designs, "1"), "time": (longer, "1"),
+            "in doubt at standard": (before, "%"), "left in doubt": (after, "%"),
+        }  # fmt: skip
+        cost = {name: {"value": value, "unit": unit} for name, (value, unit) in cost.items()}
+        known["doubt's cost"] = {"command": command, "figures": cost}
+        figures.write(known)
 
 
 if __name__ == "__main__":

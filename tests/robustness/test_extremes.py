@@ -131,7 +131,7 @@ WARNED = {("no-friction", "coarse"), ("no-friction", "fast")}
 # What happened is said, and by which status.
 SAID = {
     ("reach-0.3m", "standard"): fj.Status.PEAK_AT_TIP,
-    ("drive-at-its-start", "standard"): fj.Status.FRICTION_SMOOTHED,
+    ("drive-at-its-start", "standard"): fj.Status.PEAK_AT_TIP,
     ("static-far-above", "standard"): fj.Status.FRICTION_SMOOTHED,
     ("no-friction", "standard"): fj.Status.LEFT_OVER_TIP,
     ("approach-1e-6", "coarse"): fj.Status.SUCCESSFUL,

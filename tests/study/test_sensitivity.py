@@ -244,6 +244,24 @@ def test_lanes_do_not_know_their_chunk(wall):
     np.testing.assert_allclose((up.values - down.values) / (2 * step), slopes, rtol=1e-6)
 
 
+def test_lanes_in_doubt_are_computed_finer(wall):
+    """A hard blow of some 15 ms is not resolved by steps of 4 ms; slower and softer ones are."""
+    long = fj.Fidelity.standard(step=4e-3)
+    rows = [[1.0, 1.72e9], [2.5, 1.72e9], [1.0, 1e6]]
+    lanes = scene_numbers.vary(wall.scene, ["speed", "parcel.stiffness"], rows)
+    plain, fine = (
+        Response(wall.scene, ["peak_force"], long, chunk=4, refine=refine).slopes(lanes)
+        for refine in (False, True)
+    )
+    doubtful = np.array([fj.Status(int(status)).numerical for status in plain.status])
+    assert doubtful.tolist() == [False, True, False]
+    np.testing.assert_array_equal(fine.rung > 0, doubtful)
+    assert np.all(plain.rung == 0)
+    for k, rung in enumerate(fine.rung):
+        alone = Response(wall.scene, ["peak_force"], long.ladder()[rung], chunk=4, refine=False)
+        np.testing.assert_array_equal(fine.slopes[k], alone.slopes(lanes).slopes[k])
+
+
 @pytest.mark.parametrize(
     ("outputs", "text"),
     [
