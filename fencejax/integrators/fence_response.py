@@ -83,7 +83,8 @@ class FenceEnd(eqx.Module):
             loads = tuple(shape.load for shape in shapes)
             self.hinge = HingeEnd(link, stride, self.free, loads, before.clutch)
         self.affine = tuple(self._affine(k) for k in range(len(shapes)))
-        self.expected = self._every(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
+        foreseen = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
+        self.expected = self._every(foreseen)
         self.arcs = self._arcs() if self.bends and link.geometry == "arc" else ()
 
     @property
@@ -155,9 +156,8 @@ class FenceEnd(eqx.Module):
         """What of the contact forces [N] bends the fence [N]."""
         return bending_loads(self.shares, normals)
 
-    def _every(self, normals: tuple[Array, ...]) -> tuple[Array, ...]:
-        """The same, with the load of a clutch behind them."""
-        loads = self.loads(normals)
+    def _every(self, loads: tuple[Array, ...]) -> tuple[Array, ...]:
+        """These loads with that of a clutch behind them."""
         return loads if self.hinge is None else self.hinge.every(loads)
 
     def bending_compliance(self, k: int, other: int):
@@ -204,7 +204,7 @@ class FenceEnd(eqx.Module):
         if not self.flexible:
             zero = jnp.zeros_like(self.drive.angle)
             return tuple(FencePoint(s.place, zero, zero, zero, zero) for s in self.shapes)
-        normals = self._every(normals)
+        normals = self._every(self.loads(normals))
         return tuple(self._point(k, normals) for k in range(len(self.shapes)))
 
     def deflection(self, k: int, normals) -> tuple[Array, Array, Array]:
@@ -288,7 +288,8 @@ class FenceEnd(eqx.Module):
 
     def state(self, normals) -> FenceState:
         """The fence under the solved forces."""
-        every, normals = self._every(normals), self.loads(normals)
+        normals = self.loads(normals)
+        every = self._every(normals)
         load = self.link.loaded(self.inertia, self.shapes, normals)
         vibration, clutch = self._vibration(every), None
         if self.hinge is not None:
