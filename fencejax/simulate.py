@@ -33,7 +33,7 @@ from .model import (
     Vibration,
     fence_pose,
 )
-from .parts import AbstractDrive, AbstractTaper, DriveMotion
+from .parts import AbstractDrive, AbstractTaper, DriveMotion, Fence
 from .results import (
     MEASURES,
     Kept,
@@ -131,6 +131,8 @@ def simulate(
             "Argument `fidelity.integrator` must be 'modal' for a scene of the normal direction "
             f"alone, but is {fidelity.integrator!r}. Write fidelity.replace(integrator=\"modal\")."
         )
+    if scene.fence is not None:
+        _refuse_fence(scene, scene.fence, fidelity)
     if fidelity.precision == "float64" and not jax.config.read("jax_enable_x64"):
         raise ValueError(
             "Argument `fidelity.precision` is 'float64', but JAX is set to single precision. Write "
@@ -203,6 +205,23 @@ def _refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
             f"Argument `fidelity.{name}` must be at least {least:g} in single precision, but is "
             f"{getattr(fidelity, name):g}: smaller changes are lost in rounding. Raise it, or "
             'write fidelity.replace(precision="float64") with JAX\'s jax_enable_x64.'
+        )
+
+
+def _refuse_fence(scene: NormalScene | Scene, fence: Fence, fidelity: Fidelity) -> None:
+    """Raise where a part of the fence has a state that the integrator does not have."""
+    slips = fence.shaft is not None and fence.shaft.slip_torque is not None
+    if (fence.pad is not None or slips) and fidelity.integrator != "modal":
+        raise ValueError(
+            "Argument `fidelity.integrator` must be 'modal' for a fence with a pad or a clutch, "
+            f"which have states of their own, but is {fidelity.integrator!r}. Write "
+            'fidelity.replace(integrator="modal").'
+        )
+    if slips and isinstance(scene, NormalScene):
+        raise ValueError(
+            "Argument `slip_torque` of the fence's shaft must be None in a scene of the normal "
+            "direction alone, whose fence is held still. Write fj.Shaft(stiffness) without it, or "
+            "use fj.scenes.oblique_impact."
         )
 
 

@@ -35,15 +35,14 @@ from .flexible_link import (
     SWING_STEPS as SWING_STEPS,
     FlexibleLink as FlexibleLink,
     Shape as Shape,
-    Vibration as Vibration,
-    blocks as blocks,
-    dot as dot,
-    propagate as propagate,
-    total as total,
 )
 from .friction import (
     belt_grip as belt_grip,
     corner_share as corner_share,
+)
+from .hinge import (
+    ClutchState as ClutchState,
+    Hinge as Hinge,
 )
 from .kinematics import (
     Acceleration as Acceleration,
@@ -63,6 +62,10 @@ from .mechanics import (
 from .mode_shapes import (
     Blocks as Blocks,
 )
+from .pad import (
+    Cover as Cover,
+    PadState as PadState,
+)
 from .propagation import (
     Propagator as Propagator,
     propagator as propagator,
@@ -72,4 +75,11 @@ from .state import NormalState as NormalState, SceneState as SceneState
 from .tip import (
     Side as Side,
     around as around,
+)
+from .vibration import (
+    Vibration as Vibration,
+    blocks as blocks,
+    dot as dot,
+    propagate as propagate,
+    total as total,
 )

@@ -1,7 +1,7 @@
-"""What a scene is made of, as a designer writes it: fence, material, taper, drive, parcel, contact
-law, belt, still surfaces, friction law, and units. Parts know no scene and no instant: a contact
-law here is a function of a gap and its rate, a friction law one of a speed, a surface one of a
-point, and what acts when is the model's.
+"""What a scene is made of, as a designer writes it: fence, with its material, taper, pad and shaft,
+drive, parcel, contact law, belt, still surfaces, friction law, and units. Parts know no scene and
+no instant: a contact law here is a function of a gap and its rate, a friction law one of a speed, a
+surface one of a point, and what acts when is the model's.
 
 May import: `_check` alone. A new taper, drive, contact law, friction law or surface is a subclass
 of `AbstractTaper`, `AbstractDrive`, `AbstractContactLaw`, `AbstractFriction` or `AbstractSurface`
@@ -59,12 +59,18 @@ from .materials import (
 from .motor import (
     Motor as Motor,
 )
+from .pad import (
+    Pad as Pad,
+)
 from .parcel import (
     SIDES as SIDES,
     Parcel as Parcel,
 )
 from .rotation import (
     turned as turned,
+)
+from .shaft import (
+    Shaft as Shaft,
 )
 from .surfaces import (
     AbstractSurface as AbstractSurface,

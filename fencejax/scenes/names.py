@@ -18,8 +18,10 @@ from ..parts import (
     HarmonicDrive,
     HeldDrive,
     Material,
+    Pad,
     Parcel,
     SCurveDrive,
+    Shaft,
     SplineDrive,
     TrapezoidDrive,
 )
@@ -94,6 +96,14 @@ FENCE = (
     _of(Material, "fence.material.damping_ratio", "damping_ratio", 0.005, 0.20),
     _of(Fence, "fence.rigid_length", "rigid_length"),
     _of(Fence, "fence.flexible_length", "flexible_length"),
+    _of(Pad, "fence.pad.thickness", "pad_thickness", 0.0, 0.03, _LINE),
+    _of(Pad, "fence.pad.modulus", "pad_modulus", 5e4, 5e6),
+    _of(Shaft, "fence.shaft.stiffness", "shaft_stiffness", 1e4, 1e7),
+    _of(Shaft, "fence.shaft.damping", "shaft_damping"),
+    _of(Shaft, "fence.shaft.inertia", "shaft_inertia"),
+    _of(Shaft, "fence.shaft.slip_torque", "slip_torque", 50.0, 5e3),
+    _of(Pad, "fence.pad.contact_length", "pad_contact_length"),
+    _of(Pad, "fence.pad.retardation_time", "pad_retardation_time"),
 )
 # Of several drives with such a number, the one that asks for least.
 DRIVE = (
