@@ -19,9 +19,8 @@ from fencejax.design import (
     Verification,
     objectives,
 )
+from fencejax.printing import shown
 from fencejax.results import Status
-
-from .amounts import shown
 
 _FORCE = objectives.PEAK_FORCE
 # Lanes that a line names.
