@@ -1,8 +1,22 @@
 """Differentiable simulation and design of flexible sorting fences, in JAX.
 
-`simulate(scenes.oblique_impact())` runs a scene; the rooms of the package are `parts`, `scenes`,
-`model`, `integrators`, `results`, `design`, `plot`, `study` and `sorter`, each with a page on what
-it holds.
+`simulate(scenes.oblique_impact())` runs a scene. What a user calls is here, and in modules of
+their own: `fj.scenes` (`fencejax.scenes`), `fj.plot` (`fencejax.plot`), `fj.materials`
+(`fencejax.parts.materials`), `fj.contact_laws` (`fencejax.parts.contact_laws`), `fj.friction_laws`
+(`fencejax.parts.friction_laws`), `fj.surfaces` (`fencejax.parts.surfaces`), `fj.scene_numbers`
+(`fencejax.scenes.numbers`), `fj.objectives` (`fencejax.design.objectives`), `fj.risk`
+(`fencejax.design.risk`), `fj.shock` (`fencejax.design.shock`), `fj.sampling`
+(`fencejax.study.sampling`), `fj.sensitivity` (`fencejax.study.sensitivity`), `fj.recording`
+(`fencejax.study.recording`) and `fj.identify` (`fencejax.study.identify`). Those who extend the
+package find its rooms `parts`, `scenes`, `model`, `integrators`, `results`, `design`, `plot`,
+`study` and `sorter`, each with a page on what it holds.
+
+Examples take `import fencejax as fj`, `import jax, jax.numpy as jnp`, `import numpy as np` and
+double precision for granted (`jax.config.update("jax_enable_x64", True)`).
+
+>>> result = fj.simulate(fj.scenes.oblique_impact())
+>>> print(f"{result.peak_force:.0f} N, {1e3 * result.tip_deflection:.0f} mm")
+1116 N, 65 mm
 """
 
 from importlib import metadata as _metadata
@@ -54,10 +68,12 @@ from .parts import (
     HeldDrive as HeldDrive,
     Material as Material,
     Motor as Motor,
+    Pad as Pad,
     Parcel as Parcel,
     PowerTaper as PowerTaper,
     ProfileTaper as ProfileTaper,
     SCurveDrive as SCurveDrive,
+    Shaft as Shaft,
     SplineDrive as SplineDrive,
     SteppedTaper as SteppedTaper,
     TrapezoidDrive as TrapezoidDrive,
@@ -135,6 +151,7 @@ __all__ = [
     "NormalScene",
     "OBJECTIVES",
     "Optimum",
+    "Pad",
     "Parcel",
     "PowerTaper",
     "ProfileTaper",
@@ -147,6 +164,7 @@ __all__ = [
     "SCurveDrive",
     "Scene",
     "SceneFamily",
+    "Shaft",
     "Sorter",
     "SplineDrive",
     "Status",

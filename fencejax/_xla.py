@@ -56,6 +56,8 @@ def tune_compiler(devices: int | None = None) -> None:
 
     Raises `ValueError` if `devices` is not at least 1 and `RuntimeError` if JAX has computed
     already, so that the settings would be ignored.
+
+    >>> fj.tune_compiler()
     """
     if devices is not None and devices < 1:
         raise ValueError(f"Argument `devices` must be at least 1 [1], but is {devices}.")
@@ -102,6 +104,8 @@ def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
     written.
 
     Raises `OSError` where a folder that is given cannot be made.
+
+    >>> folder = fj.cache_programs()
     """
     settings: Any = jax.config
     if not settings.jax_enable_compilation_cache:

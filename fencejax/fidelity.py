@@ -79,6 +79,11 @@ class Fidelity(Readable):
     search, is told with its numbers in `tests/robustness/TRUST.md`; what each named setting costs,
     and what errors ordinary impacts have with it, in `tests/peers/SPEED.md`. `choose_fidelity`
     measures both on one's own scenes.
+
+    >>> fj.Fidelity.coarse(step=2.5e-4)
+    Fidelity.coarse(step=0.00025)
+    >>> fj.Fidelity.standard().modes, fj.Fidelity.standard().step
+    (4, 0.00025)
     """
 
     modes: int | None = 4

@@ -33,9 +33,10 @@ from .model import (
     Vibration,
     fence_pose,
 )
-from .parts import AbstractDrive, AbstractTaper, DriveMotion
+from .parts import AbstractDrive, AbstractTaper, DriveMotion, Fence
 from .results import (
     MEASURES,
+    Kept,
     Measure,
     NormalRecorder,
     Result,
@@ -99,6 +100,20 @@ def simulate(
     `Fidelity.gradient = "reverse"`, `ValueError` for names in `only` that are
     none of `Result`'s fields and for a fidelity that the scene or JAX's settings do not allow and,
     with `throw=True`, `RuntimeError` with the status' text.
+
+    >>> print(fj.simulate(fj.scenes.oblique_impact(distance=1.0)))
+                status  successful
+            peak force  1115.59 N  at 48.11 ms
+               impulse  60.162 N s
+               contact  88.07 ms  from 0.00 ms to 88.07 ms
+           leaves at x  0.993 m  y 0.672 m (C_s, end of the force)
+        tip deflection  65.20 mm  at 48.60 ms
+        bending stress  16.09 MPa  at 0.450 m from the hinge
+          drive torque  1254.69 N m  largest
+          border force  0.00 N  largest
+         surface force  0.00 N  largest
+         pressed in by  28.25 mm
+       energy residual  3.24e-03 J
     """
     if not isinstance(scene, (NormalScene, Scene)):
         raise TypeError(
@@ -116,6 +131,8 @@ def simulate(
             "Argument `fidelity.integrator` must be 'modal' for a scene of the normal direction "
             f"alone, but is {fidelity.integrator!r}. Write fidelity.replace(integrator=\"modal\")."
         )
+    if scene.fence is not None:
+        _refuse_fence(scene, scene.fence, fidelity)
     if fidelity.precision == "float64" and not jax.config.read("jax_enable_x64"):
         raise ValueError(
             "Argument `fidelity.precision` is 'float64', but JAX is set to single precision. Write "
@@ -188,6 +205,23 @@ def _refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
             f"Argument `fidelity.{name}` must be at least {least:g} in single precision, but is "
             f"{getattr(fidelity, name):g}: smaller changes are lost in rounding. Raise it, or "
             'write fidelity.replace(precision="float64") with JAX\'s jax_enable_x64.'
+        )
+
+
+def _refuse_fence(scene: NormalScene | Scene, fence: Fence, fidelity: Fidelity) -> None:
+    """Raise where a part of the fence has a state that the integrator does not have."""
+    slips = fence.shaft is not None and fence.shaft.slip_torque is not None
+    if (fence.pad is not None or slips) and fidelity.integrator != "modal":
+        raise ValueError(
+            "Argument `fidelity.integrator` must be 'modal' for a fence with a pad or a clutch, "
+            f"which have states of their own, but is {fidelity.integrator!r}. Write "
+            'fidelity.replace(integrator="modal").'
+        )
+    if slips and isinstance(scene, NormalScene):
+        raise ValueError(
+            "Argument `slip_torque` of the fence's shaft must be None in a scene of the normal "
+            "direction alone, whose fence is held still. Write fj.Shaft(stiffness) without it, or "
+            "use fj.scenes.oblique_impact."
         )
 
 
@@ -345,7 +379,8 @@ def _run(
     if isinstance(scene, NormalScene):
         link = normal_direction.prepared(scene, fidelity)
         alike = fidelity.step_tolerance is None
-        recorder = NormalRecorder(scene, link, running_sums, traces, alike, history)
+        kept = Kept(running_sums, traces, alike, history)
+        recorder = NormalRecorder(scene=scene, link=link, kept=kept)
         record, saved, start, unmet = normal_direction.run(
             scene, link, fidelity, recorder, recorder.saves
         )
@@ -355,7 +390,8 @@ def _run(
         mechanics, clock, memory = prepared(scene, fidelity)
         start, modal = clock.start, fidelity.integrator == "modal"
         alike = not modal or clock.counts[-1] == 1
-        recorder = SceneRecorder(scene, mechanics, running_sums, traces, alike, history)
+        kept = Kept(running_sums, traces, alike, history)
+        recorder = SceneRecorder(scene=scene, mechanics=mechanics, kept=kept)
         if modal:
             record, saved, unmet = time_loop.modal(
                 mechanics, clock, memory, steps, recorder, recorder.saves
@@ -366,4 +402,4 @@ def _run(
                 mechanics, clock, memory.body, vibration, steps, recorder
             )
         status = diagnostics.of_record(scene, mechanics, record, done, start, unmet)
-    return gather(record, measures, wanted, saved, start, status)
+    return gather(record, measures, wanted, saved, start, status, scene)

@@ -3,6 +3,9 @@
 May import: `results` and what is below it. Nothing here runs a simulation: a problem is a function
 that its caller writes. A new objective or limit is one row of `objectives`, or a `Quantity` with a
 measure of its own, as those of `drivability`, `fatigue`, `shock` and `sorting` are.
+
+>>> fj.minimize(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)), [0.9]).point.round(4)
+array([0.5])
 """
 
 from . import (

@@ -7,13 +7,14 @@ The motor gives, at the hinge,
 
 with T_f the moment at the fence's hinge, alpha the drive's angle, J i^2 the rotor's inertia seen
 through the gear and eta the gear's efficiency, which takes from what drives the fence
-(T_f alpha' > 0) and from what the fence gives back. All follow the time loop step by step:
-integrals by the trapezoidal rule, peaks refined between samples, signs changing where the line
-through two samples does.
-"""
+(T_f alpha' > 0) and from what the fence gives back. At its shaft it gives T / i at the speed
+i alpha'. All follow the time loop step by step: integrals by the trapezoidal rule, peaks refined
+between samples, signs changing where the line through two samples does.
 
-import dataclasses
-import functools
+The motor is the scene's, its numbers differentiable as all others: `whole_sort(motor=...)`. Without
+one, or without a number, there is no inertia, no loss, and no gear. What is read of torques is at
+the hinge, or at the shaft where the motor's own numbers are (`Motor.at_shaft`).
+"""
 
 import jax
 import jax.numpy as jnp
@@ -21,60 +22,71 @@ from jaxtyping import Array
 
 from ..parts import Motor
 from ..results import Accumulator, Measure, Sample, Step, accumulators
-from .objectives import PEAK_TORQUE, Quantity, of_measure
+from .objectives import Quantity, of_measure
 
 
-@dataclasses.dataclass(frozen=True)
-class _Behind:
-    """A motor's plain numbers: part of the program, as a sorter's motor is no variable of its
-    design."""
-
-    inertia: float = 0.0
-    efficiency: float = 1.0
-
-    def torque(self, sample: Sample) -> Array:
-        """T [N m]."""
-        torque = sample.torque
-        if sample.drive is None:
-            return torque
-        if self.efficiency != 1:
-            drives = torque * sample.drive.speed > 0
-            torque = torque * jnp.where(drives, 1 / self.efficiency, self.efficiency)
-        return torque + self.inertia * sample.drive.acceleration if self.inertia else torque
-
-    def power(self, sample: Sample) -> Array:
-        """T alpha' [W]."""
-        speed = jnp.zeros_like(sample.torque) if sample.drive is None else sample.drive.speed
-        return self.torque(sample) * speed
-
-    def jumps(self, step: Step) -> Array:
-        """Whether the gear's losses change their side within a step."""
-        if self.efficiency == 1 or step.now.drive is None or step.before.drive is None:
-            return jnp.asarray(False)
-        return (step.before.drive.speed > 0) != (step.now.drive.speed > 0)
+def _motor(step: Step) -> Motor | None:
+    return getattr(step.scene, "motor", None)
 
 
-def _behind(motor: Motor | None) -> _Behind:
-    if motor is None:
-        return _Behind()
-    efficiency = 1.0 if motor.efficiency is None else float(motor.efficiency)
-    return _Behind(float(motor.reflected_inertia), efficiency)
+def _hinge_torque(sample: Sample, motor: Motor | None) -> Array:
+    """T [N m]."""
+    torque = sample.torque
+    if sample.drive is None or motor is None:
+        return torque
+    if motor.efficiency is not None:
+        drives = torque * sample.drive.speed > 0
+        torque = torque * jnp.where(drives, 1 / motor.efficiency, motor.efficiency)
+    if motor.rotor_inertia is not None:
+        torque = torque + motor.reflected_inertia * sample.drive.acceleration
+    return torque
 
 
-def _peak(name: str, signal, behind: _Behind) -> Accumulator:
-    """The largest size of a signal. Across a jump of the gear's losses no parabola is laid."""
-    plain = accumulators.peak_of(name, lambda sample: jnp.abs(signal(sample)))
-    if behind.efficiency == 1:
-        return plain
+def _torque(sample: Sample, motor: Motor | None) -> Array:
+    """T, or T / i where the motor's numbers are at its shaft [N m]."""
+    torque = _hinge_torque(sample, motor)
+    return torque if motor is None else torque / motor.reduction
+
+
+def _power(sample: Sample, motor: Motor | None) -> Array:
+    """T alpha' [W]."""
+    speed = jnp.zeros_like(sample.torque) if sample.drive is None else sample.drive.speed
+    return _hinge_torque(sample, motor) * speed
+
+
+def _voltage(sample: Sample, motor: Motor | None) -> Array:
+    """T / T_s + alpha' / omega_0 [1], both at the hinge or both at the shaft; 0 without a line."""
+    line = None if motor is None else motor.line
+    if motor is None or line is None or sample.drive is None:
+        return jnp.zeros_like(sample.torque)
+    stall, no_load = line
+    return _torque(sample, motor) / stall + motor.reduction * sample.drive.speed / no_load
+
+
+def _jumps(step: Step) -> Array:
+    """Whether the gear's losses change their side within a step."""
+    motor = _motor(step)
+    lossless = motor is None or motor.efficiency is None
+    if lossless or step.now.drive is None or step.before.drive is None:
+        return jnp.asarray(False)
+    return (step.before.drive.speed > 0) != (step.now.drive.speed > 0)
+
+
+def _peak(name: str, signal) -> Accumulator:
+    """The largest size of a signal of the motor. Across a jump of the gear's losses no parabola is
+    laid."""
+
+    def of(motor: Motor | None) -> Accumulator:
+        return accumulators.peak_of(name, lambda sample: jnp.abs(signal(sample, motor)))
 
     def start(nothing, body):
-        return plain.start(nothing, body), nothing.time
+        return of(None).start(nothing, body), nothing.time
 
     def update(state, step):
         peak, jumped = state
-        jumps = behind.jumps(step)
-        refined = plain.update(peak, step)
-        value, new = peak.value, jnp.abs(signal(step.now))
+        motor, jumps = _motor(step), _jumps(step)
+        refined = of(motor).update(peak, step)
+        value, new = peak.value, jnp.abs(signal(step.now, motor))
         higher = new > value
         rough = refined._replace(
             value=jnp.where(higher, new, value),
@@ -87,137 +99,76 @@ def _peak(name: str, signal, behind: _Behind) -> Accumulator:
     return Accumulator(name, start, update)
 
 
-def _value(behind: _Behind):
-    return lambda state: (state if behind.efficiency == 1 else state[0]).value
+def _quantity(name: str, unit: str, meaning: str, sign: str, accumulator, read) -> Quantity:
+    return of_measure(Measure(name, unit, meaning, sign, accumulator, read), needs=("drive",))
 
 
-def _key(behind: _Behind) -> str:
-    """What tells the states of different motors apart."""
-    return f"{behind.inertia!r}, {behind.efficiency!r}"
+MOTOR_TORQUE = _quantity(
+    "motor_torque", "N m", "largest torque that the motor gives, either way", "at least 0",
+    _peak("motor torque", _torque), lambda state: state[0].value,
+)  # fmt: skip
+"""The largest |T| [N m]; that of `PEAK_TORQUE` for a motor of no inertia, behind a gear of no
+losses."""
 
 
-@functools.lru_cache
-def _torque(behind: _Behind) -> Quantity:
-    if behind == _Behind():
-        return PEAK_TORQUE
-    measure = Measure(
-        "motor_torque", "N m", "largest torque that the motor gives, at the hinge, either way",
-        "at least 0", _peak(f"motor torque {_key(behind)}", behind.torque, behind),
-        _value(behind),
-    )  # fmt: skip
-    return of_measure(measure, needs=("drive",))
+def _add_square(state, step):
+    total, time = state
+    before, now = (_torque(sample, _motor(step)) for sample in (step.before, step.now))
+    return total + step.integral(before**2, now**2), time + step.span.length
 
 
-@functools.lru_cache
-def _rms(behind: _Behind) -> Quantity:
-    def start(nothing, body):
-        return nothing.time, nothing.time
-
-    def update(state, step):
-        total, time = state
-        before, now = (behind.torque(sample) for sample in (step.before, step.now))
-        return total + step.integral(before**2, now**2), time + step.span.length
-
-    def read(state):
-        total, time = state
-        some = total > 0
-        return jnp.where(some, jnp.sqrt(jnp.where(some, total, 1.0) / time), 0.0)
-
-    measure = Measure(
-        "rms_torque", "N m", "root mean square of the motor's torque, at the hinge, over the scene",
-        "at least 0", Accumulator(f"squared torque {_key(behind)}", start, update), read,
-    )  # fmt: skip
-    return of_measure(measure, needs=("drive",))
+def _root(state):
+    total, time = state
+    mean = total / jnp.where(time > 0, time, 1.0)
+    some = mean > 0
+    return jnp.where(some, jnp.sqrt(jnp.where(some, mean, 1.0)), 0.0)
 
 
-@functools.lru_cache
-def _power(behind: _Behind) -> Quantity:
-    measure = Measure(
-        "peak_power", "W", "largest power that the motor gives to the fence or takes from it",
-        "at least 0", _peak(f"motor power {_key(behind)}", behind.power, behind), _value(behind),
-    )  # fmt: skip
-    return of_measure(measure, needs=("drive",))
+RMS_TORQUE = _quantity(
+    "rms_torque", "N m", "root of the mean square over the scene of the motor's torque",
+    "at least 0",
+    Accumulator("rms torque", lambda nothing, body: (nothing.time, nothing.time), _add_square),
+    _root,
+)  # fmt: skip
+"""sqrt(mean over the scene of T^2) [N m], which heats the motor: of a scene as long as the period
+from parcel to parcel."""
+PEAK_POWER = _quantity(
+    "peak_power", "W", "largest power that the motor gives to the fence or takes from it",
+    "at least 0", _peak("motor power", _power), lambda state: state[0].value,
+)  # fmt: skip
+"""The largest |T alpha'| [W]."""
 
 
-@functools.lru_cache
-def _work(behind: _Behind, given: bool) -> Quantity:
+def _work(name: str, meaning: str, sign: str, given: bool) -> Quantity:
     """What the motor gives, or, where not `given`, what it gives less what it takes back."""
 
     def update(state, step):
-        pair = behind.power(step.before), behind.power(step.now)
+        motor = _motor(step)
+        pair = _power(step.before, motor), _power(step.now, motor)
         if not given:
             return state + step.integral(*pair)
         return state + step.span.length * accumulators.mean_where(pair, pair)
 
-    name = "drive_work" if given else "net_work"
-    meaning = "work that the motor does in a scene, none of it recovered where the fence gives back"
-    if not given:
-        meaning = "work that the motor does in a scene, less what the fence gives back"
-    measure = Measure(
-        name, "J", meaning, "at least 0" if given else "either way",
-        Accumulator(f"{name} {_key(behind)}", lambda nothing, body: nothing.time, update),
-        lambda state: state,
-    )  # fmt: skip
-    return of_measure(measure, needs=("drive",))
+    running = Accumulator(name, lambda nothing, body: nothing.time, update)
+    return _quantity(name, "J", meaning, sign, running, lambda state: state)
 
 
-@functools.lru_cache
-def _line(behind: _Behind, stall: float, no_load: float) -> Quantity:
-    def share(sample: Sample) -> Array:
-        if sample.drive is None:
-            return jnp.zeros_like(sample.time)
-        return behind.torque(sample) / stall + sample.drive.speed / no_load
+DRIVE_WORK = _work(
+    "drive_work", "work that the motor does in a scene, none of it recovered where the fence gives "
+    "back", "at least 0", True,
+)  # fmt: skip
+"""The integral of max(T alpha', 0) [J]: energy a cycle without recuperation."""
+NET_WORK = _work(
+    "net_work", "work that the motor does in a scene, less what the fence gives back", "either way",
+    False,
+)  # fmt: skip
+"""The integral of T alpha' [J]: energy a cycle, all that comes back used again."""
+SPEED_TORQUE = _quantity(
+    "speed_torque", "1", "how much of its line of torque over speed the motor uses, at most",
+    "at least 0", _peak("line of torque over speed", _voltage), lambda state: state[0].value,
+)  # fmt: skip
+"""The largest |T / T_s + alpha' / omega_0| [1], at most 1 where the motor can do it; 0 for one
+whose line is not known.
 
-    name = f"line {_key(behind)}, {stall!r}, {no_load!r}"
-    measure = Measure(
-        "speed_torque", "1", "how much of its line of torque over speed the motor uses, at most",
-        "at least 0", _peak(name, share, behind), _value(behind),
-    )  # fmt: skip
-    return of_measure(measure, needs=("drive",))
-
-
-SPEED_TORQUE = _line(_Behind(), 1.0, 1.0)
-"""`speed_torque` of a line from 1 N m to 1 rad/s."""
-
-
-def motor_torque(motor: Motor | None = None) -> Quantity:
-    """The largest |T| [N m]; `PEAK_TORQUE` for a motor of no inertia behind a gear of no losses."""
-    return _torque(_behind(motor))
-
-
-def rms_torque(motor: Motor | None = None) -> Quantity:
-    """sqrt(mean over the scene of T^2) [N m], which heats the motor: of a scene as long as the
-    period from parcel to parcel."""
-    return _rms(_behind(motor))
-
-
-def peak_power(motor: Motor | None = None) -> Quantity:
-    """The largest |T alpha'| [W]."""
-    return _power(_behind(motor))
-
-
-def drive_work(motor: Motor | None = None) -> Quantity:
-    """The integral of max(T alpha', 0) [J]: energy a cycle without recuperation."""
-    return _work(_behind(motor), True)
-
-
-def net_work(motor: Motor | None = None) -> Quantity:
-    """The integral of T alpha' [J]: energy a cycle, all that comes back used again."""
-    return _work(_behind(motor), False)
-
-
-def speed_torque(motor: Motor) -> Quantity:
-    """The largest |T / T_s + alpha' / omega_0| [1], at most 1 where the motor can do it.
-
-    That is the voltage of a motor with T = T_s (1 - omega / omega_0), over the largest one: while
-    it drives, |T| stays below what it has at that speed; while it brakes, it has more.
-
-    Raises `ValueError` for a motor without that line.
-    """
-    stall = motor.torque if motor.stall_torque is None else motor.stall_torque
-    if motor.no_load_speed is None or stall is None:
-        raise ValueError(
-            "Argument `motor` must have a line of torque over speed, but has no `no_load_speed`. "
-            "Write fj.Motor(torque=400.0, no_load_speed=8.0)."
-        )
-    return _line(_behind(motor), float(stall), float(motor.no_load_speed))
+That is the voltage of a motor with T = T_s (1 - omega / omega_0), over the largest one: while it
+drives, |T| stays below what it has at that speed; while it brakes, it has more."""

@@ -22,6 +22,10 @@ class Record(NamedTuple):
     `statuses` counts the lanes of each `Status`, and `rungs` those of each rung of the problem's
     fidelities, from the coarsest on; `recalled` says that the numbers were read from a journal and
     not computed.
+
+    >>> optimum = fj.minimize(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)), [0.9])
+    >>> [(record.evaluation, round(float(record.objective), 3)) for record in optimum.history]
+    [(1, 0.81), (2, 0.303), (3, 0.25)]
     """
 
     evaluation: int

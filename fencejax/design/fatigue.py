@@ -2,27 +2,20 @@
 
 Which samples turn and which of them make a cycle is found by comparing; it does not change with a
 small change of the design. The derivative is that of the values at the turning points, exact but
-where two ranges are equal.
+where two ranges are equal. m of Basquin's line, N sigma_a^m = constant, is the material's own
+(`Material.fatigue_exponent`), `EXPONENT` where it has none.
 """
 
-import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
+from ..parts import ENDURANCE as ENDURANCE, EXPONENT as EXPONENT, Material
 from ..results import Course, Measure, Trace
-from .objectives import Quantity, of_measure
+from .objectives import of_measure
 
-ENDURANCE = 1e7
-"""The cycles [1] that `DataSheet.fatigue_strength` is given for."""
-EXPONENT = 10.0
-"""m [1] of Basquin's line, N sigma_a^m = constant. Glass laminates have 10 (Germanischer Lloyd,
-Guideline for the certification of wind turbines, 2010, 5.5.3.3: 9 for polyester, 10 for epoxy); a
-line from the static strength at half a cycle to the fatigue strength at 1e7 has 11 to 17 for the
-materials of `fencejax.materials`. Where all amplitudes are below the fatigue strength the least of
-these is on the safe side."""
 # A turn by less than this share of the range does 0.02^10 of the harm of the largest.
 _GATE = 0.02
 _MOST = 256
@@ -165,7 +158,7 @@ def reversed_amplitude(cycles: Cycles) -> Array:
     return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
 
 
-def equivalent_amplitude(cycles: Cycles, exponent: float = EXPONENT) -> Array:
+def equivalent_amplitude(cycles: Cycles, exponent: ArrayLike = EXPONENT) -> Array:
     """sigma_eq = (sum n_i sigma_ar,i^m)^(1/m), the reversed amplitude of the one cycle that does as
     much harm as all of them (Basquin's line, Miner's sum)."""
     amplitude = reversed_amplitude(cycles)
@@ -173,31 +166,36 @@ def equivalent_amplitude(cycles: Cycles, exponent: float = EXPONENT) -> Array:
     size = jnp.where(largest > 0, largest, 1.0)
     total = jnp.sum(cycles.weight * (amplitude / size) ** exponent)
     any_ = total != 0
-    root = jnp.where(any_, total, 1.0) ** (1 / exponent)
+    root = jnp.where(any_, total, 1.0) ** (1 / jnp.asarray(exponent))
     return jnp.where(any_, size * root, 0.0)
 
 
-def damage(equivalent: ArrayLike, strength: ArrayLike, exponent: float = EXPONENT) -> Array:
+def damage(equivalent: ArrayLike, strength: ArrayLike, exponent: ArrayLike = EXPONENT) -> Array:
     """The share of its life [1] that a fence loses by one sort: (sigma_eq / sigma_D)^m / 1e7, with
     sigma_D the amplitude that 1e7 cycles do not break [Pa]."""
     return (jnp.asarray(equivalent) / jnp.asarray(strength)) ** exponent / ENDURANCE
 
 
-def life(equivalent: ArrayLike, strength: ArrayLike, exponent: float = EXPONENT) -> Array:
+def life(equivalent: ArrayLike, strength: ArrayLike, exponent: ArrayLike = EXPONENT) -> Array:
     """Sorts [1] until a fence breaks: 1 over the `damage` of one."""
     return 1 / damage(equivalent, strength, exponent)
 
 
-def amplitude_for(sorts: float, strength: ArrayLike, exponent: float = EXPONENT) -> Array:
+def amplitude_for(sorts: float, strength: ArrayLike, exponent: ArrayLike = EXPONENT) -> Array:
     """The equivalent amplitude [Pa] that a number of sorts do not break."""
-    return jnp.asarray(strength) * (ENDURANCE / sorts) ** (1 / exponent)
+    return jnp.asarray(strength) * (ENDURANCE / sorts) ** (1 / jnp.asarray(exponent))
+
+
+def exponent_of(material: Material) -> Array | float:
+    """m of Basquin's line [1] for a material."""
+    return EXPONENT if material.fatigue_exponent is None else material.fatigue_exponent
 
 
 STRESS = Trace("stress", lambda sample: sample.stresses)
 """The bending stress at the flexible link's nodes at every sample."""
 
 
-def worst_amplitude(course: Course, exponent: float = EXPONENT) -> Array:
+def worst_amplitude(course: Course, exponent: ArrayLike = EXPONENT) -> Array:
     """The largest equivalent amplitude [Pa] of stresses over a sort that comes again and again, of
     shape (n, nodes), on either side of the fence: of the four nodes whose largest cycle does most
     harm."""
@@ -216,18 +214,19 @@ def worst_amplitude(course: Course, exponent: float = EXPONENT) -> Array:
     return jnp.max(jax.vmap(at, in_axes=1)(course.signal[:, places]))
 
 
-@functools.lru_cache
-def fatigue_stress(exponent: float = EXPONENT) -> Quantity:
-    """`FATIGUE_STRESS` for another exponent of Basquin's line."""
-    measure = Measure(
+def _of_sort(course: Course, scene) -> Array:
+    fence = scene.fence
+    return worst_amplitude(course, EXPONENT if fence is None else exponent_of(fence.material))
+
+
+FATIGUE_STRESS = of_measure(
+    Measure(
         "fatigue_stress", "Pa", "reversed amplitude of the one bending cycle a sort that does as "
         "much harm as the stress over the sort, at the worst place of the flexible link",
-        "at least 0", STRESS, lambda course: worst_amplitude(course, exponent),
-    )  # fmt: skip
-    return of_measure(measure, needs=("fence",))
-
-
-FATIGUE_STRESS = fatigue_stress()
+        "at least 0", STRESS, _of_sort, of_scene=True,
+    ),
+    needs=("fence",),
+)  # fmt: skip
 """What the fence's material has to bear for as many cycles as there are sorts. The stress is taken
 at the time loop's samples, 0.25 to 2 ms apart, and at the elements' nodes. Turning points are
 refined between samples: a mode of 100 Hz is missed by (2 pi 100 Hz 0.5 ms)^4 / 384 of it, 3e-5, by

@@ -35,6 +35,13 @@ class Journal:
     computing what is known, and goes on where it was interrupted. Lines that a kill, a full disk or
     a defect has torn count as not made, and are left in the file; the others are kept. Several runs
     of one problem with different data may share a journal.
+
+    >>> journal = fj.Journal("evaluations.jsonl")
+    >>> problem = fj.Program(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)))
+    >>> fj.minimize(problem, [0.9], journal=journal).stop.name
+    'OPTIMAL'
+    >>> fj.minimize(problem, [0.9], journal=fj.Journal("evaluations.jsonl")).history[0].recalled
+    True
     """
 
     def __init__(self, path: str | os.PathLike[str], key: str = ""):

@@ -46,6 +46,10 @@ def minimize_many(
     - `journal`, and `settings`: as for `minimize`. `progress` gets the run's number, too.
 
     Raises `ValueError` and `TypeError` for arguments out of their range.
+
+    >>> problem = lambda z: (z**2, z - 0.5, jnp.zeros(1, int))
+    >>> [found.point.round(3) for found in fj.minimize_many(problem, [[0.9], [0.7]])]
+    [array([0.5]), array([0.5])]
     """
     points = np.asarray(starts, dtype=float)
     if points.ndim != 2 or not points.size:

@@ -1,4 +1,10 @@
-"""What a design is judged by: quantities of a result, and limits on them."""
+"""What a design is judged by: quantities of a result, and limits on them.
+
+>>> fj.LIMITS["tip_deflection"]
+tip_deflection at most 80 mm
+>>> fj.OBJECTIVES["peak_force"].unit
+'N'
+"""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping
@@ -31,6 +37,13 @@ class Quantity:
     - `fields`: the fields of the result that it reads; `None` if that is not known.
     - `measures`: measures of its own among these, for `fencejax.simulate(measures=...)`. What is
       not asked for is not computed.
+
+    >>> slenderness = fj.Quantity(
+    ...     "slenderness", "1", "length over thickness",
+    ...     lambda result, scene: scene.fence.flexible_length / scene.fence.thickness,
+    ... )
+    >>> round(float(slenderness(None, fj.scenes.oblique_impact())), 2)
+    16.67
     """
 
     name: str
@@ -64,7 +77,11 @@ class Quantity:
 def of_measure(
     measure: Measure, name: str | None = None, needs: tuple[str, ...] = ()
 ) -> Quantity:
-    """A measure of a result as a quantity, by its own name or another."""
+    """A measure of a result as a quantity, by its own name or another.
+
+    >>> fj.objectives.of_measure(fj.results.MEASURES["impulse"], "push").name
+    'push'
+    """
     field = measure.name
     return Quantity(
         field if name is None else name,
@@ -127,14 +144,17 @@ CYCLE_TIME = Quantity(
 def _fence_mass(fence: Fence) -> Array:
     """rho z h_1 (l_s + l_p mean of g) [kg], with the taper's mean by Gauss-Legendre quadrature.
 
-    In u, tip_distance = u^2: exact for uniform and constant-strength links.
+    In u, tip_distance = u^2, piece by piece between the taper's breaks: exact for uniform,
+    constant-strength, stepped and piecewise linear links.
     """
     node, weight = np.polynomial.legendre.leggauss(24)
-    root, weight = 0.5 * (1 + node), 0.5 * weight
+    edges = np.sqrt(1.0 - np.array([0.0, *fence.taper.breaks, 1.0]))
+    half = 0.5 * (edges[:-1, None] - edges[1:, None])
+    root = edges[1:, None] + half * (1 + node)
     material = fence.material
     section = material.density * fence.width * fence.thickness
     relative = jnp.asarray(fence.taper(1 - root**2, root**2)).astype(section.dtype)
-    mean = jnp.sum(relative * jnp.asarray(2 * weight * root, dtype=section.dtype))
+    mean = jnp.sum(relative * jnp.asarray(2 * half * weight * root, dtype=section.dtype))
     return section * (fence.rigid_length + fence.flexible_length * mean)
 
 
@@ -147,7 +167,11 @@ OBJECTIVES: Mapping[str, Quantity] = {
 
 def fields(quantities: Iterable[Quantity]) -> tuple[str, ...] | None:
     """The fields of a result that some quantities read, for `fencejax.simulate(only=...)`; `None`
-    if that is not known of one of them."""
+    if that is not known of one of them.
+
+    >>> fj.objectives.fields([fj.objectives.PEAK_FORCE, fj.objectives.CROSSING])
+    ('furthest_y', 'peak_force')
+    """
     names: set[str] = set()
     for quantity in quantities:
         if quantity.fields is None:
@@ -158,7 +182,12 @@ def fields(quantities: Iterable[Quantity]) -> tuple[str, ...] | None:
 
 def measures(quantities: Iterable[Quantity]) -> tuple[Measure, ...]:
     """The measures of their own that some quantities read, each once, for
-    `fencejax.simulate(measures=...)`."""
+    `fencejax.simulate(measures=...)`.
+
+    >>> damage = fj.shock.damage_boundary(60.0, 2.0)
+    >>> [measure.name for measure in fj.objectives.measures([damage])]
+    ['pulse_impulse']
+    """
     found = {m.name: m for quantity in quantities for m in quantity.measures}
     return tuple(found.values())
 
@@ -179,6 +208,10 @@ class Limit:
       bound's magnitude.
 
     Raises `ValueError` where the bound is 0 and no scale is given.
+
+    >>> limit = fj.Limit(fj.objectives.PEAK_FORCE, 1200.0)
+    >>> limit, limit.margin_of(900.0)
+    (peak_force at most 1200 N, 0.25)
     """
 
     quantity: Quantity
@@ -222,7 +255,11 @@ class Limit:
 
 
 def tip_deflection_limit(bound: float = 0.08) -> Limit:
-    """The tip deflects by at most `bound` [m]: the paper's fence near the tip."""
+    """The tip deflects by at most `bound` [m]: the paper's fence near the tip.
+
+    >>> fj.objectives.tip_deflection_limit(0.1)
+    tip_deflection at most 100 mm
+    """
     return Limit(TIP_DEFLECTION, bound)
 
 
@@ -232,6 +269,9 @@ def stress_limit(bound: float = 40e6) -> Limit:
     The default is for polyamide PA6: it yields at about 80 MPa dry and 45 MPa conditioned in
     humid air (data sheets), so 40 MPa keeps half of the dry strength in reserve for repeated
     blows and stays below yield in either state.
+
+    >>> fj.objectives.stress_limit(30e6)
+    peak_stress at most 30 MPa
     """
     return Limit(PEAK_STRESS, bound)
 
@@ -242,6 +282,9 @@ def diverted_limit(bound: float = 0.0, scale: float = 0.7) -> Limit:
 
     Beyond that edge the parcel's weight rests on the chute. The margin is in belt widths
     (`scale` [m]).
+
+    >>> fj.objectives.diverted_limit()
+    crossing at least 0 m
     """
     return Limit(CROSSING, bound, "at least", scale)
 
@@ -253,6 +296,9 @@ def tip_clearance_limit(bound: float = 0.02) -> Limit:
     The differentiable form of `Status.LEFT_OVER_TIP`. It holds for a single blow; over a whole
     sort the parcel leaves over the tip by design, once it is diverted. Past the tip the load
     fades, so that the clearance saturates at a little below 0: start from a design that holds it.
+
+    >>> fj.objectives.tip_clearance_limit(0.03)
+    tip_clearance at least 30 mm
     """
     return Limit(TIP_CLEARANCE, bound, "at least")
 

@@ -17,7 +17,11 @@ _LITTLE = 1e-3
 
 
 class Stop(enum.Enum):
-    """Why an optimisation ended."""
+    """Why an optimisation ended.
+
+    >>> fj.Stop.BUDGET.value
+    'the budget of evaluations is spent'
+    """
 
     OPTIMAL = "the conditions of Karush, Kuhn and Tucker hold within the tolerance"
     INFEASIBLE = "no feasible design found: the violation falls no further"
@@ -42,6 +46,10 @@ class Optimum(Readable):
       with the slopes that points within a hundredth of the ranges found on its sides.
     - `stop`, `feasible`: why it ended; whether all limits hold.
     - `history`: every evaluation.
+
+    >>> optimum = fj.minimize(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)), [0.9])
+    >>> optimum.point.round(4), optimum.stop.name, optimum.converged
+    (array([0.5]), 'OPTIMAL', True)
     """
 
     first: Evaluation

@@ -59,6 +59,10 @@ class Program:
 
     Where a status is numerical (`Status.numerical`), value and Jacobian are computed again at the
     next one. Those of the last are used in any case, and the record keeps the status.
+
+    >>> program = fj.Program(lambda z, bound: (z**2, z - bound, jnp.zeros(1, int)))
+    >>> [fj.minimize(program, [0.9], data=(bound,)).point.round(3) for bound in (0.5, 0.6)]
+    [array([0.5]), array([0.6])]
     """
 
     def __init__(self, problem: Problem, fidelities: Sequence[Any] | None = None):
@@ -131,6 +135,12 @@ class LaneProgram:
     (`refined`). Their derivatives are composed with those of `combine` by the chain rule. Like a
     `Program` it is called with a point and the data, of which the first are the lanes: a pytree
     whose leaves have the lanes first.
+
+    >>> def read(z, masses, fidelity):
+    ...     return masses * z, jnp.zeros(masses.shape, int)
+    >>> program = fj.LaneProgram(read, lambda z, forces, *_: (forces, z - 0.5), (0,))
+    >>> round(fj.minimize(program, [0.9], data=(jnp.array([1.0, 3.0]),)).objective, 3)
+    1.5
     """
 
     def __init__(

@@ -13,8 +13,11 @@ def ring_amplitude(energy: Array, fence: Fence) -> Array:
     """The tip's amplitude [m] if all of an energy [J] were that of the first mode: with
     m_0 omega_1^2 eta^2 / 2 = E, a = phi_1(tip) eta. Higher modes move the tip less."""
     link = FlexibleLink(fence, Fidelity(modes=1, static_correction=False))
-    (square,) = link.frequency_squared
-    tip = link.tip_deflection((jnp.ones_like(square),), (), ())
+    square, *others = link.frequency_squared
+    alone = (jnp.ones_like(square), *(jnp.zeros_like(other) for other in others))
+    tip = link.tip_deflection(alone, (), ())
+    if link.hinge is not None:
+        tip = tip + link.reach * link.hinge.turn[0]
     # 1e-18 J: far below what matters, so that the root has a derivative.
     eta = jnp.sqrt(2 * (jnp.maximum(energy, 0.0) + 1e-18) / (link.mass_scale * square))
     return jnp.abs(tip) * eta

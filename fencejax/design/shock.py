@@ -1,13 +1,19 @@
 """A blow in the parcel's own terms: as a load in g, as the drop that hits as hard, as a change of
-its velocity, and as damage or none."""
+its velocity, and as damage or none.
+
+>>> print(f"{fj.shock.g_load(1100.0, 15.0):.1f} g")
+7.5 g
+"""
 
 import functools
+from collections.abc import Mapping
 
 import jax
 import jax.numpy as jnp
 from jax.scipy.stats import norm
 from jaxtyping import Array, ArrayLike
 
+from .. import _check
 from ..parts import Parcel
 from ..results import Course, Measure, Trace, accumulators
 from .objectives import Quantity
@@ -18,13 +24,21 @@ _PULSE = 0.1
 
 
 def g_load(force: ArrayLike, mass: ArrayLike, gravity: float = _GRAVITY) -> Array:
-    """F / (m g) [1] of a force [N] on a mass [kg]."""
+    """F / (m g) [1] of a force [N] on a mass [kg].
+
+    >>> print(f"{fj.shock.g_load(1100.0, 15.0):.2f} g")
+    7.48 g
+    """
     return jnp.asarray(force) / (jnp.asarray(mass) * gravity)
 
 
 def wall_force(speed: ArrayLike, parcel: Parcel) -> Array:
     """N_stiff [N], the peak force of a parcel that meets a rigid wall with a corner at `speed`
-    [m/s], above 0: `wall_force` of its contact law."""
+    [m/s], above 0: `wall_force` of its contact law.
+
+    >>> print(f"{fj.shock.wall_force(2.426, fj.Parcel()):.0f} N")
+    3294 N
+    """
     return parcel.contact_law.wall_force(speed, parcel.mass)
 
 
@@ -34,6 +48,9 @@ def drop_height(force: ArrayLike, parcel: Parcel, gravity: float = _GRAVITY) -> 
 
     The parcel's contact law holds for the floor as it does for the fence. A force of 0 is a height
     of 0.
+
+    >>> print(f"{fj.shock.drop_height(1100.0, fj.Parcel()):.3f} m")
+    0.073 m
     """
     force = jnp.asarray(force)
     none = force <= 0
@@ -58,7 +75,12 @@ def drop_height(force: ArrayLike, parcel: Parcel, gravity: float = _GRAVITY) -> 
 
 def pulse_impulse(course: Course) -> Array:
     """The impulse [N s] of the pulse in a force [N] that holds its largest value: from where it
-    rises through a tenth of that to where it falls through it again, straight between samples."""
+    rises through a tenth of that to where it falls through it again, straight between samples.
+
+    >>> pulse = fj.results.Course(jnp.linspace(0.0, 0.02, 5), jnp.array([0.0, 0, 1000, 0, 0]))
+    >>> print(f"{fj.shock.pulse_impulse(pulse):.2f} N s")
+    4.95 N s
+    """
     time, force = course
     if force is None:
         return jnp.zeros_like(time[0])
@@ -93,25 +115,77 @@ VELOCITY_CHANGE = Quantity(
 )  # fmt: skip
 
 
+def _blow(result, scene) -> tuple[Array, Array]:
+    return PEAK_LOAD(result, scene), VELOCITY_CHANGE(result, scene)
+
+
+def _critical(scene, given: Mapping[str, float | None]) -> list[ArrayLike]:
+    """Critical acceleration and velocity change: those given, or the parcel's own."""
+    found = []
+    for name, value in given.items():
+        value = getattr(scene.parcel, name) if value is None else value
+        if value is None:
+            raise ValueError(
+                f"Argument `{name}` must be given, or be the parcel's own, but is None. Write "
+                f"fj.Parcel({name}=...)."
+            )
+        found.append(value)
+    return found
+
+
+def _of_blow(name: str, meaning: str, read) -> Quantity:
+    return Quantity(
+        name, "1", meaning, read, fields=("peak_force", "pulse_impulse"),
+        measures=(_PULSE_IMPULSE,),
+    )  # fmt: skip
+
+
 @functools.lru_cache
-def damage_boundary(critical_load: float, critical_velocity_change: float) -> Quantity:
+def damage_boundary(
+    critical_load: float | None = None, critical_velocity_change: float | None = None
+) -> Quantity:
     """How near [1] a blow comes to doing damage, min(A / A_c, dV / dV_c): only where both are
     exceeded does it, and this is above 1.
 
     **Arguments:** `critical_load` A_c [1], an acceleration in g, and `critical_velocity_change`
-    dV_c [m/s]: the damage boundary of a product, by tests of ASTM D3332 (R. E. Newton, Fragility
-    assessment, 1968).
+    dV_c [m/s], by default the parcel's own: the damage boundary of a product, by tests of ASTM
+    D3332 (R. E. Newton, Fragility assessment, 1968).
+
+    The quantity raises `ValueError` where neither it nor the parcel has them.
+
+    >>> fj.shock.damage_boundary(60.0, 2.0)
+    damage [1]: how near the blow comes to the parcel's damage boundary
     """
+    given = dict(critical_load=critical_load, critical_velocity_change=critical_velocity_change)
 
     def read(result, scene):
-        load = PEAK_LOAD(result, scene) / critical_load
-        change = VELOCITY_CHANGE(result, scene) / critical_velocity_change
-        return jnp.minimum(load, change)
+        load, change = _critical(scene, given)
+        blow = _blow(result, scene)
+        return jnp.minimum(blow[0] / load, blow[1] / change)
 
-    return Quantity(
-        "damage", "1", "how near the blow comes to the parcel's damage boundary", read,
-        fields=("peak_force", "pulse_impulse"), measures=(_PULSE_IMPULSE,),
-    )  # fmt: skip
+    return _of_blow("damage", "how near the blow comes to the parcel's damage boundary", read)
+
+
+@functools.lru_cache
+def damage_chance(
+    spread: float,
+    critical_load: float | None = None,
+    critical_velocity_change: float | None = None,
+) -> Quantity:
+    """The chance [1] that a blow damages its parcel; the mean over a population is the share of its
+    parcels that are damaged (see `share_damaged`).
+
+    **Arguments:** `spread` [1], above 0, as of `share_damaged`; `critical_load` and
+    `critical_velocity_change` as of `damage_boundary`, here the medians of parcels alike.
+    """
+    _check.number("spread", spread, above=0)
+    given = dict(critical_load=critical_load, critical_velocity_change=critical_velocity_change)
+
+    def read(result, scene):
+        load, change = _critical(scene, given)
+        return share_damaged(*_blow(result, scene), load, change, spread=spread)
+
+    return _of_blow("share_damaged", "share of parcels like this that the blow damages", read)
 
 
 def share_damaged(
@@ -135,6 +209,10 @@ def share_damaged(
       counts with the probability Phi(ln(A / A_c) / s) Phi(ln(dV / dV_c) / s). With 0 it counts or
       does not, and the share has no derivative.
     - `weights`: how often each parcel comes, of shape (n,); by default all alike.
+
+    >>> blows = {"load": [5.0, 8.0], "velocity_change": [2.0, 3.0]}
+    >>> float(fj.shock.share_damaged(**blows, critical_load=6.0, critical_velocity_change=2.5))
+    0.5
     """
     pairs = ((load, critical_load), (velocity_change, critical_velocity_change))
     ratios = [jnp.asarray(value) / jnp.asarray(critical) for value, critical in pairs]
@@ -165,6 +243,11 @@ def pseudo_velocity_spectrum(
     shape (k,), above 0; `damping_ratio` zeta [1], from 0 to below 1.
 
     Source: H. A. Gaberson, Shock severity estimation, Sound and Vibration 46 (1), 2012.
+
+    >>> time = np.linspace(0.0, 0.01, 101)
+    >>> blow = 100.0 * np.sin(np.pi * time / 0.01)
+    >>> fj.shock.pseudo_velocity_spectrum(time, blow, [1.0, 10.0]).round(3).tolist()
+    [0.59, 0.584]
     """
     time, acceleration = jnp.asarray(time), jnp.asarray(acceleration)
     steps = jnp.diff(time)

@@ -5,9 +5,9 @@ import functools
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike
 
-from ..parts import turned
+from ..parts import AbstractDrive, Belt, turned
 from ..results import Accumulator, Measure, Step, accumulators
 from ..scenes import Scene
 from .objectives import Quantity, of_measure
@@ -69,6 +69,57 @@ TIP_SHARE = Quantity(
 _TIMES = 256
 
 
+def _riding_in(scene: Scene) -> tuple[AbstractDrive, Belt, Array, Array]:
+    """The drive, the belt, and x and y [m] of the corners of the parcel as it rides in, (4,)."""
+    drive, belt, start = scene.drive, scene.belt, scene.start
+    if drive is None or belt is None or start.distance() is not None:
+        raise ValueError(
+            "Argument `scene` must have a drive, a belt and a parcel that rides in on it, but has "
+            f"{start!r}. Write fj.scenes.whole_sort(...)."
+        )
+    body = start.body(scene.parcel, belt, None)
+    turn = jnp.cos(body.angle), jnp.sin(body.angle)
+    arms = [turned(turn, *scene.parcel.corner(k)) for k in (1, 2, 3, 4)]
+    x, y = (at + jnp.stack(arm) for at, arm in zip(body[:2], zip(*arms, strict=True), strict=True))
+    return drive, belt, x, y
+
+
+def constant_push(scene: Scene, past: ArrayLike = 0.0) -> Array:
+    """N [N] of the steady push that would do: of a point mass, across the belt, from the moment the
+    drive starts until the parcel has passed the fence's tip.
+
+    The fence pushes with N and rubs with mu_2 N along itself, in all F = N sqrt(1 + mu_2^2) in one
+    direction. Where F is more than the static friction of the belt, the parcel moves relative to it
+    in that direction, with m a = F - mu_1 m g for the time T, and glides on until the belt has
+    stopped it, in all by d sqrt(1 + mu_2^2) = a T^2 / 2 (1 + a / (mu_1 g)). So that
+
+        F = mu_1 m g / 2 (1 + sqrt(1 + 8 d sqrt(1 + mu_2^2) / (mu_1 g T^2)))
+
+    or, where that is more, F = mu_1s m g. The way d is from C_s to `past` [m] beyond the far edge;
+    T = (R_z - x + mu_2 d) / v, with x the rearmost corner at the start and mu_2 d by how much the
+    parcel lags behind the belt in the end, in favour of a small force.
+
+    Nothing moves the parcel on the belt with less than the second of these. The first is no strict
+    bound: a fence that is turned against the belt holds the parcel for longer.
+
+    Raises `ValueError` for a scene in which the parcel does not ride in from the belt, or without a
+    fence.
+    """
+    _, belt, x, _ = _riding_in(scene)
+    if scene.fence is None:
+        raise ValueError("Argument `scene` must have a fence, but has none.")
+    sliding, _, largest = belt.friction.scales(belt.speed)
+    rubbing = 0.0 if scene.fence_friction is None else scene.fence_friction.scales(belt.speed)[0]
+    grip = scene.parcel.mass * belt.gravity
+    body = scene.start.body(scene.parcel, belt, None)
+    way = jnp.maximum(belt.width + past - body.y, 0.0)
+    time = (scene.fence.reach - jnp.min(x) + rubbing * way) / belt.speed
+    whole = jnp.sqrt(1 + rubbing**2)
+    root = jnp.sqrt(sliding**2 + 8 * way * whole * sliding / (belt.gravity * time**2))
+    force = jnp.maximum(0.5 * grip * (sliding + root), largest * grip)
+    return jnp.where(way > 0, force / whole, 0.0)
+
+
 def shortest_period(scene: Scene) -> Array:
     """The shortest time [s] from parcel to parcel at which the returning fence is out of the next
     one's way.
@@ -84,14 +135,7 @@ def shortest_period(scene: Scene) -> Array:
 
     Raises `ValueError` for a scene in which the parcel does not ride in from the belt.
     """
-    drive, belt, start = scene.drive, scene.belt, scene.start
-    if drive is None or belt is None or start.distance() is not None:
-        raise ValueError(
-            "Argument `scene` must have a drive, a belt and a parcel that rides in on it, but has "
-            f"{start!r}. Write fj.scenes.whole_sort(...)."
-        )
-    body = start.body(scene.parcel, belt, None)
-    turn = jnp.cos(body.angle), jnp.sin(body.angle)
+    drive, belt, x, y = _riding_in(scene)
     speed = jnp.maximum(belt.speed, 1e-9)
     end = jnp.asarray(drive.cycle)
 
@@ -114,8 +158,6 @@ def shortest_period(scene: Scene) -> Array:
             low, high = at - spacing, jnp.minimum(at + spacing, end)
         return wanted(jax.lax.stop_gradient(at), x, y)
 
-    arms = [turned(turn, *scene.parcel.corner(k)) for k in (1, 2, 3, 4)]
-    x, y = (at + jnp.stack(arm) for at, arm in zip(body[:2], zip(*arms, strict=True), strict=True))
     return jnp.max(jnp.where(y <= 1e-9, end + x / speed, jax.vmap(least)(x, y)))
 
 
@@ -130,7 +172,9 @@ CLEAR_PERIOD = Quantity(
 
 
 @functools.lru_cache
-def tipping(center_height: float, contact_height: float, depth: float | None = None) -> Quantity:
+def tipping(
+    center_height: float | None, contact_height: float, depth: float | None = None
+) -> Quantity:
     """How near [1] a parcel comes to tipping over, N |h_C - z| / (m g b / 2) at the largest force;
     it stands where this is below 1.
 
@@ -138,14 +182,23 @@ def tipping(center_height: float, contact_height: float, depth: float | None = N
     h_C; the weight holds it down, b / 2 from the edge of its base. What the belt's friction takes
     from the moment is left out, on the safe side.
 
-    **Arguments:** `center_height` h_C, `contact_height` z [m] above the belt; `depth` b [m] of the
-    base in the direction of the force, by default the parcel's shorter side.
+    **Arguments:** `center_height` h_C [m] above the belt, `None` for half of the parcel's own
+    `height`; `contact_height` z [m] above the belt; `depth` b [m] of the base in the direction of
+    the force, by default the parcel's shorter side.
+
+    The quantity raises `ValueError` where neither it nor the parcel has a height.
     """
 
     def read(result, scene):
         parcel = scene.parcel
+        if center_height is None and parcel.height is None:
+            raise ValueError(
+                "Argument `center_height` [m] must be given, or the parcel have a height, but both "
+                "are None. Write fj.Parcel(height=0.3)."
+            )
+        center = 0.5 * parcel.height if center_height is None else center_height
         base = jnp.minimum(parcel.length, parcel.breadth) if depth is None else depth
-        lever = abs(center_height - contact_height)
+        lever = jnp.abs(center - contact_height)
         return result.peak_force * lever / (0.5 * base * parcel.mass * scene.belt.gravity)
 
     return Quantity(

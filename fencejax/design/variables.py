@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -35,6 +36,10 @@ class DesignVariable:
     - `scaling`: `"logarithmic"` or `"linear"`.
 
     Raises `ValueError` where the bounds do not enclose a range that the scaling can span.
+
+    >>> thickness = fj.DesignVariable("thickness", 0.02, 0.08, "m")
+    >>> round(float(thickness.value(0.5)), 4), round(float(thickness.share(0.04)), 4)
+    (0.04, 0.5)
     """
 
     name: str
@@ -113,7 +118,8 @@ def variable(
 
 
 class _Designed(eqx.Module):
-    """What a design may change, under the names that a scene has for it."""
+    """What a design changes where nothing else is given, under the names that a scene has for
+    it."""
 
     fence: Fence
     drive: AbstractDrive
@@ -124,6 +130,11 @@ class DesignSpace(Readable):
 
     Values are vectors of shape (n,) in the order of `variables`, in SI units. An optimiser works
     with their shares of the ranges, in [0, 1] (see `DesignVariable`).
+
+    >>> space = fj.DesignSpace([fj.DesignVariable("thickness", 0.02, 0.08, "m")])
+    >>> fence, drive = space.apply(space.from_shares([0.5]))
+    >>> round(float(fence.thickness), 4)
+    0.04
     """
 
     def __init__(
@@ -131,6 +142,8 @@ class DesignSpace(Readable):
         variables: Sequence[str | DesignVariable],
         fence: Fence | None = None,
         drive: AbstractDrive | None = None,
+        *,
+        parts: eqx.Module | None = None,
     ):
         """**Arguments:**
 
@@ -139,12 +152,16 @@ class DesignSpace(Readable):
           for all of its elements.
         - `fence`, `drive`: what everything else is taken from; default `Fence()` and
           `HarmonicDrive()`.
+        - `parts`: other parts whose numbers may vary, too: a module with the fields `fence` and
+          `drive` and any others under the names that a scene has for them, such as `belt`, of which
+          fence and drive are then replaced by those given.
 
         Raises `ValueError` for an unknown or repeated name and where the base lies out of bounds.
         """
         self.fence = Fence() if fence is None else fence
         self.drive = HarmonicDrive() if drive is None else drive
-        self._base = _Designed(self.fence, self.drive)
+        whole = _Designed(self.fence, self.drive) if parts is None else parts
+        self._base: Any = self._with(whole, self.fence, self.drive)
         if isinstance(variables, (str, DesignVariable)) or not variables:
             raise ValueError(
                 f"Argument `variables` must be a sequence of at least one name or DesignVariable, "
@@ -158,7 +175,16 @@ class DesignSpace(Readable):
                 f"Argument `variables` must not repeat a name, but holds {list(self.names)}."
             )
         numbers.together(self._base, self.names)
-        self._in_bounds(self.values_of(self.fence, self.drive))
+        self._in_bounds(self.base)
+
+    @staticmethod
+    def _with(parts: Any, fence: Fence, drive: AbstractDrive) -> Any:
+        return dataclasses.replace(parts, fence=fence, drive=drive)
+
+    @property
+    def base(self) -> Array:
+        """The variables' values [SI] in what everything else is taken from, of shape (n,)."""
+        return self.values_of(self.fence, self.drive)
 
     def _printed(self) -> Table:
         rows = []
@@ -211,8 +237,8 @@ class DesignSpace(Readable):
         return array
 
     def values_of(self, fence: Fence, drive: AbstractDrive) -> Array:
-        """The variables' values [SI] in a given fence and drive."""
-        return jnp.stack(numbers.read(_Designed(fence, drive), self.names))
+        """The variables' values [SI] in a given fence and drive, and otherwise in the base."""
+        return jnp.stack(numbers.read(self._with(self._base, fence, drive), self.names))
 
     def to_shares(self, values: ArrayLike) -> Array:
         """Shares of the ranges [1] from values [SI], within [0, 1].
@@ -230,7 +256,8 @@ class DesignSpace(Readable):
         return jnp.stack([v.value(s) for v, s in zip(self.variables, given, strict=True)])
 
     def apply(self, values: ArrayLike) -> tuple[Fence, AbstractDrive]:
-        """The base fence and drive with the variables at `values` [SI]. Bounds are not checked."""
+        """The base fence and drive with the variables at `values` [SI]; those of other parts are
+        left out. Bounds are not checked."""
         new = numbers.replace(self._base, self.names, self._vector("values", values))
         return new.fence, new.drive
 

@@ -28,6 +28,10 @@ class Verification(Readable):
     - `violation`: the largest violation at the finer fidelity [1].
     - `status`: the largest `Status` of the lanes.
     - `doubts`: what speaks against the optimum, in words; empty where nothing does.
+
+    >>> problem = lambda z: (z**2, z - 0.5, jnp.zeros(1, int))
+    >>> fj.verify(problem, fj.minimize(problem, [0.9])).doubts
+    ()
     """
 
     objectives: Vector
@@ -81,6 +85,13 @@ def verify(
     - `agreement` [1]: largest relative error of the worst case that confirms the optimum.
     - `feasibility` [1]: violation that counts as none; asked of optima that were feasible.
     - `worst_status`: the largest status whose numbers are good.
+
+    >>> problem = lambda z: (z**2, z - 0.5, jnp.zeros(1, int))
+    >>> print(fj.verify(problem, fj.minimize(problem, [0.9])))
+    Verification
+      verdict     confirmed
+      worst case  0.25; the search's is off by +0 %
+      margins     differ by up to 0
     """
     _check.number("agreement", agreement, above=0)
     _check.number("feasibility", feasibility, above=0)

@@ -2,6 +2,9 @@
 as a reference.
 
 May import: `model` and what is below it. Nothing here knows what is measured.
+
+>>> fj.Fidelity(integrator="tsit5").integrator
+'tsit5'
 """
 
 from . import (

@@ -80,6 +80,9 @@ def at_state(
     fence = FenceState(drive, vibration, (), shapes, (), still, (), shares)
     loads = fence.loads(forces)
     load = link.loaded(link.inertia_force(drive), shapes, loads)
+    if link.hinge is not None:
+        coupling = link.hinge.coupling(vibration.rate)
+        load = tuple(f + g for f, g in zip(load, coupling, strict=True))
     return forces, fence._replace(modal_force=load, lagged=loads)
 
 

@@ -16,11 +16,14 @@ from ..model import (
     Vibration,
     arc_point,
     bending_loads,
+    blocks,
     dot,
     propagate,
     small_point,
 )
 from ..parts import DriveMotion
+from .hinge_response import HingeEnd
+from .pad_response import PadEnd
 from .step_size import Stride
 
 
@@ -39,11 +42,13 @@ class FenceEnd(eqx.Module):
     normals_before: tuple[Array, ...]
     lagged_before: tuple[Array, ...]
     residual_before: tuple[ResidualMode, ...]
+    pads: tuple[PadEnd, ...]
     shares: tuple[Array, ...]
     shapes: tuple[Shape, ...]
     inertia: Blocks
     free: Vibration
     affine: tuple
+    hinge: HingeEnd | None
     expected: tuple[Array, ...]
     arcs: tuple[tuple[Arc, tuple[Arc, ...]], ...]
 
@@ -65,17 +70,32 @@ class FenceEnd(eqx.Module):
         self.link, self.stride, self.drive = link, stride, drive
         self.normals_before, self.lagged_before = normals, before.lagged_rate
         self.residual_before = before.residual
+        self.pads = ()
+        if link.cover is not None:
+            self.pads = tuple(PadEnd.of(link.cover, pad, stride) for pad in before.pads)
         self.shapes, self.shares = shapes, shares
         self.inertia = link.inertia_force(drive)
         self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
+        if link.hinge is not None:
+            self.free = link.hinge.coupled(stride.maps, self.free)
+        self.hinge = None
+        if link.hinge is not None:
+            loads = tuple(shape.load for shape in shapes)
+            self.hinge = HingeEnd(link, stride, self.free, loads, before.clutch)
         self.affine = tuple(self._affine(k) for k in range(len(shapes)))
-        self.expected = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
-        self.arcs = self._arcs() if self.flexible and link.geometry == "arc" else ()
+        foreseen = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
+        self.expected = self._every(foreseen)
+        self.arcs = self._arcs() if self.bends and link.geometry == "arc" else ()
+
+    @property
+    def bends(self) -> bool:
+        """Whether there are modes."""
+        return len(self.link.frequency_squared) > 0
 
     @property
     def flexible(self) -> bool:
-        """Whether there are modes: a rigid fence does not answer to the forces."""
-        return len(self.link.frequency_squared) > 0
+        """Whether the fence answers to the forces: a rigid one without a cover does not."""
+        return self.bends or bool(self.pads)
 
     def _affine(self, k: int):
         """Deflection, its rate and slope at one place: at no contact force, and per newton [1/N]
@@ -87,9 +107,7 @@ class FenceEnd(eqx.Module):
             dot(shape.slope, self.free.amplitude),
         )
         gains = []
-        for other in self.shapes:
-            pushed = [m.q_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
-            struck = [m.v_end * b for m, b in zip(self.stride.maps, other.load, strict=True)]
+        for pushed, struck in self._pushes():
             gains.append(
                 (
                     dot(shape.deflection, pushed) / link.mass_scale,
@@ -98,6 +116,19 @@ class FenceEnd(eqx.Module):
                 )
             )
         return free, tuple(gains)
+
+    def _pushes(self):
+        """What a unit of each load at the step's end makes of the amplitudes and of the rates, in
+        units of 1 / m_0."""
+        if self.hinge is not None:
+            yield from self.hinge.pushes
+            return
+        maps = self.stride.maps
+        for other in self.shapes:
+            yield (
+                [m.q_end * b for m, b in zip(maps, other.load, strict=True)],
+                [m.v_end * b for m, b in zip(maps, other.load, strict=True)],
+            )
 
     def _arcs(self):
         """The small terms of the arc at each place: as foreseen, and per newton of each force."""
@@ -125,15 +156,33 @@ class FenceEnd(eqx.Module):
         """What of the contact forces [N] bends the fence [N]."""
         return bending_loads(self.shares, normals)
 
-    def compliance(self, k: int, other: int):
-        """How far [m/N] and how fast [m/s/N] the gap at place k gives way at the step's end for a
-        force at another place there."""
+    def _every(self, loads: tuple[Array, ...]) -> tuple[Array, ...]:
+        """These loads with that of a clutch behind them."""
+        return loads if self.hinge is None else self.hinge.every(loads)
+
+    def bending_compliance(self, k: int, other: int):
+        """How far [m/N] and how fast [m/s/N] the fence gives way at place k at the step's end for
+        a force at another place there."""
         give, give_rate, _ = self.affine[k][1][other]
+        if self.hinge is not None:
+            turn, turn_rate = self.hinge.turns[other]
+            arm = self.shapes[k].place
+            give, give_rate = give + arm * turn, give_rate + arm * turn_rate
         own = self.shapes[k].residual
         if own is not None and k == other:
             by_rate = self.stride.lag_gain
             give = give + own * (1 - self.link.lag * by_rate)
             give_rate = give_rate + own * by_rate
+        return give, give_rate
+
+    def compliance(self, k: int, other: int, normal: Array):
+        """The same of the gap there: with the cover, under the force `normal` [N] at place k, and
+        for the share of a force that bends the fence."""
+        give, give_rate = self.bending_compliance(k, other)
+        if self.pads and k == other:
+            load = self.shares[k] * normal if self.shares else normal
+            pressed, pressed_rate = self.pads[k].compliance(load)
+            give, give_rate = give + pressed, give_rate + pressed_rate
         if self.shares:
             both = self.shares[k] * self.shares[other]
             give, give_rate = both * give, both * give_rate
@@ -143,7 +192,7 @@ class FenceEnd(eqx.Module):
         """How fast [m/s/N] a corner slides at place k, of that `slope`, at the step's end for a
         force at another place there, as the fence moves along itself. To the first order in the
         bending, and not of chords: for Newton's method alone."""
-        give, give_rate = self.compliance(k, other)
+        give, give_rate = self.compliance(k, other, self.expected[other])
         rate = slope * give_rate - self.drive.speed * give
         if self.arcs:
             along = self.arcs[k][1][other].short_rate
@@ -155,11 +204,21 @@ class FenceEnd(eqx.Module):
         if not self.flexible:
             zero = jnp.zeros_like(self.drive.angle)
             return tuple(FencePoint(s.place, zero, zero, zero, zero) for s in self.shapes)
-        normals = self.loads(normals)
+        normals = self._every(self.loads(normals))
         return tuple(self._point(k, normals) for k in range(len(self.shapes)))
 
     def deflection(self, k: int, normals) -> tuple[Array, Array, Array]:
-        """Deflection [m] at place k, its rate [m/s] and the slope there."""
+        """How far the fence gives way [m] at place k, how fast [m/s] and the slope there, without
+        its cover and where all are small."""
+        deflection, rate, slope = self._bending(k, normals)
+        if self.hinge is not None:
+            arm, (turn, turn_rate) = self.shapes[k].place, self.hinge.twist(normals)
+            deflection, rate = deflection + arm * turn, rate + arm * turn_rate
+            slope = slope + turn
+        return deflection, rate, slope
+
+    def _bending(self, k: int, normals) -> tuple[Array, Array, Array]:
+        """Deflection [m] at place k from the rigid link's line, its rate [m/s] and the slope."""
         extra, extra_rate, turn = self._residual(k, normals[k])
         (deflection, rate, slope), gains = self.affine[k]
         for normal, (give, give_rate, lean) in zip(normals, gains, strict=True):
@@ -169,13 +228,25 @@ class FenceEnd(eqx.Module):
         return deflection + extra, rate + extra_rate, slope + turn
 
     def _point(self, k: int, normals) -> FencePoint:
+        point = self._bent_point(k, normals)
+        if self.hinge is not None:
+            point = point.turned_by(*self.hinge.twist(normals))
+        if not self.pads:
+            return point
+        depth, rate = self.pads[k].compression(normals[k])
+        return point._replace(y=point.y - depth, y_rate=point.y_rate - rate)
+
+    def _bent_point(self, k: int, normals) -> FencePoint:
         link, shape = self.link, self.shapes[k]
+        if not self.bends:
+            zero = jnp.zeros_like(self.drive.angle)
+            return FencePoint(shape.place, zero, zero, zero, zero)
         if link.geometry == "chord":
             extra = self._residual(k, normals[k])
             return link.chord_point(shape, self._vibration(normals), *extra)
         if link.geometry == "arc":
-            return arc_point(shape.place, self._arc(k, normals), *self.deflection(k, normals))
-        return small_point(shape.place, *self.deflection(k, normals))
+            return arc_point(shape.place, self._arc(k, normals), *self._bending(k, normals))
+        return small_point(shape.place, *self._bending(k, normals))
 
     def _residual(self, k: int, normal):
         """Deflection [m] of the modes left out, its rate [m/s] and their slope."""
@@ -202,6 +273,12 @@ class FenceEnd(eqx.Module):
     def _vibration(self, normals) -> Vibration:
         """The modes at the step's end."""
         amplitude, rate = list(self.free.amplitude), list(self.free.rate)
+        if self.hinge is not None:
+            for (pushed, struck), load in zip(self.hinge.pushes, normals, strict=True):
+                share = load / self.link.mass_scale
+                amplitude = [q - p * share for q, p in zip(amplitude, pushed, strict=True)]
+                rate = [v - p * share for v, p in zip(rate, struck, strict=True)]
+            return Vibration(tuple(amplitude), tuple(rate))
         for shape, normal in zip(self.shapes, normals, strict=True):
             share = normal / self.link.mass_scale
             for i, (phi, m) in enumerate(zip(shape.load, self.stride.maps, strict=True)):
@@ -212,7 +289,16 @@ class FenceEnd(eqx.Module):
     def state(self, normals) -> FenceState:
         """The fence under the solved forces."""
         normals = self.loads(normals)
+        every = self._every(normals)
         load = self.link.loaded(self.inertia, self.shapes, normals)
+        vibration, clutch = self._vibration(every), None
+        if self.hinge is not None:
+            coupling = self.hinge.hinge.coupling(vibration.rate)
+            load = tuple(f + g for f, g in zip(load, coupling, strict=True))
+            clutch = self.hinge.clutch(every)
+        if clutch is not None and self.hinge is not None:
+            relief, turn = clutch.relief / self.link.mass_scale, blocks(self.hinge.hinge.turn)
+            load = tuple(f + a * relief for f, a in zip(load, turn, strict=True))
         lagged, rates, residual = normals, tuple(jnp.zeros_like(n) for n in normals), ()
         if self.link.table.corrected:
             rates = tuple(
@@ -220,7 +306,8 @@ class FenceEnd(eqx.Module):
             )
             lagged = tuple(n - self.link.lag * r for n, r in zip(normals, rates, strict=True))
             residual = tuple(self._residual_mode(k, n) for k, n in enumerate(normals))
-        vibration = self._vibration(normals)
+        pads = tuple(pad.state(n) for pad, n in zip(self.pads, normals, strict=False))
         return FenceState(
-            self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares
-        )
+            self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares, pads,
+            clutch,
+        )  # fmt: skip

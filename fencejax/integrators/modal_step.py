@@ -152,7 +152,7 @@ class _End(eqx.Module):
             press = response.gap * h / 3 + response.gap_rate
             row = [press * parts.normal[j] for j in range(3)]
             for other in range(len(normals)):
-                give, give_rate = self.fence.compliance(k, other)
+                give, give_rate = self.fence.compliance(k, other, normal)
                 row.append(float(k == other) + response.gap * give + response.gap_rate * give_rate)
             matrix.append(row)
             for i in range(3):

@@ -19,6 +19,7 @@ from ..scenes import Body, NormalScene
 from . import newton, time_loop
 from .fence_response import FenceEnd
 from .observer import Observer
+from .pad_response import PadEnd
 from .step_control import Control, controlled
 from .step_defect import Ends, Pair
 from .step_size import Clock, StepSize, stride_counts, units
@@ -37,7 +38,8 @@ class _Memory(NamedTuple):
 
 
 class _Blow(NamedTuple):
-    """The scalar equation of a step: N = law(gap - give N, rate - give_rate N)."""
+    """The scalar equation of a step: N = law(gap - give N - c, rate - give_rate N - c'), with the
+    compression c of the fence's cover under N, if it has one."""
 
     law: AbstractContactLaw
     viscosity: Array
@@ -45,14 +47,21 @@ class _Blow(NamedTuple):
     rate: Array
     give: Array
     give_rate: Array
+    pad: PadEnd | None
 
     def evaluate(self, unknowns):
         """Residual, its slope, its size against what is tolerated, and gap, rate, unbalance."""
         (force,) = unknowns
         gap, rate = self.gap - self.give * force, self.rate - self.give_rate * force
+        give, give_rate = self.give, self.give_rate
+        if self.pad is not None:
+            pressed, pressed_rate = self.pad.compression(force)
+            gap, rate = gap - pressed, rate - pressed_rate
+            pressed, pressed_rate = self.pad.compliance(force)
+            give, give_rate = give + pressed, give_rate + pressed_rate
         law = self.law.force(gap, rate, self.viscosity)
         value = force - law.force
-        slope = 1 + law.by_gap * self.give + law.by_rate * self.give_rate
+        slope = 1 + law.by_gap * give + law.by_rate * give_rate
         unbalance = jnp.abs(value)
         size = unbalance / (1e-9 * law.force + 1e-9)
         return (value,), [[slope]], size, (gap, rate, unbalance)
@@ -63,8 +72,10 @@ class _Blow(NamedTuple):
 
 
 def prepared(scene: NormalScene, fidelity: Fidelity) -> FlexibleLink | None:
-    """The fence's flexible link, where the scene has a fence that bends."""
-    if scene.fence is None or not fidelity.mode_count:
+    """The fence's flexible link, where the scene has a fence that gives way."""
+    if scene.fence is None:
+        return None
+    if not (fidelity.mode_count or scene.fence.pad or scene.fence.shaft):
         return None
     return FlexibleLink(scene.fence, fidelity)
 
@@ -130,17 +141,18 @@ def _step(tolerance: float | None, given, memory: _Memory, begins: Array, ends: 
     share = h / parcel.mass
     gap = memory.advance + h * memory.rate - h * share * memory.force / 3
     rate = memory.rate - 0.5 * share * memory.force
-    give, give_rate, fence = h * share / 6, 0.5 * share, None
+    give, give_rate, fence, pad = h * share / 6, 0.5 * share, None, None
     if link is not None:
         assert memory.fence is not None
         still = DriveMotion(*(jnp.zeros_like(gap),) * 3)
         fence = FenceEnd(link, stride, still, memory.fence, (memory.force,), (shape,))
         deflection, deflection_rate, _ = fence.deflection(0, (jnp.zeros_like(gap),))
-        yields, yields_rate = fence.compliance(0, 0)
+        yields, yields_rate = fence.bending_compliance(0, 0)
         gap, rate = gap + deflection, rate + deflection_rate
         give, give_rate = give + yields, give_rate + yields_rate
+        pad = fence.pads[0] if fence.pads else None
     law = parcel.contact_law
-    blow = _Blow(law, law.viscosity(parcel.mass), gap, rate, give, give_rate)
+    blow = _Blow(law, law.viscosity(parcel.mass), gap, rate, give, give_rate, pad)
     ratio = 1.0
     if memory.step_size is not None:
         ratio = (ends - begins) / jnp.maximum(memory.step_size.last, 1.0)

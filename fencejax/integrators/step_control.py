@@ -73,7 +73,7 @@ def _judged(
         speed = jnp.maximum(jnp.abs(a.gap_rate), jnp.abs(b.gap_rate))
         give_rate = 0.5 * stride.length / pair.mass
         if fence is not None and fence.flexible and k < len(fence.shapes):
-            give_rate = give_rate + fence.compliance(k, k)[1]
+            give_rate = give_rate + fence.compliance(k, k, b.normal)[1]
         slows = give_rate > 0
         by_speed = _OF_SPEED * speed / jnp.where(slows, give_rate, 1.0)
         allowed = tolerance * jnp.maximum(largest, jnp.where(slows, by_speed, 0.0))

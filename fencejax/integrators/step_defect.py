@@ -16,7 +16,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..model import FenceState, ResidualMode, Vibration, dot, propagate
+from ..model import FenceState, PadState, ResidualMode, Vibration, dot, propagate
 from ..parts import AbstractContactLaw
 from .fence_response import FenceEnd
 from .step_size import Stride
@@ -64,26 +64,36 @@ def _smooth(
 
 
 class _Ringing(NamedTuple):
-    """What the modes and the residual mode give to the gap at a corner: their deflection [m], and
-    its rate [m/s]."""
+    """What the modes, the residual mode and the cover give to the gap at a corner: their deflection
+    [m], and its rate [m/s]."""
 
     deflection: Array
     rate: Array
 
 
 def _ringing(
-    fence: FenceEnd, vibration: Vibration, residual: tuple[ResidualMode, ...]
+    fence: FenceEnd,
+    vibration: Vibration,
+    residual: tuple[ResidualMode, ...],
+    pads: tuple[PadState, ...],
 ) -> list[_Ringing]:
     """At each corner, in the shapes of the step's end."""
     found = []
     for k, shape in enumerate(fence.shapes):
         deflection = dot(shape.deflection, vibration.amplitude)
         rate = dot(shape.deflection, vibration.rate)
+        if fence.link.hinge is not None:
+            turn, turn_rate = fence.link.hinge.twist(vibration)
+            deflection = deflection + shape.place * turn
+            rate = rate + shape.place * turn_rate
         if shape.residual_mode is not None:
             force, amplitude_rate = residual[k]
             amplitude = force - fence.link.lag * amplitude_rate
             deflection = deflection - shape.residual_mode[0] * amplitude
             rate = rate - shape.residual_mode[0] * amplitude_rate
+        if pads:
+            pressed, pressed_rate = fence.pads[k].cover.compression(pads[k])
+            deflection, rate = deflection - pressed, rate - pressed_rate
         found.append(_Ringing(deflection, rate))
     return found
 
@@ -102,7 +112,14 @@ def _inside(
         change = theta * (end.force - start.force)
         rate = inner.lag_decay * start.rate + inner.lag_gain * change
         residual.append(ResidualMode(start.force + change, rate))
-    return _ringing(fence, vibration, tuple(residual))
+    pads = []
+    for start, end in zip(before.pads, after.pads, strict=True):
+        assert inner.pad_decay is not None
+        assert inner.pad_gain is not None
+        change = theta * (end.settled - start.settled)
+        rate = inner.pad_decay * start.rate + inner.pad_gain * change
+        pads.append(PadState(start.settled + change, rate))
+    return _ringing(fence, vibration, tuple(residual), tuple(pads))
 
 
 def defects(
@@ -125,8 +142,8 @@ def defects(
     if fence is not None and fence.flexible:
         assert before is not None
         assert after is not None
-        first = _ringing(fence, before.vibration, before.residual)
-        last = _ringing(fence, after.vibration, after.residual)
+        first = _ringing(fence, before.vibration, before.residual, before.pads)
+        last = _ringing(fence, after.vibration, after.residual, after.pads)
         inside = [
             _inside(fence, before, after, inner, theta)
             for inner, theta in zip(strides, INNER, strict=True)

@@ -16,7 +16,8 @@ from ..model import FlexibleLink, Forces, Mechanics, Propagator, blocks, relaxat
 
 class Stride(NamedTuple):
     """A step of one length: `length` h [s] and `rate` 1 / h [1/s]; the modes' exact maps over it;
-    of the load that the modes left out carry, exp(-h / lag) [1] and (1 - exp(-h / lag)) / h [1/s].
+    of the load that the modes left out carry, exp(-h / lag) [1] and (1 - exp(-h / lag)) / h [1/s];
+    and the same of the fence's cover and of its clutch (`None` without one).
 
     A scene begins with a step of no length: nothing moves in it and the forces come out that belong
     to the state. Its `rate` is 0, and the modes left out carry the contact forces without lag.
@@ -27,6 +28,10 @@ class Stride(NamedTuple):
     maps: tuple[Propagator, ...]
     lag_decay: Array
     lag_gain: Array
+    pad_decay: Array | None = None
+    pad_gain: Array | None = None
+    slip_decay: Array | None = None
+    slip_gain: Array | None = None
 
     @property
     def begins(self) -> Array:
@@ -81,12 +86,21 @@ class Clock(eqx.Module):
                 for parts in zip(*(blocks(values) for values in every), strict=True)
             )
         gains = [zero, *((1 - d) / h for d, h in zip(decay[1:], moving, strict=True))]
+        pad = slip = (None, None)
+        if link is not None and link.cover is not None:
+            pad = _lagged(link.cover.lag, moving, zero)
+        if link is not None and link.hinge is not None and link.hinge.clutch is not None:
+            slip = _lagged(link.hinge.clutch.lag, moving, zero)
         strides = Stride(
             length=jnp.stack([zero, *moving]),
             rate=jnp.stack([zero, *(1 / h for h in moving)]),
             maps=by_mode,
             lag_decay=jnp.stack(decay),
             lag_gain=jnp.stack(gains),
+            pad_decay=pad[0],
+            pad_gain=pad[1],
+            slip_decay=slip[0],
+            slip_gain=slip[1],
         )
         leaves, self.structure = jax.tree.flatten(strides)
         self.shapes = tuple(leaf.shape[1:] for leaf in leaves)
@@ -106,6 +120,14 @@ class Clock(eqx.Module):
     def time(self, index: Array) -> Array:
         """Time [s] of a sample since the scene's start."""
         return self.step * index
+
+
+def _lagged(lag: Array, lengths: list[Array], zero: Array) -> tuple[Array, Array]:
+    """exp(-h / lag) [1] and (1 - exp(-h / lag)) / h [1/s] of no step and of steps of the
+    `lengths` h [s]."""
+    decay = [zero + 1, *(relaxation(lag, h) + zero for h in lengths)]
+    gain = [zero, *((1 - d) / h for d, h in zip(decay[1:], lengths, strict=True))]
+    return jnp.stack(decay), jnp.stack(gain)
 
 
 def units(fidelity: Fidelity) -> int:

@@ -2,6 +2,10 @@
 fence, kinematics of the corners, contact and friction laws, and the balance of forces.
 
 May import: `scenes`, `parts`, `fidelity`. Nothing here advances in time.
+
+>>> link = fj.model.FlexibleLink(fj.Fence(), fj.Fidelity(modes=2))
+>>> [f"{value**0.5 / (2 * np.pi):.1f} Hz" for value in link.eigenvalues]
+['27.5 Hz', '114.4 Hz']
 """
 
 from . import beam as beam
@@ -31,15 +35,14 @@ from .flexible_link import (
     SWING_STEPS as SWING_STEPS,
     FlexibleLink as FlexibleLink,
     Shape as Shape,
-    Vibration as Vibration,
-    blocks as blocks,
-    dot as dot,
-    propagate as propagate,
-    total as total,
 )
 from .friction import (
     belt_grip as belt_grip,
     corner_share as corner_share,
+)
+from .hinge import (
+    ClutchState as ClutchState,
+    Hinge as Hinge,
 )
 from .kinematics import (
     Acceleration as Acceleration,
@@ -59,6 +62,10 @@ from .mechanics import (
 from .mode_shapes import (
     Blocks as Blocks,
 )
+from .pad import (
+    Cover as Cover,
+    PadState as PadState,
+)
 from .propagation import (
     Propagator as Propagator,
     propagator as propagator,
@@ -68,4 +75,11 @@ from .state import NormalState as NormalState, SceneState as SceneState
 from .tip import (
     Side as Side,
     around as around,
+)
+from .vibration import (
+    Vibration as Vibration,
+    blocks as blocks,
+    dot as dot,
+    propagate as propagate,
+    total as total,
 )

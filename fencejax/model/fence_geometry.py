@@ -10,6 +10,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..parts import turned
+
 
 class FencePoint(NamedTuple):
     """A point of the fence in the frame that turns with the rigid link: position (x, y) [m],
@@ -20,6 +22,15 @@ class FencePoint(NamedTuple):
     x_rate: Array
     y_rate: Array
     slope: Array
+
+
+    def turned_by(self, angle: Array, rate: Array) -> "FencePoint":
+        """The point of a rigid link that is ahead of the frame by an `angle` [rad] and turns in it
+        at a `rate` [rad/s]."""
+        axes = jnp.cos(angle), jnp.sin(angle)
+        x, y = turned(axes, self.x, self.y)
+        swept = self.x_rate - rate * self.y, self.y_rate + rate * self.x
+        return FencePoint(x, y, *turned(axes, *swept), self.slope + angle)
 
 
 class Arc(NamedTuple):

@@ -6,9 +6,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..parts import DriveMotion
-from .flexible_link import FlexibleLink, Shape, Vibration
+from .flexible_link import FlexibleLink, Shape
+from .hinge import ClutchState
 from .mechanics import Forces
 from .mode_shapes import Blocks
+from .pad import PadState
+from .vibration import Vibration
 
 
 def bending_loads(shares: tuple[Array, ...], normals: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -35,8 +38,9 @@ class ResidualMode(NamedTuple):
 class FenceState(NamedTuple):
     """The fence at an instant: the drive's motion (`None` where it is not kept), the vibration with
     its modal forces, the shapes where it is loaded, the contact loads as the modes left out carry
-    them (lagged force r [N] and its rate [N/s]), their residual mode under each, and the `shares`
-    [1] of the contact forces that bend it (empty where they do so whole)."""
+    them (lagged force r [N] and its rate [N/s]), their residual mode under each, the `shares` [1]
+    of the contact forces that bend it (empty where they do so whole), its cover under each
+    (empty without one), and its clutch (`None` without one)."""
 
     drive: DriveMotion | None
     vibration: Vibration
@@ -46,6 +50,8 @@ class FenceState(NamedTuple):
     lagged_rate: tuple[Array, ...]
     residual: tuple[ResidualMode, ...] = ()
     shares: tuple[Array, ...] = ()
+    pads: tuple[PadState, ...] = ()
+    clutch: ClutchState | None = None
 
     @classmethod
     def unloaded(cls, link: FlexibleLink, vibration: Vibration, places: int) -> "FenceState":
@@ -54,7 +60,11 @@ class FenceState(NamedTuple):
         rates = (zero,) * places if link.table.corrected else ()
         residual = tuple(ResidualMode(zero, zero) for _ in rates)
         still = tuple(jnp.zeros_like(q) for q in vibration.amplitude)
-        return cls(None, vibration, still, (), (), rates, residual)
+        pads = () if link.cover is None else (PadState(zero, zero),) * places
+        clutch = None
+        if link.hinge is not None and link.hinge.clutch is not None:
+            clutch = ClutchState(zero, zero)
+        return cls(None, vibration, still, (), (), rates, residual, (), pads, clutch)
 
     def loads(self, forces: Forces) -> tuple[Array, ...]:
         """What of the contact forces bends the fence [N]."""

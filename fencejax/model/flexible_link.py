@@ -1,11 +1,5 @@
-"""The flexible link in clamped-root modes, in SI units, and the point of it that a corner meets.
+"""The flexible link in clamped-root modes, in SI units, and the point of it that a corner meets."""
 
-Arrays of modes come as *blocks*: a tuple with one scalar a mode where the modes are few, which the
-compiler fuses and `vmap` turns into arrays with the batch last, or one array for all where they
-are many.
-"""
-
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -18,45 +12,21 @@ from ..fidelity import Fidelity
 from ..parts import AbstractDrive, DriveMotion, Fence
 from . import beam
 from .fence_geometry import Arc, FencePoint, arc, arc_point, chain, small_point
-from .mode_shapes import MOST_SCALAR_MODES, Blocks, ShapeTable
+from .hinge import ClampedLink, Hinge
+from .mode_shapes import Blocks, ShapeTable
+from .pad import Cover
 from .propagation import Propagator, propagator
+from .vibration import Vibration, blocks, dot, propagate
 
 SWING_STEPS = 64
 
 
-def blocks(values) -> Blocks:
-    """Split (..., m) into blocks, the modes first gone or last kept."""
-    modes = values.shape[-1]
-    if modes > MOST_SCALAR_MODES:
-        return (jnp.asarray(values),)
-    return tuple(jnp.asarray(values[..., i]) for i in range(modes))
-
-
-def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
-    """Sum over the modes of the product of two blocks."""
-    return total(a * b for a, b in zip(left, right, strict=True))
-
-
-def total(blocks) -> Array:
-    """Sum over the modes."""
-    result = 0.0
-    for block in blocks:
-        result = result + (jnp.sum(block) if jnp.ndim(block) else block)
-    return jnp.asarray(result)
-
-
-class Vibration(NamedTuple):
-    """Modal amplitudes [m] and their rates [m/s], as blocks."""
-
-    amplitude: Blocks
-    rate: Blocks
-
-
 class Shape(NamedTuple):
-    """The mode shapes at one arc coordinate: deflection [1] and slope [1/m], as blocks; `load` [1],
-    the share of a force there that each mode gets; of the modes left out (`None` where there are
-    none) the compliance G at the place itself [m/N], deflection sqrt(G) [m/J^0.5] and slope
-    [rad/J^0.5] of the residual mode, and the compliance at the tip [m/N]; the `arc` integrals
+    """The mode shapes at one arc coordinate: deflection [1] and slope [1/m] from the line of the
+    rigid link, as blocks; `load` [1], the share of a force there that each mode gets; of the modes
+    left out (`None` where there are none) the compliance G at the place itself [m/N], deflection
+    sqrt(G) [m/J^0.5] and slope [rad/J^0.5] of the residual mode, and the compliance at the tip
+    [m/N]; the `arc` integrals
     (`None` unless the geometry needs them)."""
 
     deflection: Blocks
@@ -74,6 +44,9 @@ class FlexibleLink(eqx.Module):
 
     w = sum phi_i eta_i with phi_i dimensionless, mass-normalised by rho z h_1 l_p = m_0, so that
     eta is in metres and f_i = phi_i(sigma) Q / m_0 - p_i alpha''.
+
+    On a shaft that gives way the modes are those of fence and shaft together, with a rotation of
+    the rigid link each (`fencejax.model.hinge`), and alpha is the motor's angle.
     """
 
     rigid_length: Array
@@ -93,6 +66,8 @@ class FlexibleLink(eqx.Module):
     stations: Array
     swing_inertia: Array
     root_inertia: Array
+    cover: Cover | None
+    hinge: Hinge | None
     elements: int = eqx.field(static=True)
     geometry: str = eqx.field(static=True)
 
@@ -101,16 +76,35 @@ class FlexibleLink(eqx.Module):
         tables = beam.tables(fence.taper, fidelity.elements, fidelity.mode_count)
         tables = jax.tree.map(lambda table: table.astype(precision), tables)
         self.elements = fidelity.elements
-        self.geometry = fidelity.geometry
+        # A rigid fence has no bent line.
+        self.geometry = fidelity.geometry if fidelity.mode_count else "small"
         self.rigid_length = fence.rigid_length
         self.length = fence.flexible_length
         self.mass_scale = fence.mass_scale
         rate = fence.stiffness_scale / fence.mass_scale
         self.eigenvalues = rate * jnp.asarray(tables.eigenvalues)
-        self.frequency_squared = blocks(self.eigenvalues)
         self.lag = jnp.zeros_like(rate)
-        if self.frequency_squared:
+        if fidelity.mode_count:
             self.lag = 2 * fence.material.damping_ratio / jnp.sqrt(self.eigenvalues[0])
+        mass, first_moment, second_moment = self.mass_scale * jnp.asarray(tables.mass)
+        arm = self.rigid_length
+        self.swing_inertia = (
+            mass * arm**2 + 2 * first_moment * arm * self.length + second_moment * self.length**2
+        )
+        rigid_mass = fence.material.density * fence.width * fence.thickness * arm
+        self.root_inertia = rigid_mass * arm**2 / 3
+        self.hinge = None
+        if fence.shaft is not None:
+            self.root_inertia = self.root_inertia + fence.shaft.inertia
+            swing = arm * jnp.asarray(tables.swing_root) + self.length * jnp.asarray(
+                tables.swing_tip
+            )
+            inertia = self.root_inertia + self.swing_inertia
+            clamped = ClampedLink(self.eigenvalues, swing, self.mass_scale, inertia, self.lag)
+            self.hinge = Hinge(fence.shaft, clamped)
+            tables = self.hinge.mixed(tables, rate, self.length)
+            self.eigenvalues = self.hinge.eigenvalues
+        self.frequency_squared = blocks(self.eigenvalues)
         self.deflection = blocks(tables.deflection)
         self.slope = blocks(tables.slope)
         self.table = ShapeTable(tables, fidelity)
@@ -131,13 +125,7 @@ class FlexibleLink(eqx.Module):
         self.stress_scale = 6 / (fence.width * thickness**2)
         nodes = np.arange(self.elements) / self.elements
         self.stations = self.length * jnp.asarray(nodes, dtype=precision)
-        mass, first_moment, second_moment = self.mass_scale * jnp.asarray(tables.mass)
-        arm = self.rigid_length
-        self.swing_inertia = (
-            mass * arm**2 + 2 * first_moment * arm * self.length + second_moment * self.length**2
-        )
-        rigid_mass = fence.material.density * fence.width * fence.thickness * arm
-        self.root_inertia = rigid_mass * arm**2 / 3
+        self.cover = None if fence.pad is None else Cover(fence)
 
     @property
     def reach(self) -> Array:
@@ -146,8 +134,17 @@ class FlexibleLink(eqx.Module):
 
     @property
     def damping(self) -> Blocks:
-        """c_i = (2 zeta / omega_1) omega_i^2 [1/s]."""
-        return tuple(self.lag * value for value in self.frequency_squared)
+        """c_i = (2 zeta / omega_1) omega_i^2 [1/s], omega_1 that of the clamped fence; on a shaft
+        with its own."""
+        rates = tuple(self.lag * value for value in self.frequency_squared)
+        if self.hinge is None:
+            return rates
+        return tuple(a + b for a, b in zip(rates, blocks(self.hinge.damping), strict=True))
+
+    @property
+    def clamped_eigenvalues(self) -> Array:
+        """omega_i^2 [1/s^2] of the fence clamped at its root."""
+        return self.eigenvalues if self.hinge is None else self.hinge.link.eigenvalues
 
     def rest(self) -> Vibration:
         """No deflection, no motion."""
@@ -159,7 +156,10 @@ class FlexibleLink(eqx.Module):
         shape = (len(lengths), self.eigenvalues.size)
         stiffness = jnp.broadcast_to(self.eigenvalues, shape)
         steps = jnp.broadcast_to(jnp.stack(lengths)[:, None], shape)
-        return propagator(stiffness, self.lag * stiffness, steps)
+        damping = self.lag * stiffness
+        if self.hinge is not None:
+            damping = damping + jnp.broadcast_to(self.hinge.damping, shape)
+        return propagator(stiffness, damping, steps)
 
     def inertia_force(self, drive: DriveMotion) -> Blocks:
         """-p_i alpha'' [m/s^2]: what the swing of the root does to each mode."""
@@ -202,7 +202,13 @@ class FlexibleLink(eqx.Module):
             moment = (after.angle - before.angle - step * before.speed) / step**2
             start, end = 6 * moment - 2 * mean, 4 * mean - 6 * moment
             forces = (-swing * start,), (-swing * end,)
-            return (propagate((maps,), state, *forces), after), None
+            if self.hinge is not None:
+                (coupling,) = self.hinge.coupling(state.rate)
+                forces = (forces[0][0] + coupling,), forces[1]
+            state = propagate((maps,), state, *forces)
+            if self.hinge is not None:
+                state = self.hinge.coupled((maps,), state)
+            return (state, after), None
 
         zero = (jnp.zeros_like(self.eigenvalues),)
         indices = jnp.arange(SWING_STEPS, dtype=step.dtype)
@@ -237,6 +243,9 @@ class FlexibleLink(eqx.Module):
             pairs = tuple(pair / self.length for pair in sampled.pairs)
             arc = (pairs, sampled.cube / self.length**2)
         load = sampled.load if self.table.shared else deflection
+        if self.hinge is not None:
+            turn = blocks(self.hinge.turn)
+            load = tuple(v + place * a for v, a in zip(load, turn, strict=True))
         return Shape(
             deflection, slope, load, residual, residual_mode, residual_tip, arc, place
         )
@@ -266,8 +275,21 @@ class FlexibleLink(eqx.Module):
                 deflection = deflection - shape.residual_tip * load
         return deflection
 
+    def clamped(self, state: Vibration) -> Vibration:
+        """The state in the clamped-root modes."""
+        if self.hinge is None:
+            return state
+        count = self.hinge.clamped.shape[0]
+        parts = (self.hinge.first_clamped(part, count) for part in state)
+        return Vibration(*(blocks(jnp.stack(part)) if part else () for part in parts))
+
     def point(self, shape: Shape, state: Vibration) -> FencePoint:
         """The point of the fence at a shape's place, in the geometry of the fidelity."""
+        point = self._bent_point(shape, state)
+        return point if self.hinge is None else point.turned_by(*self.hinge.twist(state))
+
+    def _bent_point(self, shape: Shape, state: Vibration) -> FencePoint:
+        """The same from the line of the rigid link."""
         zero = jnp.zeros_like(shape.place)
         if not self.frequency_squared:
             return small_point(shape.place, zero, zero, zero)
@@ -284,6 +306,9 @@ class FlexibleLink(eqx.Module):
         """What an arc takes off the place of a point, from the first modes."""
         assert shape.arc is not None
         modes = self.table.arc_modes
+        if self.hinge is not None:
+            q, v = (self.hinge.first_clamped(part, modes) for part in state)
+            return arc(*shape.arc, q, v)
         return arc(*shape.arc, _flat(state.amplitude)[:modes], _flat(state.rate)[:modes])
 
     def chord_point(
@@ -349,12 +374,3 @@ def _flat(blocks: Blocks) -> list[Array]:
     for block in blocks:
         flat.extend(block[i] for i in range(block.shape[0])) if block.ndim else flat.append(block)
     return flat
-
-
-def propagate(maps, state: Vibration, start: Blocks, end: Blocks) -> Vibration:
-    """One exact step under modal forces [m/s^2] that vary linearly from `start` to `end`."""
-    amplitude, rate = [], []
-    for m, q, v, f0, f1 in zip(maps, state.amplitude, state.rate, start, end, strict=True):
-        amplitude.append(m.qq * q + m.qv * v + m.q_start * f0 + m.q_end * f1)
-        rate.append(m.vq * q + m.vv * v + m.v_start * f0 + m.v_end * f1)
-    return Vibration(tuple(amplitude), tuple(rate))

@@ -50,8 +50,8 @@ class ShapeTable(eqx.Module):
 
     def __init__(self, tables: BeamTables, fidelity: Fidelity):
         n = fidelity.elements
-        self.modes = fidelity.mode_count
-        self.arc_modes = min(self.modes, ARC_MODES) if fidelity.geometry == "arc" else 0
+        self.modes = tables.deflection.shape[1]
+        self.arc_modes = min(fidelity.mode_count, ARC_MODES) if fidelity.geometry == "arc" else 0
         self.shared = fidelity.load == "shared"
         self.corrected = fidelity.residual
         parts = [_cubics(tables.deflection, tables.slope, n)]

@@ -1,12 +1,15 @@
-"""What a scene is made of, as a designer writes it: fence, material, taper, drive, parcel, contact
-law, belt, still surfaces, friction law, and units. Parts know no scene and no instant: a contact
-law here is a function of a gap and its rate, a friction law one of a speed, a surface one of a
-point, and what acts when is the model's.
+"""What a scene is made of, as a designer writes it: fence, with its material, taper, pad and shaft,
+drive, parcel, contact law, belt, still surfaces, friction law, and units. Parts know no scene and
+no instant: a contact law here is a function of a gap and its rate, a friction law one of a speed, a
+surface one of a point, and what acts when is the model's.
 
 May import: `_check` alone. A new taper, drive, contact law, friction law or surface is a subclass
 of `AbstractTaper`, `AbstractDrive`, `AbstractContactLaw`, `AbstractFriction` or `AbstractSurface`
 in a file of its own, exported by its folder; every number in it is an array field, with its
 `Bounds`.
+
+>>> fj.parts.DRIVES["trapezoid"]()
+TrapezoidDrive(end_angle=0.6623 rad, top_speed=1.53 rad/s, acceleration=6 rad/s^2, dwell=0 s)
 """
 
 from . import (
@@ -48,10 +51,16 @@ from .material import (
     Material as Material,
 )
 from .materials import (
+    ENDURANCE as ENDURANCE,
+    EXPONENT as EXPONENT,
     DataSheet as DataSheet,
+    basquin_exponent as basquin_exponent,
 )
 from .motor import (
     Motor as Motor,
+)
+from .pad import (
+    Pad as Pad,
 )
 from .parcel import (
     SIDES as SIDES,
@@ -59,6 +68,9 @@ from .parcel import (
 )
 from .rotation import (
     turned as turned,
+)
+from .shaft import (
+    Shaft as Shaft,
 )
 from .surfaces import (
     AbstractSurface as AbstractSurface,

@@ -11,7 +11,16 @@ from .friction_laws import AbstractFriction, Friction
 
 
 class Belt(Part):
-    """A belt that runs along +x and carries the parcel by friction."""
+    """A belt that runs along +x and carries the parcel by friction.
+
+    >>> fj.Belt(speed=2.5, friction=fj.Friction(kinetic=0.6, static=0.8))
+    Belt(
+      speed=2.5 m/s,
+      width=700 mm,
+      friction=Friction(kinetic=0.6, static=0.8),
+      gravity=9.81 m/s^2,
+    )
+    """
 
     speed: Array
     width: Array

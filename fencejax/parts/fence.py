@@ -8,6 +8,8 @@ from .. import _check
 from .._check import Bounds
 from ..printing import Part
 from .material import Material
+from .pad import Pad
+from .shaft import Shaft
 from .taper import AbstractTaper, ConstantStrength
 
 
@@ -17,6 +19,17 @@ class Fence(Part):
     The thickness of the flexible link is h(x) = h_1 g(x / l_p); the rigid link is h_1 thick
     throughout, which matters for the drive torque alone. The defaults are the two-link fence of
     Piatkowski (2010).
+
+    >>> sheet = fj.materials.pet()
+    >>> fj.Fence(thickness=0.04, material=sheet.material)
+    Fence(
+      rigid_length=450 mm,
+      flexible_length=750 mm,
+      width=132 mm,
+      thickness=40 mm,
+      material=Material(youngs_modulus=3.1 GPa, density=1390 kg/m^3, damping_ratio=0.006),
+      taper=ConstantStrength(),
+    )
     """
 
     rigid_length: Array
@@ -25,6 +38,8 @@ class Fence(Part):
     thickness: Array
     material: Material
     taper: AbstractTaper
+    pad: Pad | None
+    shaft: Shaft | None
 
     bounds: ClassVar[dict[str, Bounds]] = {
         "rigid_length": Bounds("m", least=0, size=1.0),
@@ -41,6 +56,8 @@ class Fence(Part):
         thickness: ArrayLike = 0.045,
         material: Material | None = None,
         taper: AbstractTaper | None = None,
+        pad: Pad | None = None,
+        shaft: Shaft | None = None,
     ):
         """**Arguments:**
 
@@ -50,6 +67,9 @@ class Fence(Part):
         - `thickness`: h_1 [m] of the flexible link at its root, above 0.
         - `material`: default `Material()`.
         - `taper`: the profile of the thickness, default `ConstantStrength()`.
+        - `pad`: an elastic cover, where the parcel meets it; by default none.
+        - `shaft`: what the fence hangs on and gives way between motor and hinge; by default nothing
+          gives way there.
         """
         _check.fields(
             self, rigid_length=rigid_length, flexible_length=flexible_length, width=width,
@@ -60,6 +80,10 @@ class Fence(Part):
         example = "material=fj.materials.named('POM').material"
         self.material = _check.part("material", material, Material, example)
         self.taper = _check.part("taper", taper, AbstractTaper, "taper=fj.Uniform()")
+        self.shaft = None
+        if shaft is not None:
+            self.shaft = _check.part("shaft", shaft, Shaft, "shaft=fj.Shaft(stiffness=1e5)")
+        self.pad = None if pad is None else _check.part("pad", pad, Pad, "pad=fj.Pad(0.01)")
 
     @classmethod
     def one_link(cls, **changes) -> "Fence":

@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
@@ -11,7 +12,12 @@ from ..printing import Part
 
 class Motor(Part):
     """What the drive can give at the fence's hinge, behind its gear. A number that is `None` is not
-    known, and bounds nothing."""
+    known, and bounds nothing.
+
+    >>> motor = fj.Motor(rated_torque=400.0, rotor_inertia=2e-3, gear_ratio=20.0)
+    >>> f"{motor.reflected_inertia:.2f} kg m^2"
+    '0.80 kg m^2'
+    """
 
     torque: Array | None
     rated_torque: Array | None
@@ -20,6 +26,7 @@ class Motor(Part):
     rotor_inertia: Array | None
     gear_ratio: Array | None
     efficiency: Array | None
+    at_shaft: bool = eqx.field(static=True, default=False)
 
     bounds: ClassVar[dict[str, Bounds]] = {
         "torque": Bounds("N m", above=0, size=100.0),
@@ -40,9 +47,9 @@ class Motor(Part):
         rotor_inertia: ArrayLike | None = None,
         gear_ratio: ArrayLike | None = None,
         efficiency: ArrayLike | None = None,
+        at_shaft: bool = False,
     ):
-        """**Arguments,** all but the rotor's inertia at the hinge, that is torques times, and
-        speeds over, the gear ratio:
+        """**Arguments,** torques and speeds at the hinge, that is times, and over, the gear ratio:
 
         - `torque` [N m]: the largest that it gives, either way, above 0.
         - `rated_torque` [N m]: the root mean square that it gives for ever, above 0.
@@ -54,6 +61,9 @@ class Motor(Part):
         - `gear_ratio` [1]: i, turns of the motor to one of the fence, by default 1.
         - `efficiency` [1] of the gear, above 0, at most 1: of the power that goes through it,
           either way, so much comes out.
+        - `at_shaft`, static: torques and speeds are those of the motor's own shaft, as its data
+          sheet has them, so that another gear is another machine at the hinge. What is read of
+          torques then is those of the shaft, too.
 
         Raises `ValueError` where a number is out of its bounds, the rated torque is above the
         largest one, or there is a stall torque without a no-load speed or the other way round.
@@ -63,6 +73,7 @@ class Motor(Part):
             stall_torque=stall_torque, rotor_inertia=rotor_inertia, gear_ratio=gear_ratio,
             efficiency=efficiency,
         )  # fmt: skip
+        self.at_shaft = _check.flag("at_shaft", at_shaft)
         for name, value in given.items():
             setattr(self, name, None if value is None else _check.field(self, name, value))
         if self.torque is not None and self.rated_torque is not None:
@@ -86,3 +97,30 @@ class Motor(Part):
         if self.rotor_inertia is None:
             return 0.0
         return self.rotor_inertia * (1.0 if self.gear_ratio is None else self.gear_ratio) ** 2
+
+    @property
+    def reduction(self) -> Array | float:
+        """By how much a torque at the hinge is larger than one of the motor's numbers [1]: i where
+        these are at its shaft, 1 where they are at the hinge."""
+        return self.gear_ratio if self.at_shaft and self.gear_ratio is not None else 1.0
+
+    @property
+    def line(self) -> tuple[Array, Array] | None:
+        """Stall torque [N m] and no-load speed [rad/s] as they are given; `None` where they are not
+        known."""
+        stall = self.torque if self.stall_torque is None else self.stall_torque
+        if stall is None or self.no_load_speed is None:
+            return None
+        return stall, self.no_load_speed
+
+    @property
+    def known(self) -> bool:
+        """Whether any of its numbers is."""
+        return any(getattr(self, name) is not None for name in self.bounds)
+
+    @property
+    def felt(self) -> bool:
+        """Whether it is more than bounds on the hinge's torque: what the motor gives is then not
+        what the fence takes."""
+        more = (self.no_load_speed, self.rotor_inertia, self.efficiency)
+        return self.at_shaft or any(number is not None for number in more)

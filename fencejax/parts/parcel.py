@@ -19,6 +19,17 @@ class Parcel(Part):
 
     Corners, seen from the centre of gravity C_s in the parcel's frame: 1 leading lower,
     2 trailing lower, 3 trailing upper, 4 leading upper.
+
+    >>> fj.Parcel(mass=8.0, length=0.3, breadth=0.2)
+    Parcel(
+      mass=8 kg,
+      length=300 mm,
+      breadth=200 mm,
+      center_x=0 m,
+      center_y=0 m,
+      stiffness=1.72e9 N/m^4,
+      damping=330000 N s kg^-0.4 m^-3,
+    )
     """
 
     mass: Array
@@ -30,6 +41,9 @@ class Parcel(Part):
     stiffness: Array | None
     damping: Array | None
     contact: AbstractContactLaw | None
+    height: Array | None
+    critical_load: Array | None
+    critical_velocity_change: Array | None
 
     bounds: ClassVar[dict[str, Bounds]] = {
         "mass": Bounds("kg", above=0, size=10.0),
@@ -40,6 +54,9 @@ class Parcel(Part):
         "inertia": Bounds("kg m^2", above=0, size=0.3),
         "stiffness": Kelvin.bounds["stiffness"],
         "damping": Kelvin.bounds["damping"],
+        "height": Bounds("m", above=0, size=0.3),
+        "critical_load": Bounds(above=0, size=50.0),
+        "critical_velocity_change": Bounds("m/s", above=0, size=1.0),
     }
 
     def __init__(
@@ -53,6 +70,9 @@ class Parcel(Part):
         stiffness: ArrayLike | None = None,
         damping: ArrayLike | None = None,
         contact: AbstractContactLaw | None = None,
+        height: ArrayLike | None = None,
+        critical_load: ArrayLike | None = None,
+        critical_velocity_change: ArrayLike | None = None,
     ):
         """**Arguments:**
 
@@ -66,6 +86,10 @@ class Parcel(Part):
           [N s kg^-0.4 m^-3], at least 0, by default 3.3e5. Both are those of the paper's contact
           law (2.2), and `None` in a parcel with another one.
         - `contact`: another contact law of the corners; by default `Kelvin(stiffness, damping)`.
+        - `height` [m] above the belt, `critical_load` A_c [1], an acceleration in g, and
+          `critical_velocity_change` dV_c [m/s], above 0: what tipping and damage are judged by (see
+          `fencejax.design.sorting.tipping`, `fencejax.design.shock.damage_boundary`). No motion
+          depends on them; `None`: not known.
 
         Raises `ValueError` where a number is out of its bounds, or both a contact law and a number
         of the paper's law are given.
@@ -82,6 +106,12 @@ class Parcel(Part):
                 f"|{name}| / half side", 2 * jnp.abs(offset) / side, most=1, remedy=inside
             )
         self.given_inertia = None if inertia is None else _check.field(self, "inertia", inertia)
+        judged = dict(
+            height=height, critical_load=critical_load,
+            critical_velocity_change=critical_velocity_change,
+        )  # fmt: skip
+        for name, value in judged.items():
+            setattr(self, name, None if value is None else _check.field(self, name, value))
         self.stiffness = self.damping = None
         if contact is not None:
             example = "contact=fj.contact_laws.Kelvin(1.72e9, 3.3e5)"

@@ -10,6 +10,10 @@ matplotlib and ezdxf are imported where they are first used, and matplotlib's gl
 alone: a figure is made where no axes are given, and belongs to them (`axes.figure`).
 
 May import: `results` and what is below it.
+
+>>> scene = fj.scenes.oblique_impact()
+>>> axes = fj.plot.draw_scene(scene, fj.simulate(scene), times=(0.0, 0.05))
+>>> axes.figure.savefig("impact.png")
 """
 
 from . import (

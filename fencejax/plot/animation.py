@@ -31,6 +31,11 @@ class Film:
     - `axes`: the picture's; `axes.figure` holds one frame at a time.
 
     In a notebook it shows itself, with buttons to play and to step.
+
+    >>> scene = fj.scenes.oblique_impact()
+    >>> film = fj.plot.animate(scene, fj.simulate(scene), frames=3)
+    >>> film.times
+    array([0.   , 0.125, 0.25 ])
     """
 
     def __init__(
@@ -51,7 +56,7 @@ class Film:
             draw_force(result, axes=below)
             span = 1e3 * self.times[[0, -1]]
             below.set_xlim(*(span if span[1] > span[0] else span + (-1, 1)))
-            (self._cursor,) = below.plot([], [], "o", color=style.COLORS[2], markersize=5)
+            (self._cursor,) = below.plot([], [], "o", color=style.RED, markersize=5)
         else:
             self.axes = figure.subplots()
         self._draw_first(scene)
@@ -204,6 +209,11 @@ def animate(
 
     Raises `TypeError` and `ValueError` as `fencejax.plot.draw_scene` does, and `ValueError` where
     `stop` is before `start` or a number is out of range.
+
+    >>> scene = fj.scenes.oblique_impact()
+    >>> film = fj.plot.animate(scene, fj.simulate(scene), frames=2)
+    >>> str(film.save("impact.gif"))
+    'impact.gif'
     """
     _check.count("frames", frames, least=1)
     _check.count("frames_per_second", frames_per_second, least=1)

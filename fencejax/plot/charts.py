@@ -22,7 +22,7 @@ def heat_map(
     label: str,
     good: ArrayLike | None = None,
     contours: bool = True,
-    color_map: str = "viridis",
+    color_map: str = style.MAP,
     axes: "Axes | None" = None,
 ) -> "Axes":
     """A quantity over two variables as colors, with lines of equal value.
@@ -38,6 +38,9 @@ def heat_map(
     - `axes`: where to draw; by default a figure of page width.
 
     Raises `ValueError` where the shapes do not fit or a label has no unit.
+
+    >>> names = {"x_label": "mass [kg]", "y_label": "R [m]", "label": "peak force [N]"}
+    >>> axes = fj.plot.heat_map([5, 15], [0.8, 1.0], [[600, 900], [700, 1000]], **names)
     """
     style.check_labels(x_label=x_label, y_label=y_label, label=label)
     across, up = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
@@ -56,9 +59,7 @@ def heat_map(
     axes = style.prepared(axes, height=3.8)
     axes.grid(False)
     # Hatched below; colors cover it where there is a value.
-    axes.set_facecolor("#f0f0f0")
-    axes.patch.set_hatch("////")
-    axes.patch.set_edgecolor("#c8c8c8")
+    style.hatched(axes)
     shown = np.ma.masked_where(~sound, table)
     mesh = axes.pcolormesh(across, up, shown, shading="nearest", cmap=color_map, zorder=1)
     spread = shown.compressed()
@@ -75,7 +76,11 @@ def heat_map(
 
 def non_dominated(points: ArrayLike) -> np.ndarray:
     """Which of the points (n, k) no other one beats: is at most as large in every column, and
-    smaller in one. Of equal points all count; points that are not finite do not. Shape (n,)."""
+    smaller in one. Of equal points all count; points that are not finite do not. Shape (n,).
+
+    >>> fj.plot.non_dominated(np.array([[60, 1200], [80, 1000], [80, 1100]]))
+    array([ True,  True, False])
+    """
     table = np.asarray(points, dtype=float)
     finite = np.all(np.isfinite(table), axis=1)
     kept = finite.copy()
@@ -109,6 +114,9 @@ def front(
     - `axes`: where to draw; by default a figure of page width.
 
     Raises `ValueError` where the shapes do not fit or a label has no unit.
+
+    >>> designs = [[60, 1200], [80, 1000], [80, 1100]]
+    >>> axes = fj.plot.front(designs, x_label="tip deflection [mm]", y_label="peak force [N]")
     """
     style.check_labels(x_label=x_label, y_label=y_label)
     sets: dict[str, Any] = dict(points) if isinstance(points, Mapping) else {"": points}
@@ -126,7 +134,7 @@ def front(
         )
     axes = style.prepared(axes)
     for index, (title, table) in enumerate(tables.items()):
-        color = style.COLORS[1 + index % (len(style.COLORS) - 1)]
+        color = style.LINES[index % len(style.LINES)]
         best = non_dominated(table)
         axes.plot(*table[~best].T, "o", color=color, alpha=0.25, markersize=4)
         picks = np.flatnonzero(best)[np.argsort(table[best, 0], kind="stable")]
@@ -138,7 +146,7 @@ def front(
                 at = (float(table[k, 0]), float(table[k, 1]))
                 axes.annotate(
                     names[int(k)], at, (5, 4), textcoords="offset points", fontsize="small",
-                    color="black" if best[k] else "#909090",
+                    color="black" if best[k] else style.GRAY,
                 )  # fmt: skip
     if bound is not None:
         line = np.asarray(bound, dtype=float)
@@ -195,6 +203,9 @@ def convergence(
 
     Evaluations that failed are left out of the lines and marked on the horizontal axis; a point
     with no violation has no mark below.
+
+    >>> optimum = fj.minimize(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)), [0.9])
+    >>> above, below = fj.plot.convergence(optimum.history, unit="1")
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -207,11 +218,11 @@ def convergence(
     good = [record for record in history if not record.failed]
     number = [record.evaluation for record in good]
     worst = [scale * record.objective for record in good]
-    upper.plot(number, worst, "o-", color=style.COLORS[1], markersize=3)
+    upper.plot(number, worst, "o-", color=style.BLUE, markersize=3)
     upper.set_ylabel(f"worst case [{unit}]")
     for label, color, values in (
-        ("largest violation", style.COLORS[2], [record.violation for record in good]),
-        ("KKT residual", style.COLORS[1], [record.kkt for record in good]),
+        ("largest violation", style.RED, [record.violation for record in good]),
+        ("KKT residual", style.BLUE, [record.kkt for record in good]),
     ):
         shown = np.asarray(values, dtype=float)
         shown = np.where(shown > 0, shown, np.nan)
@@ -239,6 +250,10 @@ def gradient_bars(
     """Elasticities d ln Q / d ln p [1] as bars: by quantity Q, then by variable p.
 
     1 means that a 1 % larger p makes Q 1 % larger.
+
+    >>> axes = fj.plot.gradient_bars({"peak_force": {"thickness": 0.8, "mass": 0.5}})
+    >>> axes.get_xlabel()
+    'elasticity d ln Q / d ln p [1]'
     """
     variables = list(dict.fromkeys(name for row in elasticities.values() for name in row))
     axes = style.prepared(axes, height=1.1 + 0.36 * max(4, len(variables)))
@@ -249,7 +264,7 @@ def gradient_bars(
             places + (index - (len(elasticities) - 1) / 2) * thick,
             [row.get(name, 0.0) for name in variables],
             height=0.9 * thick,
-            color=style.COLORS[1 + index % (len(style.COLORS) - 1)],
+            color=style.LINES[index % len(style.LINES)],
             label=quantity.replace("_", " "),
         )
     axes.set_yticks(places, [name.replace("_", " ") for name in variables])

@@ -22,7 +22,6 @@ _BLOCK = 38.0
 _SMALL, _PLAIN, _LARGE = 6.2, 7.0, 10.0
 _THIN, _THICK = 0.5, 1.2
 _STATIONS = 9
-_INK, _FILL = "black", "#e8e4da"
 
 
 def fence_drawing(
@@ -46,6 +45,9 @@ def fence_drawing(
     - `material`: what it is made of, beside modulus and density.
     - `notes`: lines beside the title block.
     - `axes`: where to draw, in millimetres of the sheet; by default a figure of the sheet's size.
+
+    >>> axes = fj.plot.fence_drawing(fj.Fence(), material="PA 6", notes=["deburr"])
+    >>> axes.figure.savefig("fence.pdf")
     """
     if axes is None:
         figure = style.figure(SHEET[1] / 25.4, SHEET[0] / 25.4)
@@ -90,15 +92,15 @@ class _Sheet:
         self._line([_HINGE, _HINGE, _HINGE + long, _HINGE + long, _HINGE],
                    [low, high, high, low, low], _THICK, fill=True)  # fmt: skip
         self._joint(low, high)
-        self._line([_HINGE] * 2, [low - 3, high + 3], color="#c8501e", dashes=(8, 2, 1.5, 2))
+        self._line([_HINGE] * 2, [low - 3, high + 3], color=style.RED, dashes=(8, 2, 1.5, 2))
         for name, first, last in (
             ("rigid link", 0, self.rigid), ("flexible link", self.rigid, self.reach),
         ):  # fmt: skip
             if last - first > 25 * self.scale:
                 middle = _HINGE + 0.5 * (first + last) / self.scale
                 self._text(middle, 0.5 * (low + high), name, ha="center", va="center",
-                           color="#555555")  # fmt: skip
-        self._text(_HINGE, low - 3.5, "axis of the hinge", va="top", size=5.2, color="#c8501e")
+                           color=style.NOTE)  # fmt: skip
+        self._text(_HINGE, low - 3.5, "axis of the hinge", va="top", size=5.2, color=style.RED)
         self._across("reach", 0, self.reach, high + 6, high)
         self._down("width", _HINGE + long, _HINGE + long + 6, low, high, self.width)
         return low - 5
@@ -153,8 +155,8 @@ class _Sheet:
     def _hinge(self, x: float, y: float) -> None:
         """The axis, seen along it."""
         for dx, dy in ((3, 0), (0, 3)):
-            self._line([x - dx, x + dx], [y - dy, y + dy], color="#c8501e", dashes=(6, 1, 1, 1))
-        self.axes.plot([x], [y], "o", color="#c8501e", markersize=2.2, zorder=5)
+            self._line([x - dx, x + dx], [y - dy, y + dy], color=style.RED, dashes=(6, 1, 1, 1))
+        self.axes.plot([x], [y], "o", color=style.RED, markersize=2.2, zorder=5)
 
     # ---- the title block
 
@@ -180,7 +182,7 @@ class _Sheet:
             high, place = top - index * height, left
             self._line([left, _RIGHT], [high, high])
             for (head, value), share in zip(row.items(), parts, strict=True):
-                self._text(place + 1.5, high - 1.5, head, va="top", size=5.2, color="#555555")
+                self._text(place + 1.5, high - 1.5, head, va="top", size=5.2, color=style.NOTE)
                 first = head == "title"
                 self._text(
                     place + 1.5, high - 10, _short(value, share, first), head, va="baseline",
@@ -194,9 +196,11 @@ class _Sheet:
 
     # ---- strokes
 
-    def _line(self, x, y, width: float = _THIN, *, fill=False, color=_INK, dashes=None) -> None:
+    def _line(
+        self, x, y, width: float = _THIN, *, fill=False, color=style.INK, dashes=None
+    ) -> None:
         if fill:
-            self.axes.fill(x, y, facecolor=_FILL, linewidth=0)
+            self.axes.fill(x, y, facecolor=style.PALE, linewidth=0)
         (line,) = self.axes.plot(x, y, color=color, linewidth=width, solid_joinstyle="miter")
         if dashes is not None:
             line.set_dashes(dashes)
@@ -206,7 +210,7 @@ class _Sheet:
 
     def _arrow(self, start, end) -> None:
         self.axes.annotate(
-            "", end, start, arrowprops=dict(arrowstyle="-|>", color=_INK, linewidth=_THIN,
+            "", end, start, arrowprops=dict(arrowstyle="-|>", color=style.INK, linewidth=_THIN,
             mutation_scale=5, shrinkA=0, shrinkB=0),
         )  # fmt: skip
 

@@ -27,6 +27,10 @@ class FenceOutline(NamedTuple):
     - `bulge` [1]: of the side from a vertex to the next, tan(theta / 4) of the arc's angle theta,
       as in a DXF polyline; 0: a line; above 0: bulging outwards.
     - `joint` [m]: x where the rigid link ends.
+
+    >>> outline = fj.plot.fence_outline(fj.Fence())
+    >>> len(outline.x), outline.joint
+    (19, 0.45)
     """
 
     x: np.ndarray
@@ -70,6 +74,10 @@ def fence_outline(fence: Fence) -> FenceOutline:
     The profile is made of arcs whose ends lie on it and which enclose with their chords just the
     area that the profile does, so that the outline's area is the integral of the thickness; they
     keep within `TOLERANCE` of the profile. A step of the profile is a line across.
+
+    >>> outline = fj.plot.fence_outline(fj.Fence(taper=fj.Uniform()))
+    >>> float(outline.y.min())
+    -0.045
     """
     rigid, flexible = float(fence.rigid_length), float(fence.flexible_length)
     thick = float(fence.thickness)

@@ -3,6 +3,7 @@ nothing is drawn here."""
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import numpy as np
 
@@ -67,6 +68,11 @@ def outline(
     Raises `TypeError` where the scene is one of the normal direction alone, `ValueError` where
     the result has no history or that of a batch, where a time lies outside of it, and where the
     fidelity's modes are not the history's.
+
+    >>> scene = fj.scenes.oblique_impact()
+    >>> outline = fj.plot.outline(scene, fj.simulate(scene), times=[0.0, 0.05])
+    >>> outline.parcel.shape
+    (2, 2, 5)
     """
     if not isinstance(scene, Scene):
         raise TypeError(
@@ -83,12 +89,15 @@ def outline(
     if scene.fence is not None:
         assert history.drive is not None
         bent = _Bent(scene.fence, history, fidelity)
-        fence, back = bent.lines(np.asarray(history.drive.angle))
+        turn = np.asarray(history.drive.angle)
+        if history.twist is not None:
+            turn = turn + np.asarray(history.twist)
+        fence, back = bent.lines(turn)
         if history.directions:
             points, normals = _near_tip(scene, history, arms)
         else:
             slopes = [bent.slope(np.asarray(c.place)) for c in history.fence]
-            turned = history.drive.angle[:, None] + np.stack(slopes, 1)
+            turned = turn[:, None] + np.stack(slopes, 1)
             points, normals = _at(arms, scene.fence_corners), (-np.sin(turned), np.cos(turned))
         forces |= _contacts("fence", history.fence, points, normals)
     if history.border:
@@ -201,6 +210,8 @@ class _Bent:
 
     def __init__(self, fence: Fence, history: Sample, fidelity: Fidelity | None):
         assert history.vibration is not None
+        # The history's modes are those of the bending alone.
+        fence = eqx.tree_at(lambda f: f.shaft, fence, None, is_leaf=lambda x: x is None)
         frames = len(history.time)
         amplitude = _columns(history.vibration.amplitude, frames)
         modes = amplitude.shape[1]

@@ -18,17 +18,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.quiver import Quiver
 
-FENCE, PARCEL = "#c8501e", "#0b5fa5"
-_BELT, _TEXT = "#ece8df", "#8a8577"
+FENCE, PARCEL = style.RED, style.BLUE
 _FORCES = {
     # name: color, title
     "fence": ("black", "fence, normal"),
-    "fence_friction": ("#7a4aa0", "fence, friction"),
+    "fence_friction": (style.PURPLE, "fence, friction"),
     "border": ("black", "border, normal"),
-    "border_friction": ("#7a4aa0", "border, friction"),
+    "border_friction": (style.PURPLE, "border, friction"),
     "surfaces": ("black", "surface, normal"),
-    "surfaces_friction": ("#7a4aa0", "surface, friction"),
-    "belt": ("#2a8c4a", "belt"),
+    "surfaces_friction": (style.PURPLE, "surface, friction"),
+    "belt": (style.GREEN, "belt"),
 }
 _LONGEST = 0.3
 
@@ -66,8 +65,8 @@ def draw_ground(scene: Scene, axes: "Axes") -> None:
     """Belt, border, other surfaces and hinge, in metres; labels of the axes."""
     if scene.belt is not None:
         width = float(scene.belt.width)
-        axes.axhspan(0.0, width, color=_BELT, linewidth=0, zorder=0)
-        axes.axhline(width, color=_TEXT, linewidth=0.8, linestyle=":", zorder=0)
+        axes.axhspan(0.0, width, color=style.PALE, linewidth=0, zorder=0)
+        axes.axhline(width, color=style.GRAY, linewidth=0.8, linestyle=":", zorder=0)
     axes.axhline(0.0, color="black", linewidth=0.8 if scene.border is None else 2.0, zorder=1)
     for surface in scene.surfaces:
         line = surface.line()
@@ -98,7 +97,11 @@ def draw_arrows(shape: Outline, index: int, arrows: Arrows, axes: "Axes", alpha:
 
 
 def reference_force(scale: float) -> float:
-    """A round force [N] whose arrow is between 0.08 m and 0.2 m long."""
+    """A round force [N] whose arrow is between 0.08 m and 0.2 m long.
+
+    >>> fj.plot.reference_force(1e-4)
+    2000
+    """
     most = 0.2 / scale
     power = 10 ** math.floor(math.log10(most))
     return max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-9))
@@ -148,6 +151,9 @@ def draw_scene(
 
     Raises `TypeError` and `ValueError` as `fencejax.plot.outline` does, and `ValueError` for an
     unknown force.
+
+    >>> scene = fj.scenes.oblique_impact()
+    >>> axes = fj.plot.draw_scene(scene, fj.simulate(scene), times=0.05, path=True)
     """
     arrows = chosen_arrows(result, forces, force_scale)
     shape = outline(scene, result, times, fidelity=fidelity)

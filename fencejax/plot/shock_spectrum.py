@@ -34,6 +34,9 @@ def shock_spectrum(
     - `axes`: where to draw; by default a figure of page width.
 
     Raises `ValueError` where the shapes do not fit or a number is not above 0.
+
+    >>> frequencies = np.geomspace(1.0, 100.0, 5)
+    >>> axes = fj.plot.shock_spectrum(frequencies, 2.0 / frequencies, critical_load=60.0)
     """
     across = np.asarray(frequencies, dtype=float)
     given = pseudo_velocity if isinstance(pseudo_velocity, Mapping) else {"": pseudo_velocity}
@@ -52,14 +55,14 @@ def shock_spectrum(
     axes = style.prepared(axes, height=3.8)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    for (name, values), color in zip(lines.items(), style.COLORS[1:] * len(lines), strict=False):
+    for (name, values), color in zip(lines.items(), style.LINES * len(lines), strict=False):
         axes.plot(across, values, color=color, label=name or "_", linewidth=1.6)
     if critical_load is not None:
         bound = critical_load * _GRAVITY / (2 * np.pi * across)
-        axes.plot(across, bound, "--", color=style.COLORS[0], label=f"{critical_load:g} g")
+        axes.plot(across, bound, "--", color=style.GRAY, label=f"{critical_load:g} g")
     if critical_velocity_change is not None:
         label = f"{critical_velocity_change:g} m/s"
-        axes.axhline(critical_velocity_change, ls=":", color=style.COLORS[0], label=label)
+        axes.axhline(critical_velocity_change, ls=":", color=style.GRAY, label=label)
     shown = np.concatenate(list(lines.values()))
     axes.set_xlim(across.min(), across.max())
     axes.set_ylim(shown.min() / 2, shown.max() * 2)
@@ -85,13 +88,13 @@ def _diagonals(axes: "Axes", across: np.ndarray) -> None:
         first, last = np.floor(np.log10(min(corners))), np.ceil(np.log10(max(corners)))
         for power in np.arange(first, last + 1):
             speeds = line(10.0**power)
-            axes.plot(ends / (2 * np.pi), speeds, color="#e4e4e4", linewidth=0.7, zorder=0)
+            axes.plot(ends / (2 * np.pi), speeds, color=style.GRID, linewidth=0.7, zorder=0)
             # Within the axes at a third, for deflections at two thirds, of their height.
             target = low * (high / low) ** (0.3 if unit == "g" else 0.75)
             at = 10.0**power * size / target if unit == "g" else target / (10.0**power * size)
             if ends[0] * 1.2 < at < ends[1] / 1.5:
                 axes.text(
                     at / (2 * np.pi), target, f"{10.0**power:g} {unit}", fontsize="x-small",
-                    color="#8a8a8a", ha="center", va="center", zorder=1, clip_on=True,
+                    color=style.GRAY, ha="center", va="center", zorder=1, clip_on=True,
                     bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5},
                 )  # fmt: skip

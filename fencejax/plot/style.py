@@ -10,30 +10,55 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
-COLORS = ("#8a8a8a", "#0b5fa5", "#c8501e", "#2a8c4a", "#7a4aa0", "#a08a20")
+COLORS = (
+    "#8a8a8a", "#0b5fa5", "#c8501e", "#2a8c4a", "#7a4aa0", "#a08a20", "#3aa0a0", "#c04080",
+)  # fmt: skip
+"""Of several lines, in turn. The first is for what the others are compared with."""
+GRAY, BLUE, RED, GREEN, PURPLE, OCHRE, TEAL, PINK = COLORS
+LINES = COLORS[1:]
+INK, NOTE, GRID, PALE = "black", "#555555", "#dddddd", "#ece8df"
+"""Of outlines and axes, of notes on a drawing, of grids, and of surfaces: the belt, a solid."""
+CAUTION = "#f7d488"
+"""Of what is warned of, between `BLUE` for what is right and `RED` for what is wrong."""
+EMPTY, HATCH = "#f0f0f0", "#c8c8c8"
+"""Of areas without a value, and of the hatching across them."""
+MAP, SIGNED_MAP = "viridis", "RdBu_r"
+"""matplotlib's color maps of a quantity, and of one that is above and below 0."""
 WIDTH, HEIGHT = 6.3, 3.2
 
 
 def figure(height: float = HEIGHT, width: float = WIDTH) -> "Figure":
-    """A figure, by default of page width, that pyplot does not know of. Both in inches."""
+    """A figure, by default of page width, that pyplot does not know of. Both in inches.
+
+    >>> fj.plot.figure(width=4.0).get_size_inches()
+    array([4. , 3.2])
+    """
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def prepared(axes: "Axes | None", height: float = HEIGHT) -> "Axes":
-    """The axes, or those of a new figure, with a light grid behind everything."""
+    """The axes, or those of a new figure, with a light grid behind everything.
+
+    >>> fj.plot.prepared(None).figure.get_size_inches()
+    array([6.3, 3.2])
+    """
     if axes is None:
         axes = figure(height).subplots()
     axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(True, color="#dddddd", linewidth=0.6)
+    axes.grid(True, color=GRID, linewidth=0.6)
     axes.set_axisbelow(True)
     return axes
 
 
 def panel(axes: "Axes", x_label: str, y_label: str, title: str = "") -> "Axes":
-    """The axes as one of several in a figure: with small labels, and a title at the left."""
+    """The axes as one of several in a figure: with small labels, and a title at the left.
+
+    >>> axes = fj.plot.panel(fj.plot.figure().subplots(), "time [ms]", "force [N]", "before")
+    """
     prepared(axes)
     axes.tick_params(labelsize="small")
     axes.set_xlabel(x_label, fontsize="small")
@@ -42,8 +67,27 @@ def panel(axes: "Axes", x_label: str, y_label: str, title: str = "") -> "Axes":
     return axes
 
 
+def hatched(axes: "Axes") -> None:
+    """Hatch the axes, where nothing covers them."""
+    axes.set_facecolor(EMPTY)
+    axes.patch.set_hatch("////")
+    axes.patch.set_edgecolor(HATCH)
+
+
+def hatched_patch(label: str) -> "Patch":
+    """What a legend shows of hatched areas."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=EMPTY, edgecolor=HATCH, hatch="////", label=label)
+
+
 def legend(axes: "Axes") -> None:
-    """A legend above the axes, where it hides nothing; none where nothing is named."""
+    """A legend above the axes, where it hides nothing; none where nothing is named.
+
+    >>> axes = fj.plot.prepared(None)
+    >>> lines = axes.plot([0, 1], [0, 1], label="force")
+    >>> fj.plot.legend(axes)
+    """
     count = len(axes.get_legend_handles_labels()[0])
     if count:
         columns = 2 if count == 4 else 3
@@ -58,7 +102,12 @@ def legend(axes: "Axes") -> None:
 
 
 def legend_above(axes: "Axes", columns: int) -> None:
-    """A legend above all panels of a figure, of what one of them shows."""
+    """A legend above all panels of a figure, of what one of them shows.
+
+    >>> upper, lower = fj.plot.figure().subplots(2)
+    >>> lines = upper.plot([0, 1], [0, 1], label="before")
+    >>> fj.plot.legend_above(upper, columns=1)
+    """
     axes.figure.legend(
         *axes.get_legend_handles_labels(),
         loc="outside upper center",

@@ -16,7 +16,12 @@ if TYPE_CHECKING:
 
 class Trace(NamedTuple):
     """Signals over time: `time` [s], `force` of the fence on the parcel [N], `deflection` of the
-    tip [m]; each of shape (T,)."""
+    tip [m]; each of shape (T,).
+
+    >>> trace = fj.plot.Trace.of(fj.simulate(fj.scenes.oblique_impact()))
+    >>> trace.force.shape == trace.time.shape
+    True
+    """
 
     time: ArrayLike
     force: ArrayLike
@@ -109,6 +114,10 @@ def histories(
 
     Raises `ValueError` for an unknown name, for a signal that no result has, for a wrong number of
     axes, and where a result has no history or that of a batch.
+
+    >>> result = fj.simulate(fj.scenes.oblique_impact())
+    >>> [axes.get_ylabel() for axes in fj.plot.histories(result)]
+    ['force of the fence [N]', 'tip deflection [mm]']
     """
     names = (names,) if isinstance(names, str) else tuple(names)
     for name in names:
@@ -125,7 +134,7 @@ def histories(
             f"Argument `axes` must be one for each of the names {list(names)}, at least one, but "
             f"there are {len(panels)}."
         )
-    colors = style.COLORS if len(lines) > 1 else style.COLORS[1:]
+    colors = style.COLORS if len(lines) > 1 else style.LINES
     for name, panel in zip(names, panels, strict=True):
         style.prepared(panel)
         title, factor, read = _SIGNALS[name]
@@ -152,7 +161,12 @@ def histories(
 
 def energies(result: Result, *, axes: "Axes | None" = None) -> "Axes":
     """Energies held over time [J]: of the parcel's motion and the fence's, of its bending and of
-    the contacts."""
+    the contacts.
+
+    >>> axes = fj.plot.energies(fj.simulate(fj.scenes.oblique_impact()))
+    >>> axes.get_ylabel()
+    'energy held [J]'
+    """
     history = single_history(result)
     axes = style.prepared(axes)
     for index, name in enumerate(("parcel", "fence", "strain", "contact")):
@@ -164,7 +178,7 @@ def energies(result: Result, *, axes: "Axes | None" = None) -> "Axes":
         }[name]
         values = np.asarray(getattr(history.energy, name))
         axes.plot(
-            1e3 * np.asarray(history.time), values, color=style.COLORS[1 + index], label=title
+            1e3 * np.asarray(history.time), values, color=style.LINES[index], label=title
         )
     axes.set_xlabel(_TIME)
     axes.set_ylabel("energy held [J]")
@@ -182,7 +196,7 @@ def _named(signals: Signals) -> dict[str, Trace]:
 def _over_time(signals: Signals, field: str, factor: float, axes: "Axes | None") -> "Axes":
     axes = style.prepared(axes)
     many = _named(signals)
-    colors = style.COLORS if len(many) > 1 else style.COLORS[1:]
+    colors = style.COLORS if len(many) > 1 else style.LINES
     for index, (name, trace) in enumerate(many.items()):
         value = factor * np.asarray(getattr(trace, field))
         color = colors[index % len(colors)]
@@ -202,6 +216,9 @@ def force(
     - `signals`: a result or trace, or several by name (before, after).
     - `stiff_force`: N_stiff [N], drawn as a line across.
     - `axes`: where to draw; by default a figure of page width.
+
+    >>> result = fj.simulate(fj.scenes.oblique_impact())
+    >>> axes = fj.plot.force({"paper": result}, stiff_force=3294.0)
     """
     own = axes is None
     axes = _over_time(signals, "force", 1.0, axes)
@@ -223,7 +240,11 @@ def force(
 def tip_deflection(
     signals: Signals, *, limit: float | None = None, axes: "Axes | None" = None
 ) -> "Axes":
-    """Deflection of the tip [mm] over time [ms], with `limit` [m] on either side."""
+    """Deflection of the tip [mm] over time [ms], with `limit` [m] on either side.
+
+    >>> result = fj.simulate(fj.scenes.oblique_impact())
+    >>> axes = fj.plot.tip_deflection(result, limit=0.08)
+    """
     axes = _over_time(signals, "deflection", 1e3, axes)
     if limit is not None:
         for side, label in ((1, "limit"), (-1, None)):

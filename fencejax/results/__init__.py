@@ -2,6 +2,10 @@
 the result, its status and its errors.
 
 May import: `model` and what is below it. Nothing here knows how a scene is advanced.
+
+>>> result = fj.simulate(fj.scenes.rigid_wall())
+>>> sorted(fj.results.MEASURES)[:3]
+['contact_time', 'deepest', 'defect']
 """
 
 from . import (
@@ -28,6 +32,7 @@ from .interpolation import interpolate as interpolate
 from .ledger import Ledger as Ledger
 from .measures import ESTIMATED as ESTIMATED, MEASURES as MEASURES, Measure as Measure
 from .recorder import (
+    Kept as Kept,
     NormalRecorder as NormalRecorder,
     SceneRecorder as SceneRecorder,
     running as running,

@@ -115,6 +115,10 @@ class GradientEstimate(NamedTuple):
     - `gradient`, `gradient_error`: leaves like those of the argument, in the function's unit over
       the leaf's; the errors are absolute.
     - `relative`: the error's elasticities over the gradient's, |x dg| / |x g| [1].
+
+    >>> found = fj.estimate_gradient_error(lambda x, fidelity: x**2, 3.0)
+    >>> float(found.value), float(found.gradient), float(found.relative)
+    (9.0, 6.0, 0.0)
     """
 
     value: Array
@@ -146,6 +150,13 @@ def estimate_gradient_error(
     - `fidelity`: default `Fidelity.standard()`.
 
     Raises `TypeError` where the fidelity is none.
+
+    >>> def force(speed, fidelity):
+    ...     scene = fj.scenes.rigid_wall(speed=speed)
+    ...     return fj.simulate(scene, fidelity=fidelity, only="peak_force").peak_force
+    >>> found = fj.estimate_gradient_error(force, 2.0)
+    >>> print(f"{found.gradient:.0f} N s/m")
+    1895 N s/m
     """
     fidelity = Fidelity.standard() if fidelity is None else fidelity
     if not isinstance(fidelity, Fidelity):

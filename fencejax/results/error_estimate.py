@@ -25,6 +25,11 @@ class ErrorEstimate(AbstractByName):
     `None`.
 
     Estimates are constants to differentiation: they add nothing to the cost of a derivative.
+
+    >>> found = {"peak_force": jnp.array(12.0), "impulse": jnp.array(0.2)}
+    >>> error = fj.ErrorEstimate(found)  # as `fj.simulate(scene, estimate_error=True).error`
+    >>> print(f"{error.peak_force:.1f} N, {error.impulse:.1f} N s")
+    12.0 N, 0.2 N s
     """
 
     errors: dict[str, Array]

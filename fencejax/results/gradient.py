@@ -19,6 +19,13 @@ class Gradient(Readable):
     A gradient in a scene is a scene itself, whose numbers are derivatives; here they are printed
     as such, with their units, and beside each what one per cent more of that number does.
     `gradient["reach"]` is the derivative [SI] in a number by any name that the scene has for it.
+
+    >>> belt = fj.Belt()
+    >>> slope = jax.grad(lambda belt: belt.speed**2)(belt)
+    >>> print(fj.Gradient(slope, belt, of="speed squared", unit="m^2/s^2"))
+    derivatives of speed squared
+      speed    4 m^2/s^2 per m/s; 1 % more: 0.08 m^2/s^2
+      none in  width, kinetic, static, gravity
     """
 
     def __init__(self, gradient: Any, at: Any, of: str = "value", unit: str | None = None):

@@ -10,6 +10,10 @@ class Ledger(Part):
     """The energy ledger of a scene [J]: changes of what is held, work done, energy dissipated.
 
     residual = changes + dissipated + contact - work. It vanishes at the order of the step.
+
+    >>> energy = fj.simulate(fj.scenes.rigid_wall()).energy
+    >>> print(f"{energy.contact_loss:.1f} J of 44.1 J are lost in the contact")
+    35.6 J of 44.1 J are lost in the contact
     """
 
     parcel_kinetic: Array
@@ -17,9 +21,9 @@ class Ledger(Part):
     fence_kinetic: Array
     """Change of the fence's kinetic energy."""
     strain: Array
-    """Change of the energy of bending."""
+    """Change of the energy of bending, and of the shaft."""
     contact_stored: Array
-    """Change of the elastic energy of the contacts."""
+    """Change of the elastic energy of the contacts, with the fence's cover."""
     drive_work: Array
     """Work of the drive at the hinge."""
     belt_work: Array
@@ -27,7 +31,7 @@ class Ledger(Part):
     geometry_work: Array
     """Work that small-deflection beam theory leaves out (see `fencejax.results.Power`)."""
     contact_loss: Array
-    """Dissipated in the contacts."""
+    """Dissipated in the contacts, with the fence's cover."""
     fence_friction_loss: Array
     """Dissipated by corners sliding along the fence."""
     border_friction_loss: Array
@@ -35,7 +39,7 @@ class Ledger(Part):
     belt_friction_loss: Array
     """Dissipated between parcel and belt."""
     damping_loss: Array
-    """Dissipated in the fence's material."""
+    """Dissipated in the fence's material, its shaft and its clutch."""
 
     def _unit(self, name):
         return "J"

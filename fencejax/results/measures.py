@@ -8,7 +8,6 @@ A measure of one's own is a `Measure` given to `simulate(measures=...)`.
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -36,12 +35,18 @@ class Measure:
     - `sign`: `"at least 0"` or `"either way"`; `"NaN if none"` where it may be missing.
     - `accumulator`: the running state that it is read from, or a `Trace`.
     - `read`: the number [`unit`] from that state at the end, or from the trace's `Course`.
+    - `of_scene`: whether `read` takes the scene, too, as its second argument.
     - `error_factor`: what the spread between fidelities is multiplied by in an error estimate;
       `None` for none.
     - `moment`: whether it is a moment or a duration, known to a step at best.
     - `label`, `scale`, `shown_unit`: the row of a printed result, the value times `scale`; no row
       without a label.
     - `note`: text behind the printed value; `{name}` stands for another measure.
+
+    >>> spin = fj.results.accumulators.peak_of("spin", lambda sample: jnp.abs(sample.body.spin))
+    >>> fling = fj.Measure("fling", "rad/s", "", "at least 0", spin, lambda state: state.value)
+    >>> fling.name, fling.unit
+    ('fling', 'rad/s')
     """
 
     name: str
@@ -49,7 +54,7 @@ class Measure:
     meaning: str
     sign: str
     accumulator: Accumulator | Trace
-    read: Callable[[Any], Array]
+    read: Callable[..., Array]
     error_factor: float | None = None
     moment: bool = False
     label: str = ""
@@ -57,6 +62,7 @@ class Measure:
     shown_unit: str = ""
     digits: int = 2
     note: str = ""
+    of_scene: bool = False
 
 
 def _value(state) -> Array:

@@ -44,22 +44,31 @@ class Saved(NamedTuple):
     courses: dict[str, Course]
 
 
-class AbstractRecorder(eqx.Module):
-    """An observer of a time loop that keeps running results.
+class Kept(NamedTuple):
+    """What a recorder keeps.
 
-    - `smoothing`: how dry friction is smoothed.
-    - `wanted`: the accumulators that run, each after those it needs.
+    - `accumulators`: those that run, each after those it needs.
     - `traces`: the signals that are kept at every sample.
     - `alike`: whether all steps are of one length.
     - `history`: whether every sample is kept.
     """
 
+    accumulators: tuple[Accumulator, ...]
+    traces: tuple[Trace, ...]
+    alike: bool
+    history: bool
+
+
+class AbstractRecorder(eqx.Module):
+    """An observer of a time loop that keeps running results of a `scene`."""
+
     scene: eqx.AbstractVar[Any]
-    smoothing: eqx.AbstractVar[Smoothing]
-    wanted: eqx.AbstractVar[tuple[Accumulator, ...]]
-    traces: eqx.AbstractVar[tuple[Trace, ...]]
-    alike: eqx.AbstractVar[bool]
-    history: eqx.AbstractVar[bool]
+    kept: eqx.AbstractVar[Kept]
+
+    @property
+    @abc.abstractmethod
+    def smoothing(self) -> Smoothing:
+        """How dry friction is smoothed."""
 
     @abc.abstractmethod
     def sample(self, state: Any) -> Sample:
@@ -69,9 +78,9 @@ class AbstractRecorder(eqx.Module):
         """The record before the first sample, of states of the shapes of `like`."""
         shapes = jax.eval_shape(self.sample, like)
         nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-        states = {each.name: each.start(nothing, body) for each in self.wanted}
-        signals = {each.name: each.signal(nothing) for each in self.traces}
-        length = None if self.alike else nothing.time
+        states = {each.name: each.start(nothing, body) for each in self.kept.accumulators}
+        signals = {each.name: each.signal(nothing) for each in self.kept.traces}
+        length = None if self.kept.alike else nothing.time
         return Record(nothing._replace(stresses=None), length, states, signals)
 
     def update(self, record: Record, state: Any, length: Array, unbalance: Array) -> Record:
@@ -89,21 +98,24 @@ class AbstractRecorder(eqx.Module):
         step = Step(
             before, now, span, second, unbalance, self.smoothing, record.states, self.scene
         )
-        states = {each.name: each.update(record.states[each.name], step) for each in self.wanted}
-        signals = {each.name: each.signal(now) for each in self.traces}
+        states = {
+            each.name: each.update(record.states[each.name], step)
+            for each in self.kept.accumulators
+        }
+        signals = {each.name: each.signal(now) for each in self.kept.traces}
         kept = None if record.length is None else length
         return Record(now._replace(stresses=None), kept, states, signals)
 
     @property
     def saves(self) -> bool:
         """Whether anything is kept at every sample."""
-        return self.history or bool(self.traces)
+        return self.kept.history or bool(self.kept.traces)
 
     def saved(self, record: Record) -> Saved:
         """What is kept at every sample."""
         time = record.last.time
         courses = {name: Course(time, signal) for name, signal in record.signals.items()}
-        return Saved(record.last if self.history else None, courses)
+        return Saved(record.last if self.kept.history else None, courses)
 
 
 def running(measures: tuple[Measure, ...], energy: bool) -> tuple[Accumulator, ...]:
@@ -138,24 +150,11 @@ class SceneRecorder(AbstractRecorder):
 
     scene: Scene
     mechanics: Mechanics
-    smoothing: Smoothing = eqx.field(static=True)
-    wanted: tuple[Accumulator, ...] = eqx.field(static=True)
-    traces: tuple[Trace, ...] = eqx.field(static=True)
-    alike: bool = eqx.field(static=True)
-    history: bool = eqx.field(static=True)
+    kept: Kept = eqx.field(static=True)
 
-    def __init__(
-        self,
-        scene: Scene,
-        mechanics: Mechanics,
-        wanted: tuple[Accumulator, ...],
-        traces: tuple[Trace, ...],
-        alike: bool,
-        history: bool,
-    ):
-        self.scene, self.mechanics = scene, mechanics
-        self.wanted, self.traces, self.alike, self.history = wanted, traces, alike, history
-        self.smoothing = mechanics.fidelity.smoothing
+    @property
+    def smoothing(self) -> Smoothing:
+        return self.mechanics.fidelity.smoothing
 
     def sample(self, state: SceneState) -> Sample:
         return describe(self.mechanics, *state)
@@ -166,25 +165,12 @@ class NormalRecorder(AbstractRecorder):
 
     scene: NormalScene
     link: FlexibleLink | None
-    smoothing: Smoothing = eqx.field(static=True)
-    wanted: tuple[Accumulator, ...] = eqx.field(static=True)
-    traces: tuple[Trace, ...] = eqx.field(static=True)
-    alike: bool = eqx.field(static=True)
-    history: bool = eqx.field(static=True)
+    kept: Kept = eqx.field(static=True)
 
-    def __init__(
-        self,
-        scene: NormalScene,
-        link: FlexibleLink | None,
-        wanted: tuple[Accumulator, ...],
-        traces: tuple[Trace, ...],
-        alike: bool,
-        history: bool,
-    ):
-        self.scene, self.link = scene, link
-        self.wanted, self.traces, self.alike, self.history = wanted, traces, alike, history
+    @property
+    def smoothing(self) -> Smoothing:
         # Nothing slides: any smoothing does.
-        self.smoothing = Smoothing(1.0, 1.0)
+        return Smoothing(1.0, 1.0)
 
     def sample(self, state: NormalState) -> Sample:
         return describe_normal(self.scene.parcel, self.link, state)

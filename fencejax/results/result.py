@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..printing import known, numbers
-from ..scenes import Body
+from ..scenes import Body, NormalScene, Scene
 from .accumulators import Trace
 from .by_name import AbstractByName
 from .error_estimate import ErrorEstimate
@@ -24,6 +24,10 @@ class Result(AbstractByName):
     for (`simulate(only=...)`) is `None`.
 
     Every measure is a field: `result.peak_force`.
+
+    >>> result = fj.simulate(fj.scenes.rigid_wall())
+    >>> print(f"{result.peak_force:.0f} N after {1e3 * result.peak_time:.1f} ms")
+    3294 N after 17.4 ms
     """
 
     measures: dict[str, Array]
@@ -130,17 +134,20 @@ def gather(
     saved: Saved | None,
     start_time: Array,
     status: Array,
+    scene: NormalScene | Scene,
 ) -> Result:
-    """The result from a record and what was saved at every sample: the `measures`, and of `final`,
-    `energy` and `start_time` what is `wanted`."""
+    """The result of a scene from a record and what was saved at every sample: the `measures`, and
+    of `final`, `energy` and `start_time` what is `wanted`."""
     states = record.states
 
     def read(measure: Measure) -> Array:
         source = measure.accumulator
-        if not isinstance(source, Trace):
-            return measure.read(states[source.name])
-        assert saved is not None
-        return measure.read(saved.courses[source.name])
+        if isinstance(source, Trace):
+            assert saved is not None
+            found = saved.courses[source.name]
+        else:
+            found = states[source.name]
+        return measure.read(found, scene) if measure.of_scene else measure.read(found)
 
     energy = None
     if wanted["energy"]:

@@ -27,7 +27,7 @@ from .interpolation import interpolate
 
 class Energy(NamedTuple):
     """Energies held at an instant [J]: of the parcel's motion, of the fence's motion, of its
-    bending, and of the elastic part of the contacts."""
+    bending, and of the elastic part of the contacts, with the fence's cover."""
 
     parcel: Array
     fence: Array
@@ -37,7 +37,7 @@ class Energy(NamedTuple):
 
 class Power(NamedTuple):
     """Rates of work [W], positive where the name says it: done by `drive`, `belt` and `geometry`;
-    taken up by `contact` (stored and dissipated); dissipated by the others.
+    taken up by `contact`, with the fence's cover (stored and dissipated); dissipated by the others.
 
     `geometry` is what small-deflection beam theory leaves out: the contact forces act along the
     bent fence's normal and tangent at the point U, while the beam is loaded with N along the
@@ -82,6 +82,10 @@ class Sample(NamedTuple):
     C_s [m]; empty where the tip carries none, as they follow from the fence's slope then."""
     surfaces: tuple[tuple[Contact, ...], ...] = ()
     """For each of the scene's other surfaces: its corners."""
+    twist: Array | None = None
+    """How far the hinge is ahead of the motor [rad]; `None` without a shaft that gives way."""
+    slip: Array | None = None
+    """What of that its clutch has slipped [rad]; `None` without one."""
     stresses: Array | None = None
     """Bending stress [Pa] at the nodes 0 ... n - 1 of the flexible link, positive on the side away
     from the parcel where a parcel bends it; not in histories."""
@@ -135,6 +139,7 @@ def describe(
         stored = stored + touch.remaining(share) * mechanics.law.stored_energy(c.gap)
         over_tip = jnp.where(mechanics.ends(k, c, touch), 1.0, over_tip)
     tip, stress, place, torque, stresses = zero, zero, zero, zero, None
+    vibration = twist = slip = None
     energy = Energy(kinetic, zero, zero, stored)
     power = Power(
         drive=zero,
@@ -155,15 +160,23 @@ def describe(
         link = mechanics.link
         assert link is not None
         tip, stress, place, stresses = bent(link, fence)
+        vibration = link.clamped(fence.vibration)
+        twist = None if link.hinge is None else link.hinge.twist(fence.vibration)[0]
+        if link.hinge is not None and link.hinge.clutch is not None and fence.clutch is not None:
+            slip = link.hinge.clutch.slip(fence.clutch)
         torque = _torque(link, fence, forces)
         energy = _fence_energy(link, fence, energy)
         power = _fence_power(link, fence, forces, torque, power)
+        if fence.pads:
+            energy = energy._replace(contact=energy.contact + pad_energy(link, fence))
+            taken = pad_power(link, fence, fence.loads(forces))
+            power = power._replace(contact=power.contact + taken)
     return Sample(
         time=time,
         body=body,
         acceleration=forces.acceleration,
         drive=None if fence is None else fence.drive,
-        vibration=None if fence is None else fence.vibration,
+        vibration=vibration,
         fence=at_fence,
         border=at_border,
         belt=forces.belt,
@@ -182,6 +195,8 @@ def describe(
         surfaces=tuple(
             tuple(meeting.contact for meeting in group) for group in forces.surfaces
         ),
+        twist=twist,
+        slip=slip,
         stresses=stresses,
     )
 
@@ -212,19 +227,43 @@ def strain_energy(link: FlexibleLink, fence: FenceState) -> Array:
     strain = 0.5 * link.mass_scale * total(
         k * q * q for k, q in zip(link.frequency_squared, fence.vibration.amplitude, strict=True)
     )
+    if link.hinge is not None and link.hinge.clutch is not None and fence.clutch is not None:
+        angle, _ = link.hinge.twist(fence.vibration)
+        strain = strain + link.hinge.clutch.stored(angle, fence.clutch)
     for force, rate in fence.residual:
         strain = strain + 0.5 * (force - link.lag * rate) ** 2
     return strain
 
 
 def damping_power(link: FlexibleLink, fence: FenceState) -> Array:
-    """Dissipated by the modes and by the modes left out [W]."""
+    """Dissipated by the modes, with shaft and clutch, and by the modes left out [W]."""
     damped = link.mass_scale * total(
         c * v * v for c, v in zip(link.damping, fence.vibration.rate, strict=True)
     )
+    if link.hinge is not None:
+        rate = fence.vibration.rate
+        damped = damped - link.mass_scale * dot(link.hinge.coupling(rate), rate)
+        if link.hinge.clutch is not None and fence.clutch is not None:
+            twist = link.hinge.twist(fence.vibration)
+            damped = damped + link.hinge.clutch.loss(*twist, fence.clutch)
     for _, rate in fence.residual:
         damped = damped + link.lag * rate**2
     return damped
+
+
+def pad_energy(link: FlexibleLink, fence: FenceState) -> Array:
+    """Held by the cover [J]."""
+    assert link.cover is not None
+    return total(map(link.cover.stored_energy, fence.pads))
+
+
+def pad_power(link: FlexibleLink, fence: FenceState, loads: tuple[Array, ...]) -> Array:
+    """Taken up by the cover under its `loads` [N], stored and dissipated [W]."""
+    assert link.cover is not None
+    return total(
+        load * link.cover.compression(pad)[1]
+        for load, pad in zip(loads, fence.pads, strict=True)
+    )
 
 
 def _torque(link: FlexibleLink, fence: FenceState, forces: Forces) -> Array:
@@ -261,6 +300,8 @@ def _fence_power(
         transverse = shape.place * fence.drive.speed + dot(shape.load, fence.vibration.rate)
         if fence.residual and shape.residual_mode is not None:
             transverse = transverse - shape.residual_mode[0] * fence.residual[k].rate
+        if fence.pads and link.cover is not None:
+            transverse = transverse - link.cover.compression(fence.pads[k])[1]
         across, along = parts.rates
         geometry = geometry + c.normal * across - load * transverse + c.friction * along
     return power._replace(
@@ -278,19 +319,26 @@ def describe_normal(parcel: Parcel, link: FlexibleLink | None, state: NormalStat
     energy = Energy(0.5 * parcel.mass * state.rate**2, zero, zero, stored)
     power = Power(zero, zero, zero, state.force * state.gap_rate, zero, zero, zero, zero)
     place, tip, stress, stress_place, stresses = zero, zero, zero, zero, None
+    vibration = twist = None
     if link is not None and fence is not None:
         place = fence.shapes[0].place + zero
         tip, stress, stress_place, stresses = bent(link, fence)
+        vibration = link.clamped(fence.vibration)
+        twist = None if link.hinge is None else link.hinge.twist(fence.vibration)[0]
         kinetic = 0.5 * link.mass_scale * total(v * v for v in fence.vibration.rate)
         energy = energy._replace(fence=kinetic, strain=strain_energy(link, fence))
         power = power._replace(beam_damping=damping_power(link, fence))
+        if fence.pads:
+            energy = energy._replace(contact=stored + pad_energy(link, fence))
+            taken = pad_power(link, fence, (state.force,))
+            power = power._replace(contact=power.contact + taken)
     touching = Contact(state.force, zero, state.gap, state.gap_rate, place, zero)
     return Sample(
         time=state.time,
         body=Body(place, -state.advance, zero, zero, -state.rate, zero),
         acceleration=Acceleration(zero, state.force / parcel.mass, zero),
         drive=None,
-        vibration=None if fence is None else fence.vibration,
+        vibration=vibration,
         fence=(touching,),
         border=(),
         belt=None,
@@ -303,5 +351,6 @@ def describe_normal(parcel: Parcel, link: FlexibleLink | None, state: NormalStat
         energy=energy,
         power=power,
         carried=() if fence is None else carried(fence),
+        twist=twist,
         stresses=stresses,
     )

@@ -13,6 +13,10 @@ class Status(enum.IntEnum):
     `text` says the likely cause and what to change. Up to `LEFT_OVER_TIP` the numbers are good
     within what `Fidelity` promises; from `PEAK_AT_TIP` on they are not to be relied on, and
     `fencejax.good` takes them out of a sum and of its gradient.
+
+    >>> status = fj.Status(10)
+    >>> status.name, status.numerical
+    ('STEP_TOO_COARSE', True)
     """
 
     SUCCESSFUL = 0

@@ -11,7 +11,11 @@ from .status import Status
 
 
 def holds(result: Result) -> Array:
-    """Whether a result's numbers are good, one a lane: its status is at most `LEFT_OVER_TIP`."""
+    """Whether a result's numbers are good, one a lane: its status is at most `LEFT_OVER_TIP`.
+
+    >>> bool(fj.holds(fj.simulate(fj.scenes.rigid_wall())))
+    True
+    """
     return jnp.asarray(result.status) <= Status.LEFT_OVER_TIP
 
 
@@ -36,6 +40,10 @@ def good(result: Result, value: Any, otherwise: float = 0.0) -> Any:
 
     - `result`: of `fencejax.simulate`, of any batch shape.
     - `value`: a number or pytree computed from it, each leaf with the batch's axes first.
+
+    >>> result = fj.simulate(fj.scenes.rigid_wall())
+    >>> print(f"{fj.good(result, result.peak_force):.0f} N")
+    3294 N
     """
     fine = holds(result)
 

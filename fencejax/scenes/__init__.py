@@ -2,6 +2,10 @@
 
 May import: `parts`. A new scene is a function that returns a `Scene`; a new beginning is a subclass
 of `AbstractStart`.
+
+>>> scene = fj.scenes.whole_sort(front=0.15, offset=0.1)
+>>> scene.start
+OnBelt(front=150 mm, offset=100 mm, angle=0 rad)
 """
 
 from . import (

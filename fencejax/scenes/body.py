@@ -6,7 +6,13 @@ from jaxtyping import Array
 
 
 class Body(NamedTuple):
-    """Motion of the parcel: C_s at (x, y) [m], angle phi [rad], and their rates."""
+    """Motion of the parcel: C_s at (x, y) [m], angle phi [rad], and their rates.
+
+    >>> scene = fj.scenes.free_motion(position=(0.0, 0.3))
+    >>> motion = scene.start.motion
+    >>> f"{motion.y:.1f} m, {motion.spin:.1f} rad/s"
+    '0.3 m, 2.0 rad/s'
+    """
 
     x: Array
     y: Array

@@ -57,6 +57,9 @@ def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> A
     - the centre of gravity inside the rectangle, the drive's stroke long enough;
     - the place of the touch on the fence, and its angle one that the drive has at `start_time` [s];
     - a parcel between border and fence spans from one to the other.
+
+    >>> bool(fj.scenes.consistent(fj.scenes.oblique_impact()))
+    True
     """
     parcel = scene.parcel
     checks = list(_bounded(scene))

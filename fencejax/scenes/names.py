@@ -18,8 +18,10 @@ from ..parts import (
     HarmonicDrive,
     HeldDrive,
     Material,
+    Pad,
     Parcel,
     SCurveDrive,
+    Shaft,
     SplineDrive,
     TrapezoidDrive,
 )
@@ -36,6 +38,10 @@ class Number(NamedTuple):
     - `name`: what it is called beside its path. Two numbers that no scene has at once may share it.
     - `lower`, `upper`: default bounds [`unit`] of designs and sweeps, if it has any, with their
       `scaling` (see `fencejax.DesignVariable`).
+
+    >>> number = fj.scene_numbers.number(fj.scenes.oblique_impact(), "thickness")
+    >>> number.path, number.unit
+    ('fence.thickness', 'm')
     """
 
     path: str
@@ -90,6 +96,14 @@ FENCE = (
     _of(Material, "fence.material.damping_ratio", "damping_ratio", 0.005, 0.20),
     _of(Fence, "fence.rigid_length", "rigid_length"),
     _of(Fence, "fence.flexible_length", "flexible_length"),
+    _of(Pad, "fence.pad.thickness", "pad_thickness", 0.0, 0.03, _LINE),
+    _of(Pad, "fence.pad.modulus", "pad_modulus", 5e4, 5e6),
+    _of(Shaft, "fence.shaft.stiffness", "shaft_stiffness", 1e4, 1e7),
+    _of(Shaft, "fence.shaft.damping", "shaft_damping"),
+    _of(Shaft, "fence.shaft.inertia", "shaft_inertia"),
+    _of(Shaft, "fence.shaft.slip_torque", "slip_torque", 50.0, 5e3),
+    _of(Pad, "fence.pad.contact_length", "pad_contact_length"),
+    _of(Pad, "fence.pad.retardation_time", "pad_retardation_time"),
 )
 # Of several drives with such a number, the one that asks for least.
 DRIVE = (
@@ -168,7 +182,11 @@ BY_PATH = {number.path: number for number in NUMBERS}
 
 def element(name: str) -> tuple[str, int | None]:
     """`"control_angles[3]"` as ("control_angles", 3): a vector and a place in it. Anything else
-    with `None`."""
+    with `None`.
+
+    >>> fj.scenes.element("control_angles[3]"), fj.scenes.element("mass")
+    (('control_angles', 3), ('mass', None))
+    """
     match = re.fullmatch(r"(.*\w)\[(\d+)\]", name)
     return (name, None) if match is None else (match[1], int(match[2]))
 

@@ -27,6 +27,9 @@ def normal_impact(
     - `duration` [s], static, default 0.25.
 
     Raises `ValueError` where the distance is out of the fence's reach.
+
+    >>> fj.scenes.normal_impact(speed=2.0, distance=1.0).speed.item()
+    2.0
     """
     fence = fence_of(fence)
     if distance is None:
@@ -46,6 +49,9 @@ def rigid_wall(
     """A parcel strikes an undeformable wall of infinite mass: N_stiff, one coordinate.
 
     `speed` is the normal approach speed v_n [m/s]; `duration` [s] is static, default 0.1.
+
+    >>> print(f"{fj.simulate(fj.scenes.rigid_wall(speed=2.0)).peak_force:.0f} N")
+    2440 N
     """
     return NormalScene(
         parcel_of(parcel),

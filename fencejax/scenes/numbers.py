@@ -10,6 +10,10 @@ l_s / l_p at a constant reach.
 Design variables, sweeps, sensitivities, identification and the choice of a fidelity all name
 numbers so, and read and replace them by `read` and `replace`. What they are the numbers of need not
 be a whole scene: a fence and a drive under these names will do.
+
+>>> scene = fj.scene_numbers.replace(fj.scenes.oblique_impact(), ["reach"], [1.1])
+>>> f"{scene.fence.rigid_length:.4f} m + {scene.fence.flexible_length:.4f} m"
+'0.4125 m + 0.6875 m'
 """
 
 import functools
@@ -40,7 +44,11 @@ def _paths(scene) -> list[tuple[str, tuple[int, ...]]]:
 
 
 def names(scene) -> tuple[str, ...]:
-    """The paths of all numbers of a scene, in the order of `values`."""
+    """The paths of all numbers of a scene, in the order of `values`.
+
+    >>> fj.scene_numbers.names(fj.scenes.rigid_wall())[-3:]
+    ('parcel.stiffness', 'parcel.damping', 'speed')
+    """
     found = []
     for path, shape in _paths(scene):
         if len(shape) > 1:
@@ -55,6 +63,9 @@ def unit(name: str) -> str:
     """The unit [SI] of a number of the table, by its path or by one of the names of `DERIVED`.
 
     Raises `ValueError` for a path that the table does not hold: see `number`.
+
+    >>> fj.scene_numbers.unit("fence.material.density")
+    'kg/m^3'
     """
     return scene_names.at(name).unit
 
@@ -72,6 +83,9 @@ def number(scene, name: str) -> Number:
     the `bounds` of its class; without these it is a ratio [1].
 
     Raises `ValueError` where there is no such number, or more than one.
+
+    >>> fj.scene_numbers.number(fj.scenes.oblique_impact(), "density").path
+    'fence.material.density'
     """
     path = resolve(scene, name)
     whole = element(path)[0]
@@ -90,6 +104,9 @@ def resolve(scene, name: str) -> str:
     """The path (or name of `DERIVED`) that `name` stands for in a scene.
 
     Raises `ValueError` where there is none, or more than one.
+
+    >>> fj.scene_numbers.resolve(fj.scenes.oblique_impact(), "density")
+    'fence.material.density'
     """
     known = names(scene)
     if name in known:
@@ -111,6 +128,10 @@ def elements(scene, name: str) -> tuple[str, ...]:
     """The names of a vector's elements where `name` is a vector's, and else `name` alone.
 
     Raises `ValueError` where a scene has neither.
+
+    >>> scene = fj.scenes.whole_sort(drive=fj.SplineDrive([0.3, 0.6, 0.3]))
+    >>> fj.scene_numbers.elements(scene, "control_angles")
+    ('control_angles[0]', 'control_angles[1]', 'control_angles[2]')
     """
     paths = dict(_paths(scene))
     for path in PATHS.get(name, tuple(p for p in paths if p == name or p.endswith(f".{name}"))):
@@ -121,7 +142,11 @@ def elements(scene, name: str) -> tuple[str, ...]:
 
 
 def has(scene, name: str) -> bool:
-    """Whether a name stands for a number of a scene."""
+    """Whether a name stands for a number of a scene.
+
+    >>> fj.scene_numbers.has(fj.scenes.rigid_wall(), "thickness")
+    False
+    """
     try:
         resolve(scene, name)
     except ValueError:
@@ -130,7 +155,11 @@ def has(scene, name: str) -> bool:
 
 
 def short(scene, path: str) -> str:
-    """The name of a number that `resolve` takes for it, or its path if it has none."""
+    """The name of a number that `resolve` takes for it, or its path if it has none.
+
+    >>> fj.scene_numbers.short(fj.scenes.oblique_impact(), "fence.material.density")
+    'density'
+    """
     for name, candidates in PATHS.items():
         if path in candidates:
             return name
@@ -141,12 +170,22 @@ def short(scene, path: str) -> str:
 
 
 def values(scene) -> Array:
-    """All numbers of a scene [SI], of shape (N,)."""
+    """All numbers of a scene [SI], of shape (N,).
+
+    >>> fj.scene_numbers.values(fj.scenes.rigid_wall()).shape
+    (8,)
+    """
     return jnp.concatenate([jnp.ravel(jnp.asarray(leaf)) for leaf in jax.tree.leaves(scene)])
 
 
 def with_values(scene: _Parts, numbers: ArrayLike) -> _Parts:
-    """The scene with all its numbers replaced, from shape (N,). Nothing is checked."""
+    """The scene with all its numbers replaced, from shape (N,). Nothing is checked.
+
+    >>> scene = fj.scenes.rigid_wall()
+    >>> twice = fj.scene_numbers.with_values(scene, 2.0 * fj.scene_numbers.values(scene))
+    >>> float(scene.parcel.mass), float(twice.parcel.mass)
+    (15.0, 30.0)
+    """
     numbers = jnp.asarray(numbers)
     leaves, structure = jax.tree.flatten(scene)
     new, at = [], 0
@@ -158,7 +197,12 @@ def with_values(scene: _Parts, numbers: ArrayLike) -> _Parts:
 
 
 def read(scene, chosen: Sequence[str]) -> list[Array]:
-    """The numbers of some names [SI]."""
+    """The numbers of some names [SI].
+
+    >>> reach, mass = fj.scene_numbers.read(fj.scenes.oblique_impact(), ["reach", "mass"])
+    >>> f"{reach:.2f} m, {mass:.1f} kg"
+    '1.20 m, 15.0 kg'
+    """
     leaves = dict(zip([path for path, _ in _paths(scene)], jax.tree.leaves(scene), strict=True))
 
     def one(path):
@@ -178,6 +222,17 @@ def replace(
     """The scene with the numbers of some names [SI] replaced by those given.
 
     Differentiable, and free of checks: see `check`.
+
+    >>> scene = fj.scene_numbers.replace(fj.scenes.oblique_impact(), ["thickness"], [0.05])
+    >>> print(scene.fence)
+    Fence(
+      rigid_length=450 mm,
+      flexible_length=750 mm,
+      width=132 mm,
+      thickness=50 mm,
+      material=Material(youngs_modulus=3 GPa, density=1130 kg/m^3, damping_ratio=0.05),
+      taper=ConstantStrength(),
+    )
     """
     paths = [path for path, _ in _paths(scene)]
     leaves, structure = jax.tree.flatten(scene)
@@ -204,7 +259,10 @@ def replace(
 
 def check(scene, name: str, value: float) -> None:
     """Raise `ValueError` where a number of the scene cannot have the value [SI], or where a
-    distance lies beyond the scene's own fence."""
+    distance lies beyond the scene's own fence.
+
+    >>> fj.scene_numbers.check(fj.scenes.oblique_impact(), "distance", 1.1)
+    """
     found = number(scene, name)
     _check.scalar(name, value, **found.bounds._asdict())
     if found.path in ("start.place", "distance") and scene.fence is not None:
@@ -220,6 +278,9 @@ def together(scene, chosen: Sequence[str]) -> tuple[str, ...]:
     """The paths of some names.
 
     Raises `ValueError` where two of them set the same number.
+
+    >>> fj.scene_numbers.together(fj.scenes.oblique_impact(), ["mass", "reach"])
+    ('parcel.mass', 'reach')
     """
     paths = tuple(resolve(scene, name) for name in chosen)
     if not paths:
@@ -234,7 +295,11 @@ def together(scene, chosen: Sequence[str]) -> tuple[str, ...]:
 
 
 def vary(scene, chosen: Sequence[str], given: ArrayLike) -> np.ndarray:
-    """All numbers of the scene with some replaced lane by lane: (P, n) -> (P, N), on the host."""
+    """All numbers of the scene with some replaced lane by lane: (P, n) -> (P, N), on the host.
+
+    >>> fj.scene_numbers.vary(fj.scenes.rigid_wall(), ["speed"], [[1.0], [2.0]]).shape
+    (2, 8)
+    """
     chosen = together(scene, chosen)
     return np.asarray(
         jax.vmap(lambda row: values(replace(scene, chosen, row)))(jnp.asarray(given, dtype=float))
@@ -242,7 +307,14 @@ def vary(scene, chosen: Sequence[str], given: ArrayLike) -> np.ndarray:
 
 
 def named(scene, chosen: Sequence[str], lanes: ArrayLike) -> np.ndarray:
-    """Numbers by some names in lanes of all numbers: (P, N) -> (P, n), on the host."""
+    """Numbers by some names in lanes of all numbers: (P, N) -> (P, n), on the host.
+
+    >>> scene = fj.scenes.rigid_wall()
+    >>> lanes = fj.scene_numbers.vary(scene, ["speed"], [[1.0], [2.0]])
+    >>> fj.scene_numbers.named(scene, ["speed", "mass"], lanes)
+    array([[ 1., 15.],
+           [ 2., 15.]])
+    """
     chosen = together(scene, chosen)
     return np.asarray(
         jax.vmap(lambda lane: jnp.stack(read(with_values(scene, lane), chosen)))(
@@ -255,7 +327,14 @@ def slopes_in(
     scene, chosen: Sequence[str], lanes: ArrayLike, slopes: ArrayLike
 ) -> np.ndarray:
     """Slopes in some names from those in all numbers, (..., N) at `lanes` (P, N): the chain rule,
-    which matters for the names of `DERIVED` alone. (P, m, N) -> (P, m, n), on the host."""
+    which matters for the names of `DERIVED` alone. (P, m, N) -> (P, m, n), on the host.
+
+    >>> scene = fj.scenes.rigid_wall()
+    >>> lane = fj.scene_numbers.values(scene)[None]
+    >>> every = np.arange(lane.size)[None, None]
+    >>> fj.scene_numbers.slopes_in(scene, ["mass", "speed"], lane, every)
+    array([[[0., 7.]]])
+    """
     known = names(scene)
     lanes, slopes = np.asarray(lanes, dtype=float), np.asarray(slopes, dtype=float)
     columns = []

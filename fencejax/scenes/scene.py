@@ -4,7 +4,16 @@
 import equinox as eqx
 from jaxtyping import Array
 
-from ..parts import AbstractDrive, AbstractFriction, AbstractSurface, Belt, Border, Fence, Parcel
+from ..parts import (
+    AbstractDrive,
+    AbstractFriction,
+    AbstractSurface,
+    Belt,
+    Border,
+    Fence,
+    Motor,
+    Parcel,
+)
 from ..printing import Part
 from .names import BY_PATH
 from .start import AbstractStart
@@ -13,7 +22,13 @@ from .start import AbstractStart
 class Scene(Part):
     """A parcel and the parts that act on it. A part that is `None` costs nothing.
 
-    Made by the functions of this module; a field is changed with `equinox.tree_at`.
+    Made by the functions of this module; a field is changed with `equinox.tree_at`. The `motor`
+    follows the drive whatever that takes: its numbers are read by the quantities of
+    `fencejax.design.drivability` alone.
+
+    >>> scene = fj.scenes.oblique_impact(distance=0.9)
+    >>> scene.start, scene.duration
+    (AtTouch(place=900 mm, drive_angle=0.3 rad, corner=1), 0.25)
     """
 
     parcel: Parcel
@@ -29,6 +44,7 @@ class Scene(Part):
     tip_contact: bool = eqx.field(static=True, default=False)
     surfaces: tuple[AbstractSurface, ...] = ()
     surface_corners: tuple[int, ...] = eqx.field(static=True, default=())
+    motor: Motor | None = None
 
     def _unit(self, name):
         return "s" if name == "duration" else super()._unit(name)
@@ -36,7 +52,12 @@ class Scene(Part):
 
 class NormalScene(Part):
     """A parcel with one coordinate, against the fence held still or, without one, against an
-    undeformable wall of infinite mass; no belt, no friction."""
+    undeformable wall of infinite mass; no belt, no friction.
+
+    >>> scene = fj.scenes.normal_impact(speed=2.0)
+    >>> float(scene.speed), scene.duration
+    (2.0, 0.25)
+    """
 
     parcel: Parcel
     speed: Array

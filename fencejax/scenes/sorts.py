@@ -14,6 +14,7 @@ from ..parts import (
     Border,
     Fence,
     HarmonicDrive,
+    Motor,
     Parcel,
 )
 from .arguments import (
@@ -60,6 +61,10 @@ def free_motion(
     - `fence`, `drive`: if given, the fence swings and rings beside the parcel without contact.
     - `surfaces`: still surfaces that its `surface_corners` can touch.
     - `duration` [s], static, default 0.5.
+
+    >>> scene = fj.scenes.free_motion(position=(0.0, 0.3), velocity=(0.0, 1.0, 2.0))
+    >>> scene.fence is None, scene.duration
+    (True, 0.5)
     """
     numbers = {
         "position x": (position[0], "m"),
@@ -121,6 +126,7 @@ def whole_sort(
     surfaces: tuple[AbstractSurface, ...] = (),
     surface_corners: tuple[int, ...] = (1, 2, 3, 4),
     duration: float | None = None,
+    motor: Motor | None = None,
 ) -> Scene:
     """A whole sort: the drive starts at rest, the parcel rides in, and contacts come and go.
 
@@ -135,8 +141,15 @@ def whole_sort(
     - `surfaces`: other still surfaces that the parcel's `surface_corners` can touch, such as a wall
       of the chute. `Result.peak_surface_force` is theirs.
     - `duration` [s], static, by default the drive's cycle.
+    - `motor`: what swings the fence, for the limits of `fencejax.design.drivability`.
+
+    >>> scene = fj.scenes.whole_sort(offset=0.1, parcel=fj.Parcel(mass=8.0))
+    >>> scene.start, float(scene.parcel.mass)
+    (OnBelt(front=100 mm, offset=100 mm, angle=0 rad), 8.0)
     """
     fence = fence_of(fence)
+    if motor is not None:
+        motor = _check.part("motor", motor, Motor, "motor=fj.Motor(torque=400.0)")
     if drive is None:
         drive, duration = HarmonicDrive(), CYCLE_TIME if duration is None else duration
     drive = drive_of(drive)
@@ -168,6 +181,7 @@ def whole_sort(
         _check.flag("tip_contact", tip_contact),
         surfaces,
         surface_corners,
+        motor,
     )
 
 
@@ -197,6 +211,10 @@ def passive_sort(
     - `duration` [s], static.
 
     Raises `ValueError` where a corner lies inside a surface at the start.
+
+    >>> scene = fj.scenes.passive_sort([fj.surfaces.Deflector(angle=0.6)])
+    >>> scene.fence is None, len(scene.surfaces)
+    (True, 1)
     """
     surfaces = surfaces_of(surfaces)
     start = _on_belt(front, offset, angle)

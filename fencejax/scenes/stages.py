@@ -71,6 +71,20 @@ def oblique_impact(
     where the parcel, turned by `parcel_angle`, lies beyond the fence with another corner.
 
     Paper: (2.25), (2.26). There the end of the stage; what comes before is in the model.
+
+    >>> print(fj.simulate(fj.scenes.oblique_impact(distance=0.9, parcel=fj.Parcel(mass=8.0))))
+                status  successful
+            peak force  873.52 N  at 30.91 ms
+               impulse  28.199 N s
+               contact  56.44 ms  from 0.00 ms to 56.44 ms
+           leaves at x  0.858 m  y 0.584 m (C_s, end of the force)
+        tip deflection  34.22 mm  at 30.58 ms
+        bending stress  10.87 MPa  at 0.450 m from the hinge
+          drive torque  934.47 N m  largest
+          border force  0.00 N  largest
+         surface force  0.00 N  largest
+         pressed in by  26.34 mm
+       energy residual  1.18e-03 J
     """
     fence = fence_of(fence)
     drive = drive_of(drive)
@@ -142,6 +156,10 @@ def along_fence(
     under C_s; the other arguments are those of `oblique_impact`; `duration` is 0.25 s by default.
 
     Paper: (2.27)-(2.30). There phi is the fence's slope, and one force acts at the foot of C_s.
+
+    >>> scene = fj.scenes.along_fence(distance=0.7, drive_angle=0.2)
+    >>> scene.start
+    FlushOnFence(place=700 mm, drive_angle=0.2 rad)
     """
     fence = fence_of(fence)
     drive = drive_of(drive)
@@ -182,6 +200,10 @@ def border_and_fence(
     [rad]; the other arguments are those of `oblique_impact`; `duration` is 0.25 s by default.
 
     Raises `ValueError` where the two corners are closer together than the fence is high there.
+
+    >>> scene = fj.scenes.border_and_fence(distance=0.9, fence_corner=1, border_corner=2)
+    >>> scene.fence_corners, scene.border_corners
+    ((1,), (2,))
     """
     fence = fence_of(fence)
     drive = drive_of(drive)

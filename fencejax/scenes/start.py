@@ -15,7 +15,12 @@ from .names import BY_PATH
 
 class Pose(eqx.Module):
     """What a start may use of the fence: the point U at an arc coordinate and the slope there,
-    both at the start time, in fixed axes, and the drive's motion."""
+    both at the start time, in fixed axes, and the drive's motion.
+
+    >>> motion = fj.HarmonicDrive().motion(0.2)
+    >>> fj.scenes.Pose(x=1.0, y=0.3, slope=0.3, normal_rate=1.5, drive=motion).slope
+    0.3
+    """
 
     x: Array
     y: Array
@@ -25,7 +30,12 @@ class Pose(eqx.Module):
 
 
 class AbstractStart(Part):
-    """Initial conditions of a scene."""
+    """Initial conditions of a scene.
+
+    >>> scene = fj.scenes.whole_sort()
+    >>> isinstance(scene.start, fj.scenes.AbstractStart)
+    True
+    """
 
     def _unit(self, name):
         found = BY_PATH.get(f"start.{name}")
@@ -46,7 +56,12 @@ class AbstractStart(Part):
 
 
 class AsGiven(AbstractStart):
-    """The parcel's motion written out."""
+    """The parcel's motion written out.
+
+    >>> scene = fj.scenes.free_motion(velocity=(0.0, 0.5, 0.0))
+    >>> f"{scene.start.motion.y_rate:.1f} m/s"
+    '0.5 m/s'
+    """
 
     motion: Body
 
@@ -57,7 +72,12 @@ class AsGiven(AbstractStart):
 
 class OnBelt(AbstractStart):
     """The parcel rides with the belt: its foremost point at x = `front`, its lowest `offset` from
-    the border, turned by `angle`, when the drive starts."""
+    the border, turned by `angle`, when the drive starts.
+
+    >>> scene = fj.scenes.whole_sort(front=0.15, offset=0.1)
+    >>> scene.start
+    OnBelt(front=150 mm, offset=100 mm, angle=0 rad)
+    """
 
     front: Array
     offset: Array
@@ -113,6 +133,10 @@ class AtTouch(AbstractStartAtFence):
 
     The parcel rides with the belt (or moves as given), turned so that C_s lies on the fence's
     normal through the corner, or by a given angle.
+
+    >>> scene = fj.scenes.oblique_impact(distance=0.9)
+    >>> scene.start
+    AtTouch(place=900 mm, drive_angle=0.3 rad, corner=1)
     """
 
     place: Array
@@ -139,6 +163,10 @@ class FlushOnFence(AbstractStartAtFence):
     """The parcel's lower wall lies on the fence (D = 0), C_s over the arc coordinate `place`.
 
     It turns and advances with the fence and slides along it with the belt's share.
+
+    >>> scene = fj.scenes.along_fence(distance=0.7)
+    >>> scene.start
+    FlushOnFence(place=700 mm, drive_angle=0.25 rad)
     """
 
     place: Array
@@ -162,7 +190,12 @@ class FlushOnFence(AbstractStartAtFence):
 
 
 class BetweenBorderAndFence(AbstractStartAtFence):
-    """One corner touches the border and another the fence; the parcel rides with the belt."""
+    """One corner touches the border and another the fence; the parcel rides with the belt.
+
+    >>> scene = fj.scenes.border_and_fence(distance=0.9)
+    >>> scene.start
+    BetweenBorderAndFence(place=900 mm, drive_angle=0.1 rad, fence_corner=1, border_corner=2)
+    """
 
     place: Array
     drive_angle: Array

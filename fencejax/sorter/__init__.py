@@ -4,6 +4,9 @@ May import: everything below it. What a sorter file says is read in `reading` (p
 `amounts` (units); `machine` holds the parts that result, `problem` makes them a design problem, and
 `solution` solves and explains it. A new limit is one row of `limits`; a new key of a sorter file is
 a field of its part.
+
+>>> print(f"{fj.sorter.amount('thickness', '45 mm', 'm'):.3f}")
+0.045
 """
 
 from .amounts import (
@@ -44,6 +47,7 @@ from .solution import (
     Look as Look,
     Price as Price,
     Solution as Solution,
+    constant_push as constant_push,
     look as look,
     rigid as rigid,
     solve as solve,

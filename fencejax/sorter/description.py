@@ -39,13 +39,18 @@ class Sorter(Readable):
         )
 
     Numbers are in SI units, or text with a unit. In place of a table stands a part where there is
-    one, such as `belt=fj.Belt(speed=2.5)`. What is left out is the paper's. `fence` and `drive` may
-    have free numbers, `{"lower": ..., "upper": ..., "start": ...}`, fixed where both bounds are the
-    same, and numbers to choose from a list; `fence.material` may list materials. Each combination
-    is a candidate, designed for itself.
+    one, such as `belt=fj.Belt(speed=2.5)`. What is left out is the paper's. Any part may have free
+    numbers, `{"lower": ..., "upper": ..., "start": ...}`, fixed where both bounds are the same, and
+    all but the parcels numbers to choose from a list; `fence.material` may list materials. Each
+    combination is a candidate, designed for itself.
 
     Then `sorter.problem()` is ready for `fj.minimize`, `sorter.scenes()` for
     `fj.simulate_many`, and `sorter.family(["mass"])` for sweeps and studies.
+
+    >>> sorter = fj.Sorter(belt=fj.Belt(speed=2.5))
+    >>> scene = sorter.scene(lane=0)
+    >>> scene.start
+    OnBelt(front=100 mm, offset=0 m, angle=0 rad)
     """
 
     def __init__(
@@ -72,7 +77,7 @@ class Sorter(Readable):
         - `parcels`: numbers of `fencejax.Parcel` and places (`front`, `offset`, `angle`): one for
           all, or a list, of which every combination is sorted, or a table with a `distribution`, of
           which `count` are drawn; a `list` of tables; or a `file` of CSV. `weight`: how often one
-          comes.
+          comes. A free one is the same for all parcels.
         - `period` [s]: from one parcel to the next; how long a sort is followed.
         - `limits`: bounds by name, see `fencejax.sorter.LIMIT_ROWS`.
         - `objective`: the name of a quantity, or `{"minimize": ..., "over": "worst"}`.

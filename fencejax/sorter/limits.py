@@ -1,15 +1,15 @@
 """The table of a sorter's limits: a row each, by the name that a sorter file has for it.
 
 To limit something more, add a row: the quantity, which side is bounded, and which bound holds where
-the file says nothing. A quantity may depend on the motor, or on numbers that the file gives with
-the limit. A row's quantity is exact in value and gradient; it is read in every sort,
+the file says nothing. A quantity may depend on numbers that the file gives with the limit, or that
+each parcel has itself. A row's quantity is exact in value and gradient; it is read in every sort,
 or once where it depends on the design alone (`Quantity.fields` empty). Any other quantity of
 `fencejax.OBJECTIVES` can be limited by its own name, without a row.
 """
 
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import jax.numpy as jnp
 
@@ -26,7 +26,7 @@ from ..design import (
     shock,
     sorting,
 )
-from ..parts import DataSheet, Motor
+from ..parts import DataSheet, Motor, Parcel
 from .amounts import amount, nearest, refuse_unknown
 
 _SENSES = {"at_most": "at most", "at_least": "at least"}
@@ -65,9 +65,11 @@ class LimitRow:
     - `scale` [the quantity's unit]: what the margin is measured in; by default the bound's
       magnitude.
     - `of`: the quantity for a sorter and the settings, in place of `quantity`, whose unit it has.
-    - `settings`: numbers that the file gives with the limit, by name; without them there is none.
-      `chosen` are those given [SI].
+    - `settings`: numbers that the file gives with the limit, by name; `chosen` are those given
+      [SI]. `own`: those that the parcels may have themselves, with the name that they have there.
     - `asked`: whether it holds only where the file names it, be it by `true` for the usual bound.
+    - `over`: `"worst"`, so that it holds for every parcel, or `"mean"`: what is limited is the mean
+      over the parcels, by how often each comes.
     - `unit`: of what a file gives, where that is no bound on the quantity yet; `bound_of` makes it
       one for a sorter and a material, or `None` where the material lacks a number for it.
     """
@@ -80,7 +82,9 @@ class LimitRow:
     of: Callable[[Bounding, Mapping[str, float]], Quantity] | None = None
     settings: Mapping[str, Bounds] = dataclasses.field(default_factory=dict)
     chosen: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    own: Mapping[str, str] = dataclasses.field(default_factory=dict)
     asked: bool = False
+    over: str = "worst"
     unit: str | None = None
     bound_of: Callable[[float, Bounding, DataSheet], Any] | None = None
 
@@ -109,9 +113,19 @@ def _of_line(sorter: Bounding, sheet: DataSheet):
     return None if sorter.motor.no_load_speed is None else 1.0
 
 
-def _behind(quantity: Callable[[Motor], Quantity]):
-    """A quantity of a sorter's motor."""
-    return lambda sorter, chosen: quantity(sorter.motor)
+def _torque(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
+    """Of a motor with no inertia, losses or shaft of its own it is the hinge's, which needs no
+    more than every sort is measured for."""
+    return drivability.MOTOR_TORQUE if sorter.motor.felt else objectives.PEAK_TORQUE
+
+
+def _line(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
+    if sorter.motor.line is None:
+        raise ValueError(
+            "Argument `limits.speed_torque` must be left out for a motor without a line of torque "
+            "over speed. Or give motor.no_load_speed, with a torque."
+        )
+    return drivability.SPEED_TORQUE
 
 
 def _of_period(sorter: Bounding, sheet: DataSheet):
@@ -124,7 +138,8 @@ _LIFE = fatigue.ENDURANCE
 
 def _for_life(sorts: float, sorter: Bounding, sheet: DataSheet):
     strength = sheet.fatigue_strength
-    return None if strength is None else fatigue.amplitude_for(sorts, strength)
+    exponent = fatigue.exponent_of(sheet.material)
+    return None if strength is None else fatigue.amplitude_for(sorts, strength, exponent)
 
 
 DEFLECTION_SHARE = Quantity(
@@ -139,6 +154,10 @@ INDENTATION_SHARE = Quantity(
     fields=("deepest",),
 )  # fmt: skip
 
+_FRAGILITY = {
+    name: Parcel.bounds[name] for name in ("critical_load", "critical_velocity_change")
+}
+
 _ROWS = (
     # The parcel's centre passes the belt's far edge; margins in belt widths, as `fj.LIMITS` has it.
     LimitRow("sorted", objectives.CROSSING, "at least", lambda *_: 0.0, 0.7),
@@ -149,40 +168,37 @@ _ROWS = (
         "life", fatigue.FATIGUE_STRESS, unit="1", bound_of=_for_life,
         usual=lambda sorter, sheet: _for_life(_LIFE, sorter, sheet),
     ),
-    LimitRow(
-        "torque", objectives.PEAK_TORQUE, usual=_of_motor, of=_behind(drivability.motor_torque)
-    ),
-    LimitRow(
-        "rms_torque", drivability.rms_torque(), usual=_of_lasting_use,
-        of=_behind(drivability.rms_torque),
-    ),
-    LimitRow(
-        "speed_torque", drivability.SPEED_TORQUE, usual=_of_line,
-        of=_behind(drivability.speed_torque),
-    ),
-    LimitRow("power", drivability.peak_power(), of=_behind(drivability.peak_power)),
+    LimitRow("torque", objectives.PEAK_TORQUE, usual=_of_motor, of=_torque),
+    LimitRow("rms_torque", drivability.RMS_TORQUE, usual=_of_lasting_use),
+    LimitRow("speed_torque", drivability.SPEED_TORQUE, usual=_of_line, of=_line),
+    LimitRow("power", drivability.PEAK_POWER),
     # Over a cycle: nothing recovered, or all of it.
-    LimitRow("energy", drivability.drive_work(), of=_behind(drivability.drive_work)),
-    LimitRow("net_energy", drivability.net_work(), of=_behind(drivability.net_work)),
+    LimitRow("energy", drivability.DRIVE_WORK),
+    LimitRow("net_energy", drivability.NET_WORK),
     LimitRow("ring", RING_AMPLITUDE),
     # As an acceleration in g, a velocity change, and the boundary where both do damage.
     LimitRow("peak_load", shock.PEAK_LOAD),
     LimitRow("velocity_change", shock.VELOCITY_CHANGE),
     LimitRow(
-        "damage", shock.damage_boundary(1.0, 1.0), usual=lambda *_: 1.0,
-        settings={
-            "critical_load": Bounds(above=0, size=50.0),
-            "critical_velocity_change": Bounds("m/s", above=0, size=1.0),
-        },
+        "damage", shock.damage_boundary(), usual=lambda *_: 1.0, settings=_FRAGILITY,
+        own={name: name for name in _FRAGILITY}, asked=True,
         of=lambda sorter, chosen: shock.damage_boundary(**chosen),
     ),
+    # Of a population whose parcels differ by more than is known of them.
     LimitRow(
-        "tipping", sorting.tipping(1.0, 0.0), usual=lambda *_: 1.0,
+        "share_damaged", shock.damage_chance(1.0), usual=lambda *_: 0.01,
+        settings={"spread": Bounds(above=0, size=0.2), **_FRAGILITY},
+        own={name: name for name in _FRAGILITY}, asked=True, over="mean",
+        of=lambda sorter, chosen: shock.damage_chance(**chosen),
+    ),
+    LimitRow(
+        "tipping", sorting.tipping(None, 0.0), usual=lambda *_: 1.0,
         settings={
             "center_height": Bounds("m", least=0, size=0.2),
             "contact_height": Bounds("m", least=0, size=0.2),
         },
-        of=lambda sorter, chosen: sorting.tipping(**chosen),
+        own={"center_height": "height"}, asked=True,
+        of=lambda sorter, chosen: sorting.tipping(**{"center_height": None, **chosen}),
     ),
     # A tenth: what the fence's end does is a graze, and no part of the sort.
     LimitRow("tip_share", sorting.TIP_SHARE, usual=lambda *_: 0.1, asked=True),
@@ -204,23 +220,11 @@ Bound = tuple[LimitRow, float | None]
 """A row, and the bound [SI] that a sorter gives for it; `None` for the row's usual one."""
 
 
-class _Motored(NamedTuple):
-    """A sorter of which the motor alone counts."""
-
-    motor: Motor
-    period: float | None = None
-    drive_varies: bool = False
-
-
-def quantities(motor: Motor) -> dict[str, Quantity]:
-    """Every quantity by name that needs no settings, behind a motor where it is one of it."""
-    found = dict(OBJECTIVES)
-    for row in _ROWS:
-        lineless = row.quantity is drivability.SPEED_TORQUE and motor.no_load_speed is None
-        if row.quantity.name not in found and not row.settings and not lineless:
-            made = row.quantity if row.of is None else row.of(_Motored(motor), {})
-            found[row.quantity.name] = made
-    return found
+def quantities() -> dict[str, Quantity]:
+    """Every quantity by name that needs no settings."""
+    rows = {row.quantity.name: row.quantity for row in _ROWS if not row.settings}
+    behind = drivability.MOTOR_TORQUE
+    return {**rows, behind.name: behind, **OBJECTIVES}
 
 
 def known_names() -> tuple[str, ...]:
@@ -228,8 +232,9 @@ def known_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*LIMIT_ROWS, *OBJECTIVES)))
 
 
-def read(table: Mapping[str, Any]) -> tuple[Bound, ...]:
-    """The limits that a table gives, with those that hold in any case.
+def read(table: Mapping[str, Any], own: Iterable[str] = ()) -> tuple[Bound, ...]:
+    """The limits that a table gives, with those that hold in any case; `own`: names of the numbers
+    that every parcel has itself.
 
     A value is a bound, with or without a unit, on the side that the row bounds; `{at_most = ...}`
     or `{at_least = ...}` says the side, with a row's settings beside; `True` is a row's usual
@@ -254,7 +259,8 @@ def read(table: Mapping[str, Any]) -> tuple[Bound, ...]:
         if raw is False:
             del rows[name]
             continue
-        rows[name], raw = _with_settings(dataclasses.replace(rows[name], asked=False), raw)
+        named = dataclasses.replace(rows[name], asked=False)
+        rows[name], raw = _with_settings(named, raw, frozenset(own))
         if raw is True:
             if rows[name].usual is None:
                 raise ValueError(
@@ -284,25 +290,37 @@ def read(table: Mapping[str, Any]) -> tuple[Bound, ...]:
     return tuple((row, given.get(name)) for name, row in rows.items())
 
 
-def _with_settings(row: LimitRow, raw: Any) -> tuple[LimitRow, Any]:
-    """The row with the settings that a table gives, and what else that gives: `None` for
-    nothing."""
+def _with_settings(row: LimitRow, raw: Any, own: frozenset[str]) -> tuple[LimitRow, Any]:
+    """The row with the settings that a table gives, but for those that the parcels have themselves,
+    and what else that gives: `None` for nothing."""
     if not row.settings:
         return row, raw
-    names = ", ".join(f"{name} = ..." for name in row.settings)
-    if not isinstance(raw, Mapping) or not set(row.settings) <= set(raw):
+    asked = [name for name in row.settings if row.own.get(name) not in own]
+    told = raw if isinstance(raw, Mapping) else {}
+    if not set(asked) <= set(told):
+        names = ", ".join(f"{name} = ..." for name in asked)
+        parcels = [row.own[name] for name in asked if name in row.own]
+        instead = f", or give {' and '.join(parcels)} with the parcels" if parcels else ""
         raise ValueError(
-            f"Argument `limits.{row.name}` must be a table with {', '.join(row.settings)}, but is "
-            f"{raw!r}. Write {row.name} = {{{names}}}."
+            f"Argument `limits.{row.name}` must be a table with {', '.join(asked)}, but is "
+            f"{raw!r}. Write {row.name} = {{{names}}}{instead}."
         )
-    refuse_unknown(f"limits.{row.name}", raw, (*row.settings, *_SENSES))
+    if not isinstance(raw, Mapping):
+        return row, raw
+    refuse_unknown(f"limits.{row.name}", told, (*row.settings, *_SENSES))
     chosen = {}
     for name, bounds in row.settings.items():
-        path = f"limits.{row.name}.{name}"
-        chosen[name] = amount(path, raw[name], bounds.unit)
-        _check.scalar(path, chosen[name], **bounds._asdict())
-    rest = {side: value for side, value in raw.items() if side in _SENSES}
+        if name in told:
+            path = f"limits.{row.name}.{name}"
+            chosen[name] = amount(path, told[name], bounds.unit)
+            _check.scalar(path, chosen[name], **bounds._asdict())
+    rest = {side: value for side, value in told.items() if side in _SENSES}
     return dataclasses.replace(row, chosen=chosen), rest or None
+
+
+def means(bounds: Iterable[Bound]) -> frozenset[str]:
+    """The names of the limits that bound a mean over the parcels."""
+    return frozenset(row.name for row, _ in bounds if row.over == "mean")
 
 
 def settled(
@@ -314,7 +332,7 @@ def settled(
     """
     found = []
     for row, given in bounds:
-        if row.asked or set(row.chosen) != set(row.settings):
+        if row.asked:
             continue
         bound = given
         if given is None:

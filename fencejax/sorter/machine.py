@@ -24,7 +24,7 @@ from ..parts import (
     Parcel,
 )
 from ..printing import Readable, as_table, shown
-from ..scenes import Scene, numbers as scene_numbers
+from ..scenes import OnBelt, Scene, numbers as scene_numbers
 from ..study import SceneFamily
 from . import limits as limit_table, parcels as parcel_table, plausibility, reading
 from .amounts import amount, nearest, refuse_unknown
@@ -47,14 +47,18 @@ class Objective(eqx.Module):
     level: float = eqx.field(static=True, default=0.95)
 
 
-class _Parts(eqx.Module):
-    """The parts whose numbers are named, under the names that a scene has for them."""
+class MachineParts(eqx.Module):
+    """The parts whose numbers are named, under the names that a scene has for them: those of a
+    machine, and of the first parcel at its place."""
 
     belt: Belt
     fence: Fence
     drive: AbstractDrive
     fence_friction: AbstractFriction | None
     border: Border | None
+    motor: Motor | None
+    parcel: Parcel
+    start: OnBelt
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -118,9 +122,36 @@ class Machine(Readable):
 
     def _text(self, path: str, value: float) -> str:
         """A free or chosen number with its unit."""
-        parts = _Parts(self.belt, self.fence, self.drive, self.fence_friction, self.border)
-        name = scene_numbers.elements(parts, scene_path(path))[0]
-        return shown(value, scene_numbers.number(parts, name).unit)
+        return shown(value, self.unit(path))
+
+    def unit(self, path: str) -> str:
+        """The unit [SI] of a number by its path."""
+        name = scene_numbers.elements(self.parts, scene_path(path))[0]
+        return scene_numbers.number(self.parts, name).unit
+
+    @property
+    def parts(self) -> MachineParts:
+        """All that has numbers, under the names that a scene has for it."""
+        first = {path: float(values[0]) for path, values in self.parcels.columns.items()}
+        place = OnBelt(*(jnp.asarray(first[f"start.{name}"]) for name in parcel_table.PLACES))
+        return MachineParts(
+            self.belt, self.fence, self.drive, self.fence_friction, self.border, self._motor,
+            self._parcel, place,
+        )  # fmt: skip
+
+    @property
+    def _motor(self) -> Motor | None:
+        return self.motor if self.motor.known else None
+
+    @property
+    def _parcel(self) -> Parcel:
+        """The first parcel."""
+        numbers: dict[str, Any] = {
+            path.removeprefix("parcel.").replace("given_", ""): float(values[0])
+            for path, values in self.parcels.columns.items()
+            if path.startswith("parcel.")
+        }
+        return Parcel(**numbers)
 
     @property
     def duration(self) -> float:
@@ -162,13 +193,8 @@ class Machine(Readable):
             fence = eqx.tree_at(lambda f: f.material, fence, material.material)
         whole = kind == "whole_sort"
         first = {path: float(values[0]) for path, values in self.parcels.columns.items()}
-        numbers: dict[str, Any] = {
-            path.removeprefix("parcel.").replace("given_", ""): value
-            for path, value in first.items()
-            if path.startswith("parcel.")
-        }
-        parcel = Parcel(**numbers)
         given = {*names, *(fixed or {})}
+        moved = any(name.startswith("motor.") for name in given)
         places = {
             f"start.{name}": first[f"start.{name}"]
             for name in parcel_table.PLACES
@@ -180,10 +206,12 @@ class Machine(Readable):
             fixed={**places, **(fixed or {})},
             fence=fence,
             drive=self.drive,
-            parcel=parcel,
+            parcel=self._parcel,
             belt=self.belt,
             fence_friction=self.fence_friction,
             border=self.border,
+            # Bounds alone cost nothing.
+            motor=self._motor if self.motor.felt or moved else None,
             duration=self.duration if whole and duration is None else duration,
             options={"fence_corners": self.parcels.corners} if whole else {},
         )
@@ -214,13 +242,14 @@ class Machine(Readable):
 
     def doubts(self) -> tuple[str, ...]:
         """What no such machine has: a line a number, with what it is probably meant to be."""
-        parts = _Parts(self.belt, self.fence, self.drive, self.fence_friction, self.border)
+        parts = self.parts
         names = scene_numbers.names(parts)
         found = [
             (name, float(value), scene_numbers.number(parts, name).unit)
             for name, value in zip(names, scene_numbers.read(parts, names), strict=True)
-            # What is free or chosen is told by its bounds.
-            if name not in (*self.free, *self.choices)
+            # What is free or chosen is told by its bounds, parcels by the span of all.
+            if name not in map(scene_path, (*self.free, *self.choices))
+            and not name.startswith(("parcel.", "start."))
         ]
         for sheet in self.materials:
             for key, bounds in {**sheet.material.bounds, **sheet.bounds}.items():
@@ -231,14 +260,7 @@ class Machine(Readable):
             unit = parcel_table.FIELDS[path.rpartition(".")[2].replace("given_", "")].unit
             found += [(path, float(end), unit) for end in (np.min(column), np.max(column))]
         for path, values in (*self.choices.items(), *((p, s[:2]) for p, s in self.free.items())):
-            name = scene_numbers.elements(parts, scene_path(path))[0]
-            unit = scene_numbers.number(parts, name).unit
-            found += [(path, float(value), unit) for value in values]
-        found += [
-            (f"motor.{name}", float(value), bounds.unit)
-            for name, bounds in self.motor.bounds.items()
-            if (value := getattr(self.motor, name)) is not None
-        ]
+            found += [(path, float(value), self.unit(path)) for value in values]
         if self.period is not None:
             found.append(("period", self.period, "s"))
         found += [
@@ -251,7 +273,11 @@ class Machine(Readable):
 
 def scene_path(path: str) -> str:
     """The path or name that a scene has for a number of a sorter file."""
-    return {"fence.reach": "reach", "fence.length_ratio": "length_ratio"}.get(path, path)
+    derived = {"fence.reach": "reach", "fence.length_ratio": "length_ratio"}
+    first, _, name = path.partition(".")
+    if first == "parcels":
+        return parcel_table.PATHS.get(name, path)
+    return derived.get(path, path)
 
 
 def read(tables: Table, folder: Path) -> Machine:
@@ -268,12 +294,8 @@ def read(tables: Table, folder: Path) -> Machine:
     friction = reading.friction(
         "fence_friction", tables.get("fence_friction", {"kinetic": 0.35, "static": 0.5}), found
     )
-    for path in (*found.spans, *found.choices):
-        if path.partition(".")[0] not in ("fence", "drive"):
-            raise ValueError(
-                f"Argument `{path}` must be one number, but is free or a list: what is designed "
-                "are numbers of the fence and of the drive."
-            )
+    motor = _motor(tables.get("motor", {}), found)
+    parcels = parcel_table.read(tables.get("parcels", {}), folder, found)
     period = tables.get("period")
     if period is not None:
         period = amount("period", period, "s")
@@ -284,7 +306,6 @@ def read(tables: Table, folder: Path) -> Machine:
             f"Argument `period` [s] must be given where {', '.join(moved)} of the drive are free: "
             'how long a sort is followed. Write, for example, period = "1.5 s".'
         )
-    motor = _motor(tables.get("motor", {}))
     return Machine(
         str(tables.get("title", "")),
         belt,
@@ -294,36 +315,45 @@ def read(tables: Table, folder: Path) -> Machine:
         friction,
         border,
         sheets,
-        parcel_table.read(tables.get("parcels", {}), folder),
+        parcels,
         period,
         found.spans,
         found.choices,
-        limit_table.read(tables.get("limits", {})),
-        _objective(tables.get("objective", {}), motor),
+        limit_table.read(tables.get("limits", {}), parcels.given),
+        _objective(tables.get("objective", {})),
     )
 
 
-def _motor(raw: Any) -> Motor:
+def _motor(raw: Any, found: Reading) -> Motor:
     if isinstance(raw, Motor):
         return raw
     if not isinstance(raw, Mapping):
         _check.part("motor", raw, Motor, "motor=fj.Motor(torque=400.0)")
-    refuse_unknown("motor", raw, Motor.bounds)
-    return Motor(**{
-        name: amount(f"motor.{name}", value, Motor.bounds[name].unit)
+    refuse_unknown("motor", raw, (*Motor.bounds, "at_shaft"))
+    numbers = {
+        name: found.number(f"motor.{name}", value, Motor.bounds[name])
         for name, value in raw.items()
-    })  # fmt: skip
+        if name != "at_shaft"
+    }
+    for name in ("torque", "rated_torque"):
+        if f"motor.{name}" in found.spans:
+            raise ValueError(
+                f"Argument `motor.{name}` must be one number or a list, but is free: it is the "
+                "bound of a limit, and of what a larger one costs `What decides` tells. Free "
+                "motor.gear_ratio, with at_shaft = true."
+            )
+    return Motor(**numbers, at_shaft=raw.get("at_shaft", False))
 
 
 _OBJECTIVE = ("minimize", "over", "level")
 
 
-def _objective(raw: Any, motor: Motor) -> Objective:
+def _objective(raw: Any) -> Objective:
     table = raw if isinstance(raw, Mapping) else {"minimize": raw}
     refuse_unknown("objective", table, _OBJECTIVE)
     wanted = table.get("minimize", "peak_force")
     if isinstance(wanted, str):
-        known = limit_table.quantities(motor)
+        known = limit_table.quantities()
         if wanted not in known:
             raise ValueError(
                 f"Argument `objective.minimize` must be one of {', '.join(known)}, but is "

@@ -6,7 +6,7 @@ from typing import Any
 
 import equinox as eqx
 
-from ..parts import Fence
+from ..parts import AbstractFriction, Belt, Border, Fence, Friction, Motor
 from ..scenes import DERIVED, PATHS, names
 from . import parcels
 from .amounts import amount, nearest
@@ -46,6 +46,8 @@ def path_of(name: str) -> tuple[str, ...]:
     for full in PATHS.get(name, ()):
         if full.partition(".")[0] in (*SECTIONS, "parcel", "start"):
             name = full
+    if name in parcels.FIELDS:
+        name = f"parcels.{name}"
     first, *rest = name.split(".")
     if first in ("parcel", "start"):
         first, rest = "parcels", [part.replace("given_", "") for part in rest]
@@ -66,8 +68,8 @@ def replaced(tables: Table, name: str, new: Any) -> dict[str, Any]:
         result[path[0]] = new
         return result
     table: dict[str, Any] = result
-    for part in path[:-1]:
-        inner = table.get(part)
+    for depth, part in enumerate(path[:-1]):
+        inner = table.get(part, _usual(path[: depth + 1]))
         if isinstance(inner, eqx.Module):
             inner = as_table(inner)
         elif isinstance(inner, Mapping):
@@ -87,6 +89,14 @@ def replaced(tables: Table, name: str, new: Any) -> dict[str, Any]:
         _paired(table, path[1])
     table[path[-1]] = new
     return result
+
+
+def _usual(path: tuple[str, ...]) -> AbstractFriction | None:
+    """What a table has that is left out, where its numbers have no usual ones of their own."""
+    if path == ("fence_friction",):
+        return Friction(0.35, 0.5)
+    owner = {"belt": Belt, "border": Border}.get(path[0])
+    return owner().friction if owner is not None and path[1:] == ("friction",) else None
 
 
 def _paired(fence: dict[str, Any], name: str) -> None:
@@ -124,16 +134,25 @@ def freed(tables: Table, name: str, new: Any) -> dict[str, Any]:
     path = path_of(name)
     if isinstance(new, Mapping) and "start" not in new:
         start = _present(tables, path)
-        known = names.known(scene_path(".".join(path)))
+        unit = _unit(path)
         if isinstance(start, list):
             new = {**new, "start": start}
-        elif start is not None and known is not None:
-            lower, upper = (amount(f"{name}.{end}", new[end], known.unit) for end in _ENDS)
-            new = {**new, "start": min(max(amount(name, start, known.unit), lower), upper)}
+        elif start is not None and unit is not None:
+            lower, upper = (amount(f"{name}.{end}", new[end], unit) for end in _ENDS)
+            new = {**new, "start": min(max(amount(name, start, unit), lower), upper)}
     return replaced(tables, name, new)
 
 
 _ENDS = ("lower", "upper")
+
+
+def _unit(path: tuple[str, ...]) -> str | None:
+    """The unit of a number; `None` where it is not known without the part that holds it."""
+    known = names.known(scene_path(".".join(path)))
+    if known is not None:
+        return known.unit
+    bounds = Motor.bounds.get(path[-1]) if path[0] == "motor" else None
+    return None if bounds is None else bounds.unit
 
 
 def _present(tables: Table, path: tuple[str, ...]) -> Any:

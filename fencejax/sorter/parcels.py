@@ -16,7 +16,7 @@ from .._check import Bounds
 from ..parts import Parcel
 from ..printing import Readable, shown
 from .amounts import amount, refuse_unknown
-from .reading import Table
+from .reading import Reading, Table
 
 PLACES: Mapping[str, Bounds] = {
     "front": Bounds("m", size=1.0),
@@ -29,11 +29,12 @@ FIELDS: Mapping[str, Bounds] = {**Parcel.bounds, **PLACES}
 _START = {"front": 0.1, "offset": 0.0, "angle": 0.0}
 _WEIGHT = Bounds(least=0, size=1.0)
 _SETTINGS = ("list", "file", "count", "seed", "corners")
-_PATHS = {
+PATHS: Mapping[str, str] = {
     **{name: f"parcel.{name}" for name in Parcel.bounds},
     "inertia": "parcel.given_inertia",
     **{name: f"start.{name}" for name in PLACES},
 }
+"""The path that a scene has for each of them."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -56,6 +57,11 @@ class Parcels(Readable):
     def count(self) -> int:
         """How many there are."""
         return self.weights.size
+
+    @property
+    def given(self) -> frozenset[str]:
+        """The names of all numbers that are given."""
+        return frozenset(name for name, path in PATHS.items() if path in self.columns)
 
     def _printed(self) -> printing.Table:
         rows = []
@@ -130,8 +136,9 @@ def _quantiles(path: str, table: Table, bounds: Bounds, shares: np.ndarray) -> n
 # ---- reading
 
 
-def read(table: Table, folder: Path) -> Parcels:
-    """The parcels that a table describes; a file is looked for in `folder`.
+def read(table: Table, folder: Path, found: Reading) -> Parcels:
+    """The parcels that a table describes; a file is looked for in `folder`. A number with a lower
+    and an upper bound is free, the same for all parcels, and is where it starts.
 
     Raises `ValueError` and `TypeError` for keys and values that cannot be.
     """
@@ -140,6 +147,10 @@ def read(table: Table, folder: Path) -> Parcels:
         raise ValueError("Argument `parcels` must give a `list` or a `file`, but gives both.")
     rows = _file(folder / str(table["file"])) if "file" in table else None
     rows = _rows(table["list"]) if "list" in table else rows
+    table = {
+        k: found.number(f"parcels.{k}", v, FIELDS[k]) if k in FIELDS and _is_span(v) else v
+        for k, v in table.items()
+    }
     drawn = {k: v for k, v in table.items() if k in FIELDS and isinstance(v, Mapping)}
     lists = {k: v for k, v in table.items() if k in FIELDS and k not in drawn}
     for name in rows or {}:
@@ -174,8 +185,12 @@ def read(table: Table, folder: Path) -> Parcels:
     if not isinstance(corners, (list, tuple)):
         raise TypeError(f"Argument `parcels.corners` must be a list, but is {corners!r}.")
     return Parcels(
-        {_PATHS[name]: columns[name] for name in order}, weights / np.sum(weights), tuple(corners)
+        {PATHS[name]: columns[name] for name in order}, weights / np.sum(weights), tuple(corners)
     )
+
+
+def _is_span(raw: Any) -> bool:
+    return isinstance(raw, Mapping) and "distribution" not in raw and {"lower", "upper"} <= set(raw)
 
 
 def _number(name: str, raw: Any, where: str = "parcels") -> float:

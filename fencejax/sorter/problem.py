@@ -1,5 +1,6 @@
 """A sorter's design problem: one compiled program for all of its materials and choices."""
 
+import dataclasses
 import itertools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -14,7 +15,7 @@ from ..design import DesignSpace, LaneProgram, Limit, Quantity, risk, variable
 from ..fidelity import Fidelity
 from ..parts import DataSheet
 from ..results import Status, refined
-from ..scenes import consistent
+from ..scenes import consistent, numbers as scene_numbers
 from ..study import measured
 from . import limits as limit_table
 from .machine import Machine, scene_path
@@ -92,15 +93,17 @@ class SorterProblem:
         first = self.limits(self.candidates[0])
         self.limit_names = tuple(name for name, _ in first)
         self._quantities = {name: limit.quantity for name, limit in first}
+        self._means = limit_table.means(machine.bounds)
         self._signs = {name: 1.0 if x.sense == "at most" else -1.0 for name, x in first}
         self._columns = self._material_columns()
-        self._names = (*self._free_names, *machine.parcels.columns, *self._columns)
+        taken = {*self._free_names, *self._columns}
+        own = (path for path in machine.parcels.columns if path not in taken)
+        self._names = (*self._free_names, *own, *self._columns)
         self._family = machine.family(self._names)
         self._check_scenes()
         self.start = np.zeros(0)
         if self.space is not None:
-            base = self.space.values_of(machine.fence, machine.drive)
-            self.start = np.asarray(self.space.to_shares(base))
+            self.start = np.asarray(self.space.to_shares(self.space.base))
         ladder = self.fidelity.ladder()[: _check.count("rungs", rungs, least=1)]
         self.program = LaneProgram(self._read, self._combined, ladder)
         self._measures: dict[Fidelity, Any] = {}
@@ -112,10 +115,10 @@ class SorterProblem:
         if not machine.free:
             return None
         chosen = [
-            variable(scene_path(path), span.lower, span.upper, None, span.scaling)
+            variable(scene_path(path), span.lower, span.upper, machine.unit(path), span.scaling)
             for path, span in machine.free.items()
         ]
-        return DesignSpace(chosen, machine.fence, machine.drive)
+        return DesignSpace(chosen, machine.fence, machine.drive, parts=machine.parts)
 
     @property
     def _free_names(self) -> tuple[str, ...]:
@@ -134,7 +137,12 @@ class SorterProblem:
         return (*material, *(scene_path(path) for path in self.machine.choices))
 
     def _limits_of(self, candidate: Candidate) -> tuple[tuple[str, Limit], ...]:
-        return limit_table.settled(self.machine.bounds, self.machine, candidate.material)
+        chosen = {p: v for p, v in candidate.numbers.items() if p.startswith("motor.")}
+        machine = self.machine
+        if chosen:
+            parts = scene_numbers.replace(machine.parts, tuple(chosen), list(chosen.values()))
+            machine = dataclasses.replace(machine, motor=parts.motor)
+        return limit_table.settled(machine.bounds, machine, candidate.material)
 
     def limits(self, candidate: Candidate) -> tuple[tuple[str, Limit], ...]:
         """The limits by name, with their bounds for a candidate."""
@@ -151,13 +159,14 @@ class SorterProblem:
     def lanes(self, candidate: Candidate) -> dict[str, np.ndarray]:
         """The numbers of every parcel's sort by path, with the candidate's, each of shape (P,)."""
         parcels = self.machine.parcels
+        columns = {path: v for path, v in parcels.columns.items() if path in self._names}
         numbers = {
             **{f"fence.material.{name}": getattr(candidate.material.material, name)
                for name in _MATERIAL},
             **{scene_path(path): value for path, value in candidate.numbers.items()},
         }  # fmt: skip
         return {
-            **{path: np.asarray(v, dtype=float) for path, v in parcels.columns.items()},
+            **{path: np.asarray(v, dtype=float) for path, v in columns.items()},
             **{path: np.full(parcels.count, float(numbers[path])) for path in self._columns},
         }
 
@@ -193,6 +202,11 @@ class SorterProblem:
         lanes = {path: column[lane] for path, column in self.lanes(candidate).items()}
         return self._scene(self._values(jnp.asarray(z, dtype=float)), lanes)
 
+    def scenes(self, z: ArrayLike, candidate: Candidate):
+        """The sorts of all parcels at a design, each leaf with the lanes first; not checked."""
+        values = self._values(jnp.asarray(z, dtype=float))
+        return jax.vmap(lambda lane: self._scene(values, lane))(self.lanes(candidate))
+
     def _check_scenes(self) -> None:
         """Refuse a drive that is not home when the next parcel comes, and a parcel whose sort
         cannot be, at the start of the first candidate: each of some is tried, and of the others
@@ -214,9 +228,7 @@ class SorterProblem:
                 raise ValueError(f"parcel {parcels.text(int(lane))}: {error}") from error
 
     def _base_values(self) -> Array:
-        if self.space is None:
-            return jnp.zeros(0)
-        return self.space.values_of(self.machine.fence, self.machine.drive)
+        return jnp.zeros(0) if self.space is None else self.space.base
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -231,10 +243,13 @@ class SorterProblem:
         )
         return found, found.pop("status")
 
-    def _rows(self, name: str, numbers: Mapping[str, Array]) -> Array:
-        """The numbers that a limit bounds: one a lane, or one where it is the design's own."""
+    def _rows(self, name: str, numbers: Mapping[str, Array], weights: Array) -> Array:
+        """The numbers that a limit bounds: one a lane, or one where it is the design's own or a
+        mean over the lanes."""
         quantity = self._quantities[name]
         rows = numbers[quantity.name]
+        if name in self._means:
+            return jnp.atleast_1d(risk.risk(rows, "mean", weights=weights))
         return rows[:1] if quantity.fields == () else rows
 
     def _combined(self, z, numbers, statuses, lanes, bounds, units):
@@ -247,7 +262,8 @@ class SorterProblem:
         margins = []
         for index, name in enumerate(self.limit_names):
             kept = 0.0 if self._quantities[name].fields == () else self.reserve
-            left = self._signs[name] * (bounds[index] - self._rows(name, numbers))
+            rows = self._rows(name, numbers, lanes["weight"])
+            left = self._signs[name] * (bounds[index] - rows)
             margins.append(left / units[index] - kept)
         return wanted, jnp.concatenate(margins) if margins else jnp.zeros(0)
 
@@ -271,6 +287,11 @@ class SorterProblem:
             lambda rung, lanes: programs[rung](point, lanes), self._weighted(candidate), len(ladder)
         )
         return Measured(dict(found.numbers), found.statuses, found.rungs)
+
+    def bounded(self, name: str, found: Measured) -> np.ndarray:
+        """What a limit bounds of what was measured, one number for each of its margins."""
+        numbers = {name: jnp.asarray(values) for name, values in found.values.items()}
+        return np.asarray(self._rows(name, numbers, jnp.asarray(self.machine.parcels.weights)))
 
     def limited(self, name: str) -> Quantity:
         """The quantity that a limit bounds."""
@@ -298,7 +319,8 @@ class SorterProblem:
         """How many margins each limit has."""
         count = self.machine.parcels.count
         return tuple(
-            1 if self._quantities[name].fields == () else count for name in self.limit_names
+            1 if self._quantities[name].fields == () or name in self._means else count
+            for name in self.limit_names
         )
 
     def margin(self, index: int) -> tuple[str, int | None]:

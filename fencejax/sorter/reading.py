@@ -22,6 +22,8 @@ from ..parts import (
     DataSheet,
     Fence,
     Material,
+    Pad,
+    Shaft,
     materials,
 )
 from .amounts import amount, nearest, refuse_unknown
@@ -169,6 +171,17 @@ def taper(raw: Any, reading: Reading) -> AbstractTaper:
     return _law("fence.taper", raw, AbstractTaper, TAPERS, "constant_strength", reading)
 
 
+_ON_FENCE: Mapping[str, type[Pad | Shaft]] = {"pad": Pad, "shaft": Shaft}
+
+
+def _on_fence(name: str, raw: Any, reading: Reading) -> Pad | Shaft | None:
+    """The fence's cover, or the shaft that it hangs on; `False` for none."""
+    kind, path = _ON_FENCE[name], f"fence.{name}"
+    if raw is False or isinstance(raw, kind):
+        return raw or None
+    return _made(path, kind, _a_table(path, raw, f"{name}=fj.{kind.__name__}()"), reading)
+
+
 def _law(
     path: str, raw: Any, kind: type[_P], laws: Mapping[str, type[_P]], usual: str, reading: Reading
 ) -> _P:
@@ -200,11 +213,14 @@ def fence(raw: Any, reading: Reading) -> tuple[Fence, tuple[DataSheet, ...]]:
     if isinstance(raw, Fence):
         return raw, (DataSheet("as given", raw.material),)
     table = dict(_a_table("fence", raw, "fence=fj.Fence(thickness=0.045)"))
-    refuse_unknown("fence", table, ("width", "thickness", "material", "taper", *_LENGTHS))
+    known = ("width", "thickness", "material", "taper", *_ON_FENCE, *_LENGTHS)
+    refuse_unknown("fence", table, known)
     sheets = _materials(table.pop("material", "PA6 dry"), reading)
     inner: dict[str, Any] = {"material": sheets[0].material}
     if "taper" in table:
         inner["taper"] = taper(table.pop("taper"), reading)
+    carried = [name for name in _ON_FENCE if name in table]
+    inner |= {name: _on_fence(name, table.pop(name), reading) for name in carried}
     lengths = {name: table.pop(name) for name in _LENGTHS if name in table}
     inner |= _lengths(lengths, reading)
     return _made("fence", Fence, table, reading, **inner), sheets

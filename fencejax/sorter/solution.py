@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from scipy.stats import qmc
 
@@ -19,6 +20,7 @@ from ..design import (
     conflict,
     minimize,
     shadow_prices,
+    sorting,
     verify,
 )
 from ..fidelity import Fidelity
@@ -197,7 +199,7 @@ def _settled(
             found = shadow_prices(optimum)
         else:
             found = conflict(optimum.last)
-        prices = _prices(problem, candidate, found)
+        prices = _prices(problem, candidate, found, optimum.last.margins)
     return Solution(
         candidate, before, after, optimum, after.violation <= feasibility and sound,
         verified, prices, starts,
@@ -205,21 +207,28 @@ def _settled(
 
 
 def _prices(
-    problem: SorterProblem, candidate: Candidate, found: ShadowPrices
+    problem: SorterProblem, candidate: Candidate, found: ShadowPrices, margins: np.ndarray
 ) -> tuple[Price, ...]:
     """What limits and bounds that are relaxed by a tenth are worth, most first."""
     limits = dict(problem.limits(candidate))
+    steps = {
+        name: RELAXED * (abs(limit.bound) or limit.unit_of_margin)
+        for name, limit in limits.items()
+    }
     rates: dict[str, float] = {}
     parcels: dict[str, list[str]] = {}
     for index, rate in enumerate(found.margins):
         name, lane = problem.margin(index)
+        # A search that was cut short may still weigh a limit that is further away than it would
+        # give way: that does not decide.
+        if margins[index] * limits[name].unit_of_margin > steps[name]:
+            continue
         rates[name] = rates.get(name, 0.0) + float(rate)
         if rate > 0 and lane is not None:
             parcels.setdefault(name, []).append(problem.machine.parcels.text(lane))
     prices = []
     for name, rate in rates.items():
-        limit = limits[name]
-        step = RELAXED * (abs(limit.bound) or limit.unit_of_margin)
+        limit, step = limits[name], steps[name]
         relaxed = limit.bound + (step if limit.sense == "at most" else -step)
         gain = rate * step / limit.unit_of_margin
         where = tuple(parcels.get(name, ()))
@@ -249,3 +258,12 @@ def rigid(problem: SorterProblem, solution: Solution, check: Fidelity | None = N
     check = Fidelity.standard() if check is None else check
     stiff = check.replace(modes=0, static_correction=False)
     return problem.measure(solution.after.point, solution.candidate, stiff, refine=False)
+
+
+def constant_push(problem: SorterProblem, solution: Solution) -> np.ndarray:
+    """What a constant push of each parcel would need [N], of shape (P,), to get as far past the
+    belt's edge as is asked for (see `fencejax.design.sorting.constant_push`)."""
+    limits = dict(problem.limits(solution.candidate))
+    past = limits["sorted"].bound if "sorted" in limits else 0.0
+    scenes = problem.scenes(solution.after.point, solution.candidate)
+    return np.asarray(jax.vmap(lambda scene: sorting.constant_push(scene, past))(scenes))

@@ -2,6 +2,10 @@
 
 May import: everything below it. A study takes named numbers of scenes (`SceneFamily`,
 `fencejax.scene_numbers`) and gives a table.
+
+>>> samples = fj.sampling.given({"mass": [5.0, 15.0]})
+>>> fj.Sweep(fj.SceneFamily("oblique_impact", ["mass"]), samples).samples.count
+2
 """
 
 from . import (

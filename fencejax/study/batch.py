@@ -53,6 +53,10 @@ def simulate_many(
     Returns a `Result` of NumPy arrays with the lanes first; `Result.rung` is the rung of each.
 
     Raises `ValueError` where the leaves do not have one first axis of one length.
+
+    >>> scenes = jax.vmap(lambda v: fj.scenes.rigid_wall(speed=v))(jnp.array([1.0, 2.0]))
+    >>> fj.simulate_many(scenes, only="peak_force").peak_force.round()
+    array([ 832., 2440.])
     """
     fidelity = Fidelity.standard() if fidelity is None else fidelity
     sizes = {np.shape(leaf)[:1] for leaf in jax.tree.leaves(scenes)}

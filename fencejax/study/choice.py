@@ -31,6 +31,10 @@ class Choice(Readable):
     - `quantities`, `variables`: names of what was compared, and differentiated in.
     - `scenes`: how many scenes were measured.
     - `reference_time`: run time of the reference with its gradient, all scenes together [s].
+
+    >>> choice = fj.choose_fidelity(fj.scenes.rigid_wall(), gradient_error=None)
+    >>> choice.fidelity.step, choice.quantities
+    (0.001, ('peak_force',))
     """
 
     fidelity: Fidelity | None
@@ -77,7 +81,14 @@ class Choice(Readable):
 
 class NoFidelityError(RuntimeError):
     """No candidate meets the errors asked for. `evidence` is the `Choice` with all that was
-    measured; its `fidelity` is the best that was found."""
+    measured; its `fidelity` is the best that was found.
+
+    >>> try:
+    ...     fj.choose_fidelity(fj.scenes.rigid_wall(), value_error=1e-9, gradient_error=None)
+    ... except fj.NoFidelityError as error:
+    ...     print(f"own error of the reference: {error.evidence.reference_value_error:.0e}")
+    own error of the reference: 5e-07
+    """
 
     evidence: Choice
 
@@ -139,6 +150,10 @@ def choose_fidelity(
     Raises `NoFidelityError`, with the evidence, where no candidate is accurate enough or the
     reference is not; `ValueError` and `TypeError` for arguments out of bounds or of the wrong
     kind, and `ValueError` where the reference cannot solve a scene.
+
+    >>> choice = fj.choose_fidelity(fj.scenes.rigid_wall(), gradient_error=None)
+    >>> choice.table[0].outcome, choice.table[1].outcome
+    ('accurate enough', 'not tried: dearer')
     """
     value_error = _check.number("value_error", value_error, above=0.0)
     if gradient_error is not None:

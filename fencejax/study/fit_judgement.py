@@ -74,7 +74,8 @@ class Fit(Readable):
             shown = f"{100 * error:.2f} %" if relative else f"{error:.2e}"
             rows.append(
                 f"{p.name.replace('_', ' '):<24}{self.start[k]:>12.4g}{self.values[k]:>12.4g}"
-                f"{shown:>12}   {self.low[k]:.4g} ... {self.high[k]:.4g} {p.unit}"
+                f"{shown:>12}   {self.low[k]:.4g} ... {self.high[k]:.4g}"
+                + ("" if p.unit == "1" else f" {p.unit}")
             )
         return "\n".join(rows)
 

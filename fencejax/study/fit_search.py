@@ -61,6 +61,16 @@ def _jacobian_of(problem: Problem):
     return lambda x, noise: problem.stacked(x, noise)[1]
 
 
+# Why `scipy.optimize.least_squares` ended.
+_ENDS = {
+    0: "the evaluations are spent",
+    1: "no parameter lowers the sum of squares any further",
+    2: "the sum of squares falls no further",
+    3: "the parameters change no further",
+    4: "neither the sum of squares nor the parameters change any further",
+}
+
+
 def search(problem: Problem, begin, weights, estimated: bool, most: int, progress):
     """One search: the shares, the weights used last, whether it converged, and why it stopped."""
     from scipy.optimize import least_squares
@@ -90,7 +100,7 @@ def search(problem: Problem, begin, weights, estimated: bool, most: int, progres
             max_nfev=most,
         )
         shares = solution.x
-        converged, stop = bool(solution.status > 0), str(solution.message)
+        converged, stop = bool(solution.status > 0), _ENDS[solution.status]
         if not estimated:
             break
         spread = residual_deviations(problem, shares, shares.size)

@@ -1,4 +1,8 @@
-"""Parameters from recordings: nonlinear least squares with derivatives through the simulation."""
+"""Parameters from recordings: nonlinear least squares with derivatives through the simulation.
+
+>>> list(fj.identify.PARAMETERS)[:3]
+['youngs_modulus', 'density', 'damping_ratio']
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -71,6 +75,14 @@ def fit(
 
     Raises `ValueError` where names, bounds, times or sizes cannot be; a recording whose times or
     values are off by orders of magnitude is taken to be in other units.
+
+    >>> history = fj.simulate(fj.scenes.rigid_wall()).history
+    >>> force = {"force": np.asarray(history.fence_force)[1:140]}
+    >>> recorded = fj.study.Recording(np.asarray(history.time)[1:140], force)
+    >>> guess = fj.scenes.rigid_wall(parcel=fj.Parcel(stiffness=2e9))
+    >>> found = fj.identify.fit(fj.study.Experiment(guess, recorded), ["stiffness"])
+    >>> print(f"{found.values[0]:.3g} N/m^4")
+    1.72e+09 N/m^4
     """
     if isinstance(experiments, Experiment):
         experiments = [experiments]
@@ -87,7 +99,8 @@ def fit(
     if rows <= len(chosen):
         raise ValueError(
             f"Argument `experiments` must hold more recorded numbers than the {len(chosen)} "
-            f"parameters, but holds {rows}."
+            f"parameters {', '.join(one.name for one in chosen)}, but holds {rows}. Record more, "
+            "or name fewer `parameters`."
         )
     _check_times(experiments, chosen, fidelity)
     begin = starting_shares(chosen, experiments[0].scene)

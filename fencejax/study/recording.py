@@ -1,4 +1,9 @@
-"""Recordings of an impact in files: text of several dialects, read into columns and checked."""
+"""Recordings of an impact in files: text of several dialects, read into columns and checked.
+
+>>> recorded = fj.recording.Recording(np.linspace(0, 0.1, 5), {"force": np.zeros(5)})
+>>> recorded.signals["force"].shape
+(5,)
+"""
 
 import csv
 import difflib
@@ -28,7 +33,11 @@ _WITH_COMMA = re.compile(r"[+-]?(?:\d{1,3}(?:\.\d{3})+|\d*),\d*(?:[eE][+-]?\d+)?
 
 
 def write_recording(path: str | os.PathLike, recording: Recording) -> None:
-    """Write a recording as a CSV file that `read_recording` reads; a missing sample is empty."""
+    """Write a recording as a CSV file that `read_recording` reads; a missing sample is empty.
+
+    >>> recorded = fj.study.Recording(np.linspace(0, 0.1, 5), {"force": np.zeros(5)})
+    >>> fj.recording.write_recording("still.csv", recorded)
+    """
     titles = ["time [s]", *(f"{name} [{SIGNALS[name]}]" for name in recording.names)]
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -188,6 +197,13 @@ def read_recording(
     column is missing, twice there, or in an unknown unit, a row has another number of fields, a
     number is none or infinite, times do not rise, or samples are too few. Raises `OSError` where
     there is no such file.
+
+    >>> rows = ["time [ms],force [N]", *(f"{k},{9 * k}" for k in range(5))]
+    >>> with open("blow.csv", "w") as file:
+    ...     print(*rows, sep=chr(10), file=file)
+    >>> recorded = fj.recording.read_recording("blow.csv")
+    >>> recorded.time, recorded.signals["force"]
+    (array([0.   , 0.001, 0.002, 0.003, 0.004]), array([ 0.,  9., 18., 27., 36.]))
     """
     path = Path(path)
     file = _File(path)

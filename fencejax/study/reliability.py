@@ -25,6 +25,10 @@ class Reliability:
     - `importance`: the share [1] of each number in the scatter of the margin there; they sum to 1.
     - `curvatures`: of the limit at the point [1], n - 1, above 0 where it bends away.
     - `evaluations`: of the margin with its gradient.
+
+    >>> found = fj.failure_probability(lambda p: 3.0 - p["a"], {"a": lambda u: 2.0 * u})
+    >>> round(found.index, 3), round(found.point["a"], 3)
+    (1.5, 3.0)
     """
 
     probability: float
@@ -78,6 +82,13 @@ def failure_probability(
     Raises `ValueError` where `scatter` is empty, where the margin or a derivative is not a finite
     number, where the numbers do not move it, and where within the budget no point of the limit is
     found.
+
+    >>> scatter = {"mass": lambda u: 8.0 * jnp.exp(0.4 * u), "limit": lambda u: 25.0 + 2.0 * u}
+    >>> print(fj.failure_probability(lambda p: p["limit"] - p["mass"], scatter))
+    probability of breaking the limit 0.0027 (a plane limit: 0.00263), reliability index 2.791
+    number                   most probable  importance
+    mass                             23.86      95.8 %
+    limit                            23.86       4.2 %
     """
     from scipy import stats
     from scipy.optimize import minimize

@@ -89,6 +89,12 @@ class Response:
     some of them changed are made by `fencejax.scene_numbers.vary`. They are computed `chunk` at a
     time, so that memory is bounded, by one thread a core. Each of the two programs is compiled
     once for all scenes of the same structure.
+
+    >>> scene = fj.scenes.rigid_wall()
+    >>> lanes = fj.scene_numbers.vary(scene, ["speed"], [[1.0], [2.0]])
+    >>> fj.Response(scene, ["peak_force"]).values(lanes).values.round()
+    array([[ 832.],
+           [2440.]])
     """
 
     def __init__(

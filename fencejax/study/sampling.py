@@ -1,4 +1,9 @@
-"""Points to compute: grids, Latin hypercubes and Sobol sequences over named variables."""
+"""Points to compute: grids, Latin hypercubes and Sobol sequences over named variables.
+
+>>> mass = fj.DesignVariable("mass", 5.0, 20.0, "kg")
+>>> fj.sampling.sobol([mass], 8).values.shape
+(8, 1)
+"""
 
 import dataclasses
 import inspect
@@ -26,6 +31,10 @@ class Samples:
     - `values`: shape (N, n) [SI]; on a grid the last variable runs fastest.
     - `shape`: (N,), or the grid's, one length a variable.
     - `kind`: of `KINDS`; `seed`: of the random ones.
+
+    >>> samples = fj.sampling.sobol([fj.DesignVariable("mass", 2.0, 30.0, "kg")], 4)
+    >>> samples.names, samples.count
+    (('mass',), 4)
     """
 
     variables: tuple[DesignVariable, ...]
@@ -84,6 +93,10 @@ def grid(
     - `counts`: at least 2 each; one number serves for all.
 
     Raises `ValueError` for a repeated name and where the counts do not fit the variables.
+
+    >>> mass = fj.DesignVariable("mass", 5.0, 20.0, "kg")
+    >>> fj.sampling.grid([mass], [3]).values.ravel().round(3)
+    array([ 5., 10., 20.])
     """
     chosen = _resolved(variables)
     numbers = [counts] * len(chosen) if isinstance(counts, (int, np.integer)) else list(counts)
@@ -117,6 +130,10 @@ def latin_hypercube(
     McKay, Beckman and Conover, 1979), by `scipy.stats.qmc.LatinHypercube`.
 
     Arguments and errors as of `grid`; `seed` at least 0.
+
+    >>> mass = fj.DesignVariable("mass", 5.0, 20.0, "kg")
+    >>> fj.sampling.latin_hypercube([mass], 8, seed=1).values.shape
+    (8, 1)
     """
     from scipy.stats import qmc
 
@@ -132,6 +149,10 @@ def sobol(variables: Sequence[str | DesignVariable], count: int, seed: int = 0) 
 
     Arguments and errors as of `grid`; `seed` at least 0. Raises `ValueError` where `count` is not
     a power of two: other numbers of points are not balanced.
+
+    >>> mass = fj.DesignVariable("mass", 5.0, 20.0, "kg")
+    >>> fj.sampling.sobol([mass], 8, seed=1).values.shape
+    (8, 1)
     """
     from scipy.stats import qmc
 
@@ -151,6 +172,10 @@ def given(values: Mapping[str, ArrayLike]) -> Samples:
     """Points of one's own: `values` holds a column [SI] of N numbers a variable.
 
     Raises `ValueError` where columns differ in length, hold what is not finite, or do not vary.
+
+    >>> fj.sampling.given({"mass": [5.0, 15.0], "distance": [0.8, 1.0]}).values
+    array([[ 5. ,  0.8],
+           [15. ,  1. ]])
     """
     columns = {name: np.asarray(column, dtype=float) for name, column in values.items()}
     if not columns:

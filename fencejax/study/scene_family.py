@@ -22,6 +22,7 @@ from ..parts import (
     Fence,
     Friction,
     HarmonicDrive,
+    Motor,
     Parcel,
 )
 from ..scenes import (
@@ -71,6 +72,7 @@ class _Setting(eqx.Module):
     drive: AbstractDrive
     fence_friction: AbstractFriction | None
     border: Border | None
+    motor: Motor | None
 
 
 class SceneFamily:
@@ -79,6 +81,10 @@ class SceneFamily:
     Any number of the scene can be named, by its path or its short name (see
     `fencejax.scene_numbers`), and those of the scene's function (`KINDS`). The parcel's inertia and
     its angle in an impact become numbers of their own where they are named.
+
+    >>> family = fj.SceneFamily("oblique_impact", ["distance", "mass"])
+    >>> float(family.scene(jnp.array([0.9, 8.0])).parcel.mass)
+    8.0
     """
 
     def __init__(
@@ -93,6 +99,7 @@ class SceneFamily:
         belt: Belt | None | Default = "default",
         fence_friction: AbstractFriction | None | Default = "default",
         border: Border | None | Default = "default",
+        motor: Motor | None = None,
         duration: float | None = None,
         options: Mapping[str, Any] | None = None,
     ):
@@ -103,6 +110,7 @@ class SceneFamily:
         - `fixed`: other numbers by name [SI], instead of those of the parts.
         - `fence`, `drive`, `parcel`, `belt`, `fence_friction`, `border`: the parts, by default the
           paper's; the border acts in `border_and_fence` and `whole_sort` alone.
+        - `motor`: what swings the fence, by default none: see `fencejax.scenes.Scene`.
         - `duration` [s], by default the scene's. It must be given where a whole sort's drive
           varies: the number of steps is the same for all.
         - `options`: static arguments of the scene's function, such as `corner`.
@@ -122,6 +130,7 @@ class SceneFamily:
         self.belt = Belt() if belt == "default" else belt
         self.friction = Friction(0.35, 0.5) if fence_friction == "default" else fence_friction
         self.border = (Border() if border == "default" else border) if self._bordered else None
+        self.motor = motor
         self.options = dict({} if options is None else options)
         self._whole = self._setting(("inertia", "parcel_angle"))
         self._check_names()
@@ -152,8 +161,9 @@ class SceneFamily:
         if "inertia" in optional:
             parcel = _with_inertia(parcel)
         return _Setting(
-            parcel, start, self.belt, self.fence, self.drive, self.friction, self.border
-        )
+            parcel, start, self.belt, self.fence, self.drive, self.friction, self.border,
+            self.motor,
+        )  # fmt: skip
 
     @property
     def known(self) -> list[str]:
@@ -219,7 +229,7 @@ class SceneFamily:
         }
         if self._bordered:
             arguments["border"] = made.border
-        return getattr(scenes, self.kind)(
+        scene = getattr(scenes, self.kind)(
             fence=made.fence,
             drive=made.drive,
             parcel=made.parcel,
@@ -229,6 +239,7 @@ class SceneFamily:
             **arguments,
             **self.options,
         )
+        return scene if made.motor is None else dataclasses.replace(scene, motor=made.motor)
 
     def possible(self, scene: Scene) -> Array:
         """Whether a scene can be, for traced numbers: `fencejax.scenes.consistent` at the drive's

@@ -8,6 +8,9 @@ which takes far fewer.
 The functions of this module take arrays, whatever they come from; `fencejax.Response`
 makes them of a scene. Inputs are u in [0, 1]^n, uniform: a `DesignVariable`'s `value(u)` is then
 uniform or log-uniform between its bounds.
+
+>>> fj.sensitivity.elasticities(np.array([8.0]), np.array([[12.0]]), np.array([2.0]))
+array([[3.]])
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +24,13 @@ from ..parts import Dimension, dimension
 
 
 class Estimate(NamedTuple):
-    """A value with the bounds of its confidence interval; arrays of one shape."""
+    """A value with the bounds of its confidence interval; arrays of one shape.
+
+    >>> points = fj.sensitivity.design(1, 64).first
+    >>> found = fj.sensitivity.derivative_measures(2.0 * points, np.full((64, 1, 1), 2.0))
+    >>> bool((found.bound.low <= found.bound.value)[0, 0])
+    True
+    """
 
     value: np.ndarray
     low: np.ndarray
@@ -30,7 +39,12 @@ class Estimate(NamedTuple):
 
 class Design(NamedTuple):
     """Points u in [0, 1]^n of a Sobol' analysis: `first` (A) and `second` (B) of shape (K, n),
-    `mixed` of shape (n, K, n), in which `mixed[i]` is A with its column i taken from B."""
+    `mixed` of shape (n, K, n), in which `mixed[i]` is A with its column i taken from B.
+
+    >>> points = fj.sensitivity.design(3, 16)
+    >>> points.first.shape, points.mixed.shape
+    ((16, 3), (3, 16, 3))
+    """
 
     first: np.ndarray
     second: np.ndarray
@@ -39,7 +53,13 @@ class Design(NamedTuple):
 
 class SobolIndices(NamedTuple):
     """Shares of the variance of m outputs due to n inputs [1], each of shape (m, n): `first` due to
-    the input alone, S_i; `total` due to it and all that it takes part in, S_Ti."""
+    the input alone, S_i; `total` due to it and all that it takes part in, S_Ti.
+
+    >>> points, slopes = fj.sensitivity.design(2, 256), np.array([[2.0], [1.0]])
+    >>> found = fj.sensitivity.sobol_indices(*(part @ slopes for part in points))
+    >>> found.total.value.round(1)
+    array([[0.8, 0.2]])
+    """
 
     first: Estimate
     total: Estimate
@@ -47,7 +67,13 @@ class SobolIndices(NamedTuple):
 
 class DerivativeMeasures(NamedTuple):
     """Of m outputs in n inputs: `measure` nu_i = E[(dQ/du_i)^2] [the output's unit squared] and
-    `bound` on S_Ti [1], each of shape (m, n)."""
+    `bound` on S_Ti [1], each of shape (m, n).
+
+    >>> points = fj.sensitivity.design(1, 64).first
+    >>> found = fj.sensitivity.derivative_measures(2.0 * points, np.full((64, 1, 1), 2.0))
+    >>> found.measure.value, found.bound.value.round(2)
+    (array([[4.]]), array([[1.2]]))
+    """
 
     measure: Estimate
     bound: Estimate
@@ -58,6 +84,9 @@ def elasticities(values: ArrayLike, slopes: ArrayLike, at: ArrayLike) -> np.ndar
 
     **Arguments:** Q of shape (..., m), dQ/dp of shape (..., m, n), p of shape (..., n). Where
     Q_i = 0 there is no elasticity: NaN.
+
+    >>> fj.sensitivity.elasticities(np.array([8.0]), np.array([[12.0]]), np.array([2.0]))
+    array([[3.]])
     """
     values, slopes, at = (np.asarray(a, dtype=float) for a in (values, slopes, at))
     return slopes * at[..., None, :] / np.where(values == 0, np.nan, values)[..., None]
@@ -84,6 +113,9 @@ def unit_rules(
     as `"kg/m^3"` (see `fencejax.parts.dimension`).
 
     Raises `ValueError` for an unknown unit and where the counts differ.
+
+    >>> fj.sensitivity.unit_rules(np.array([[2.0, 1.0]]), ["m/s", "kg"], ["J"])
+    array([[0., 0., 0.]])
     """
     elasticity = np.asarray(elasticity, dtype=float)
     shape = len(output_units), len(input_units)
@@ -107,6 +139,9 @@ def design(inputs: int, count: int, seed: int = 0) -> Design:
     dimensions (Saltelli et al. 2010).
 
     Raises `ValueError` where `count` is not a power of 2, at which these sequences are balanced.
+
+    >>> fj.sensitivity.design(3, 16).mixed.shape
+    (3, 16, 3)
     """
     from scipy.stats import qmc
 
@@ -179,6 +214,11 @@ def sobol_indices(
       evenly, so that the intervals are on the wide side.
 
     Raises `ValueError` where a value is not finite. An output that does not vary has the indices 0.
+
+    >>> points, slopes = fj.sensitivity.design(2, 256), np.array([[2.0], [1.0]])
+    >>> found = fj.sensitivity.sobol_indices(*(part @ slopes for part in points))
+    >>> found.first.value.round(1)
+    array([[0.8, 0.2]])
     """
     from scipy import stats
 
@@ -223,6 +263,11 @@ def derivative_measures(
 
     Raises `ValueError` where a value or a slope is not finite, and for fewer than two points. An
     output that does not vary at all has the bound 0.
+
+    >>> points = fj.sensitivity.design(1, 64).first
+    >>> found = fj.sensitivity.derivative_measures(2.0 * points, np.full((64, 1, 1), 2.0))
+    >>> found.bound.value.round(2)
+    array([[1.2]])
     """
     _checked_confidence(confidence, resamples)
     values, slopes = np.asarray(values, dtype=float), np.asarray(slopes, dtype=float)

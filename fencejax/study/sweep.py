@@ -59,6 +59,11 @@ class Sweep:
     Raises `ValueError` for names that are none of these and where a variable's bound gives no
     scene, whatever the others (see `SceneFamily.check`). Single lanes that give none are counted
     as `IMPOSSIBLE`.
+
+    >>> samples = fj.sampling.given({"mass": [5.0, 15.0]})
+    >>> sweep = fj.Sweep(fj.SceneFamily("oblique_impact", samples.names), samples)
+    >>> sweep.outputs, sweep.units["mass"]
+    (('peak_force', 'tip_deflection'), 'kg')
     """
 
     family: SceneFamily

@@ -5,16 +5,14 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from ..plot import style
+from ..printing import multiple
 from ..results import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_BLUE, _RED, _GRAY = "#0b5fa5", "#c8501e", "#8a8a8a"
-_WIDTH = 6.9
-# Units shown instead of those of the SI where the largest number is at least so large.
-_SHOWN = (("Pa", 1e9, 1e-9, "GPa"), ("Pa", 1e5, 1e-6, "MPa"), ("N/m^4", 1e9, 1e-9, "GN/m^4"))
 # More points than these hide each other.
 _MOST_POINTS = 4000
 _SLICES = 16
@@ -62,25 +60,14 @@ def _column(table: Lanes, name: str) -> tuple[np.ndarray, str]:
     """A column in the unit shown, and the label of its axis."""
     column = table.variables.get(name, table.outputs.get(name))
     assert column is not None
-    factor, unit = 1.0, table.units[name]
-    for plain, least, shown, title in _SHOWN:
-        if unit == plain and np.max(np.abs(column), initial=0, where=np.isfinite(column)) >= least:
-            factor, unit = shown, title
-            break
+    largest = np.max(np.abs(column), initial=0, where=np.isfinite(column))
+    size, unit = multiple(largest, table.units[name])
     words = name.replace("_", " ").replace(".", ": ")
-    return factor * column, f"{words} [{unit}]"
-
-
-def _figure(height: float, width: float = _WIDTH) -> "Figure":
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
+    return column / size, f"{words} [{unit}]"
 
 
 def _prepared(axes: "Axes", table: Lanes, x: str) -> "Axes":
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(True, color="#dddddd", linewidth=0.6)
-    axes.set_axisbelow(True)
+    style.prepared(axes)
     axes.set_xlabel(_column(table, x)[1])
     _scale(axes.xaxis, axes.set_xscale, table, x)
     return axes
@@ -107,10 +94,10 @@ def heat_map(table: Lanes, name: str) -> "Figure":
     (y, x), (height, label) = tuple(table.variables), _column(table, name)
     shown = np.where(table.good, height, np.nan).reshape(table.shape)
     places = {n: _column(table, n)[0].reshape(table.shape) for n in (x, y)}
-    figure = _figure(4.4, 5.8)
+    figure = style.figure(4.4, 5.8)
     axes = figure.subplots()
     mesh = axes.pcolormesh(
-        places[x][0], places[y][:, 0], np.ma.masked_invalid(shown), cmap="viridis",
+        places[x][0], places[y][:, 0], np.ma.masked_invalid(shown), cmap=style.MAP,
         shading="nearest", rasterized=True,
     )  # fmt: skip
     axes.set_xlabel(_column(table, x)[1])
@@ -126,14 +113,8 @@ def heat_map(table: Lanes, name: str) -> "Figure":
             markersize=4, markeredgewidth=0.4, label="a corner ran over the tip",
         )  # fmt: skip
     if not np.all(np.isfinite(shown)):
-        from matplotlib.patches import Patch
-
-        axes.set_facecolor("#e6e6e6")
-        axes.patch.set_hatch("////")
-        axes.patch.set_edgecolor("#b0b0b0")
-        handles.append(Patch(
-            facecolor="#e6e6e6", edgecolor="#b0b0b0", hatch="////", label="no good numbers"
-        ))  # fmt: skip
+        style.hatched(axes)
+        handles.append(style.hatched_patch("no good numbers"))
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False)
     return figure
@@ -143,9 +124,9 @@ def line(table: Lanes, name: str) -> "Figure":
     """An output over one variable; lanes without good numbers are marked below."""
     (x,), (height, label) = tuple(table.variables), _column(table, name)
     place = _column(table, x)[0]
-    figure = _figure(3.4, 5.8)
+    figure = style.figure(3.4, 5.8)
     axes = _prepared(figure.subplots(), table, x)
-    axes.plot(place, np.where(table.good, height, np.nan), ".-", color=_BLUE, markersize=4)
+    axes.plot(place, np.where(table.good, height, np.nan), ".-", color=style.BLUE, markersize=4)
     axes.set_ylabel(label)
     _mark_bad(axes, place[~table.good])
     return figure
@@ -154,7 +135,7 @@ def line(table: Lanes, name: str) -> "Figure":
 def _mark_bad(axes: "Axes", places: np.ndarray) -> None:
     if places.size:
         axes.plot(
-            places, np.zeros(places.size), "x", color=_RED, markersize=4, clip_on=False,
+            places, np.zeros(places.size), "x", color=style.RED, markersize=4, clip_on=False,
             transform=axes.get_xaxis_transform(), label="no good numbers",
         )  # fmt: skip
 
@@ -166,7 +147,7 @@ def scatter(table: Lanes, name: str) -> "Figure":
     good = table.good & np.isfinite(height)
     columns = min(3, len(table.variables))
     rows = -(-len(table.variables) // columns)
-    figure = _figure(0.5 + 2.5 * rows, max(4.0, 2.3 * columns))
+    figure = style.figure(0.5 + 2.5 * rows, max(4.0, 2.3 * columns))
     panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
     some = np.flatnonzero(good)[:: max(1, int(np.sum(good)) // _MOST_POINTS)]
     for axes in panels.flat[len(table.variables) :]:
@@ -175,14 +156,14 @@ def scatter(table: Lanes, name: str) -> "Figure":
         axes = _prepared(panels.flat[index], table, variable)
         place = _column(table, variable)[0]
         axes.plot(
-            place[some], height[some], ".", color=_GRAY, markersize=1.5, alpha=0.5,
+            place[some], height[some], ".", color=style.GRAY, markersize=1.5, alpha=0.5,
             rasterized=True, label="lanes",
         )  # fmt: skip
         middle, low, median, high = _slices(place[good], height[good])
         axes.fill_between(
-            middle, low, high, color=_BLUE, alpha=0.2, linewidth=0, label="middle 80 %"
+            middle, low, high, color=style.BLUE, alpha=0.2, linewidth=0, label="middle 80 %"
         )
-        axes.plot(middle, median, color=_BLUE, linewidth=1.5, label="median")
+        axes.plot(middle, median, color=style.BLUE, linewidth=1.5, label="median")
         bad = place[~table.good]
         _mark_bad(axes, bad[:: max(1, bad.size // 200)])
         if index % columns == 0:
@@ -217,11 +198,10 @@ def elasticities(table: Lanes) -> "Figure":
     value = table.outputs[main]
     good = table.good & (value != 0)
     names = list(table.gradient)
-    figure = _figure(1.2 + 0.5 * max(2, len(names)), 5.8)
+    figure = style.figure(1.2 + 0.5 * max(2, len(names)), 5.8)
     axes = figure.subplots()
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(True, axis="x", color="#dddddd", linewidth=0.6)
-    axes.set_axisbelow(True)
+    style.prepared(axes)
+    axes.grid(False, axis="y")
     for index, name in enumerate(names):
         slope = table.gradient[name][good] * table.variables[name][good] / value[good]
         slope = slope[np.isfinite(slope)]
@@ -230,14 +210,14 @@ def elasticities(table: Lanes) -> "Figure":
         least, low, median, high, most = np.quantile(slope, (0.05, 0.25, 0.5, 0.75, 0.95))
         ends = index == 0
         axes.plot(
-            [least, most], [index, index], color=_BLUE, linewidth=1.2,
+            [least, most], [index, index], color=style.BLUE, linewidth=1.2,
             label="middle 90 %" if ends else None,
         )  # fmt: skip
         axes.barh(
-            index, high - low, left=low, height=0.45, color=_BLUE, alpha=0.35,
+            index, high - low, left=low, height=0.45, color=style.BLUE, alpha=0.35,
             label="middle half" if ends else None,
         )  # fmt: skip
-        axes.plot(median, index, "o", color=_BLUE, label="median" if ends else None)
+        axes.plot(median, index, "o", color=style.BLUE, label="median" if ends else None)
     axes.axvline(0, color="black", linewidth=0.8)
     axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
     axes.invert_yaxis()

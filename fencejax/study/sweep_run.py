@@ -76,6 +76,14 @@ def run_sweep(
 
     Raises `ImportError` without the extra; `ValueError` where the folder holds another sweep or
     what is none; `OSError` where it cannot be written; `RuntimeError` where the cluster is lost.
+
+    >>> samples = fj.sampling.given({"mass": [5.0, 15.0]})
+    >>> family, rigid = fj.SceneFamily("oblique_impact", ["mass"]), fj.Fidelity.coarse(modes=0)
+    >>> fj.run_sweep(fj.Sweep(family, samples, ["peak_force"], fidelity=rigid), "two")
+    SweepTable of 2 lanes
+      mass [kg]       [5 kg, 15 kg]
+      peak_force [N]  [1174 N, 2863 N]
+      status          SUCCESSFUL 2
     """
     begin = time.perf_counter()
     sweep_library("zarr")

@@ -82,6 +82,16 @@ class SweepTable(Readable):
     **Fields:**
 
     - `dataset`: along the dimension `lane`, as it is in the store (see `lanes`).
+
+    >>> samples = fj.sampling.given({"mass": [5.0, 15.0]})
+    >>> family, rigid = fj.SceneFamily("oblique_impact", ["mass"]), fj.Fidelity.coarse(modes=0)
+    >>> fj.run_sweep(fj.Sweep(family, samples, ["peak_force"], fidelity=rigid), "two")
+    SweepTable of 2 lanes
+      mass [kg]       [5 kg, 15 kg]
+      peak_force [N]  [1174 N, 2863 N]
+      status          SUCCESSFUL 2
+    >>> fj.SweepTable.load("two").outputs["peak_force"].round()
+    array([1174., 2863.])
     """
 
     dataset: "xarray.Dataset"

@@ -30,6 +30,10 @@ class Trial:
     - `value_time`, `gradient_time`: run time of all scenes together [s], median of several runs of
       the compiled program, for the value and for value and gradient; `None` if not measured.
     - `compile_time`: time to compile what was measured [s].
+
+    >>> trial = fj.Trial(fj.Fidelity.fast(), "accurate enough", passed=True, value_time=2e-3)
+    >>> trial.fidelity, trial.time
+    (Fidelity.fast(), 0.002)
     """
 
     fidelity: Fidelity

@@ -12,7 +12,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Arc, Polygon, Rectangle
 
-FENCE, PARCEL, TEXT = "#c8501e", "#0b5fa5", "#333333"
+from fencejax.plot import style as colors
+
+FENCE, PARCEL, TEXT = colors.RED, colors.BLUE, colors.NOTE
 SWING, RIGID, REACH, PLACE = 0.30, 0.45, 1.20, 0.95
 
 
@@ -28,14 +30,14 @@ def measured(axes, start, end, text, shift, **style):
     axes.annotate("", start + shift, end + shift, arrowprops=arrow)
     middle = 0.5 * (start + end) + shift
     axes.text(*middle, text, ha="center", va="center", color=TEXT, fontsize=9,
-              bbox={"fc": style.get("ground", "#ece8df"), "ec": "none", "pad": 1.0})  # fmt: skip
+              bbox={"fc": style.get("ground", colors.PALE), "ec": "none", "pad": 1.0})  # fmt: skip
 
 
 def main():
     figure, axes = plt.subplots(figsize=(8.4, 4.6), layout="constrained")
-    axes.add_patch(Rectangle((-0.55, 0), 2.1, 0.7, color="#ece8df", lw=0, zorder=0))
+    axes.add_patch(Rectangle((-0.55, 0), 2.1, 0.7, color=colors.PALE, lw=0, zorder=0))
     axes.axhline(0, color="black", lw=2, zorder=1)
-    axes.axhline(0.7, color="#8a8577", lw=0.8, ls=":", zorder=1)
+    axes.axhline(0.7, color=colors.GRAY, lw=0.8, ls=":", zorder=1)
     axes.text(1.5, 0.715, "belt's edge, to the chute", ha="right", va="bottom", fontsize=9)
     axes.text(-0.5, -0.03, "border, y = 0", va="top", fontsize=9)
     axes.annotate("belt, v", (-0.18, 0.62), (-0.5, 0.62), va="center", fontsize=9,

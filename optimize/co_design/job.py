@@ -19,9 +19,11 @@ import time
 import numpy as np
 
 from fencejax.design import Journal, Stop, minimize, objectives, verify
+from fencejax.printing import shown
 from fencejax.results import counted
 
-from ..common import command, designs, evaluations, machine, report
+from ..common import command, designs, evaluations, machine, nearby, pages, report
+from ..common.amounts import plain
 from . import page
 from .configuration import CoDesignConfig, configure
 from .outcome import Outcome
@@ -40,7 +42,7 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
         say(line)
     say(
         f"{joint.encounters.lanes} sorts, {len(joint.space.names)} variables: "
-        f"{', '.join(joint.space.names)}; compiling ..."
+        f"{', '.join(joint.space.names)}; compiling (minutes, the first time) ..."
     )
     optimum = minimize(
         joint.program,
@@ -66,9 +68,10 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
         np.asarray(joint.space.from_shares(e.point)) for e in (optimum.first, optimum.last)
     )
     outcome = Outcome(
-        config, joint, optimum, before, after, measured, verified, time.perf_counter() - begin
-    )
-    say("\n" + _table(outcome) + "\n\n" + _verdict(outcome))
+        config, joint, optimum, before, after, measured, verified, joint.stiff(optimum.point),
+        joint.push(optimum.point), time.perf_counter() - begin,
+    )  # fmt: skip
+    say("\n" + _table(outcome) + "\n\n" + _verdict(outcome) + "\n\n" + _mine(outcome))
     _write(outcome, journal)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
@@ -81,31 +84,44 @@ def _worst(outcome: Outcome, when: str) -> dict[str, float]:
 
 
 def _table(outcome: Outcome) -> str:
-    config = outcome.config
-    lines = [report.design_table(outcome.joint.space, outcome.before, outcome.after)]
+    config, joint, measured = outcome.config, outcome.joint, outcome.measured
+    lines = [report.design_table(joint.space, outcome.before, outcome.after)]
     title = f"worst of the sorts, {config.verify}"
     lines.append(f"\n{title:<34}{'before':>22}{'after':>22}   limit")
-    shown = (
-        ("peak_force", 1.0, "N", None, np.max),
-        ("tip_deflection", 1e3, "mm", config.tip_limit, np.max),
-        ("peak_stress", 1e-6, "MPa", config.stress_limit, np.max),
-        ("crossing", 1e3, "mm", config.crossing, np.min),
-        ("peak_torque", 1.0, "N m", config.torque_limit, np.max),
-        ("ring_amplitude", 1e3, "mm", config.ring_limit, np.max),
-        ("speed", 1.0, "rad/s", config.speed_limit, np.max),
-        ("acceleration", 1.0, "rad/s^2", config.acceleration_limit, np.max),
-        ("jerk", 1.0, "rad/s^3", config.jerk_limit, np.max),
-    )
-    for name, factor, unit, limit, worst in shown:
-        title = f"{name.replace('_', ' ')} [{unit}]"
-        drive = name in ("speed", "acceleration", "jerk")
+
+    def line(title: str, cells: list[str], bound: str = "") -> None:
+        lines.append(f"{title:<34}{cells[0]:>22}{cells[1]:>22}{bound}")
+
+    forces = [float(np.max(measured[when]["peak_force"])) for when in ("before", "after")]
+    line("peak force", [shown(force, "N") for force in forces])
+    line("of a fence that does not bend", ["", shown(outcome.stiff, "N")])
+    line("constant push, point mass", ["", shown(outcome.push, "N")])
+    margins = {when: joint.margins(measured[when]) for when in ("before", "after")}
+    for row in joint.rows(measured["after"]):
         cells = []
         for when in ("before", "after"):
-            values = outcome.measured[when][name]
-            cells.append(factor * float(worst(np.abs(values) if drive else values)))
-        bound = "" if limit is None else f"   {factor * limit:g}"
-        lines.append(f"{title:<34}{cells[0]:>22.5g}{cells[1]:>22.5g}{bound}")
+            lane = int(np.argmin(np.ravel(margins[when][row.name])))
+            value = float(np.ravel(measured[when][row.name])[lane])
+            cells.append(shown(abs(value) if row.at_most else value, row.unit))
+        sign = "at most" if row.at_most else "at least"
+        line(plain(row.name), cells, f"   {sign} {shown(row.bound, row.unit)}")
     return "\n".join(lines)
+
+
+def _mine(outcome: Outcome) -> str:
+    """Which force is the machine's, and what decides it."""
+    joint, optimum = outcome.joint, outcome.optimum
+    if optimum.stop is Stop.FAILED_START:
+        return ""
+    found, machine = outcome.measured["after"], outcome.config.machine
+    of = f"largest peak force over the {pages.many(joint.encounters.lanes, 'sort')}"
+    of += "" if machine is None or not machine.title else f" of {machine.title}"
+    lane = int(np.argmax(found["peak_force"]))
+    told = report.mine(
+        float(found["peak_force"][lane]), objectives.PEAK_FORCE, of, joint.encounters.text(lane),
+        outcome.stiff, outcome.push, held=optimum.feasible,
+    )  # fmt: skip
+    return f"{nearby.price_text(joint.space, optimum, joint.rows(found), 'N')}\n\n{told}"
 
 
 def _verdict(outcome: Outcome) -> str:
@@ -144,6 +160,8 @@ def _write(outcome: Outcome, journal: Journal) -> None:
         "verified": report.verified(config.verify, outcome.verified),
         "statuses": counted(outcome.measured["after"]["status"]),
         "measured": outcome.measured,
+        "does_not_bend": outcome.stiff,
+        "constant_push": outcome.push,
         "smallest_margins": {when: _worst(outcome, when) for when in ("before", "after")},
         "history": report.history_rows(space, optimum),
         "elapsed": outcome.elapsed,

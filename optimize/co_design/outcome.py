@@ -12,7 +12,9 @@ from .problem import Joint
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found: the designs [SI], both measured at the finer fidelity, its verdict."""
+    """What the job found: the designs [SI], both measured at the finer fidelity, its verdict; the
+    largest force [N] of a fence that does not bend, of the shape after, and what a constant push of
+    the hardest parcel would need [N]."""
 
     config: CoDesignConfig
     joint: Joint
@@ -21,6 +23,8 @@ class Outcome:
     after: np.ndarray
     measured: dict[str, dict[str, np.ndarray]]
     verified: Verification
+    stiff: float
+    push: float
     elapsed: float
 
     @property

@@ -3,10 +3,11 @@
 import numpy as np
 
 import fencejax as fj
+from fencejax.printing import shown
 from fencejax.results import counted
 
 from ..common import nearby, pages, report
-from ..common.amounts import plain, shown
+from ..common.amounts import plain
 from ..common.encounters import Course
 from ..common.html_report import Part, Report, Section, Table
 from .outcome import Outcome
@@ -16,7 +17,6 @@ _FIGURES = {
     "sorts": "Force, tip deflection and torque over the sort that is hardest after.",
     "search": "The search: the worst case, violation and residual at every evaluation.",
 }
-_DRIVE = {"speed": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"}
 
 
 def write(outcome: Outcome, verdict: str) -> None:
@@ -26,7 +26,7 @@ def write(outcome: Outcome, verdict: str) -> None:
     fence, _ = space.apply(outcome.after)
     course = Course("sorts", config.seconds, fj.Fidelity.fast(), machine=config.machine)
     first = joint.encounters._replace(**joint.encounters.named(0))
-    rows = _rows(outcome)
+    rows = joint.rows(measured["after"])
     title = "the paper's sorter" if config.machine is None else config.machine.title
     material = ""
     if config.machine is not None and not any("youngs_modulus" in n for n in space.names):
@@ -65,19 +65,6 @@ def write(outcome: Outcome, verdict: str) -> None:
     ).write(config.out)  # fmt: skip
 
 
-def _rows(outcome: Outcome) -> list[nearby.Rows]:
-    """What the margins of the search are, in their order."""
-    joint, config = outcome.joint, outcome.config
-    counts = {name: np.size(row) for name, row in joint.margins(outcome.measured["after"]).items()}
-    rows = [nearby.Rows.of(limit, counts[limit.name]) for limit in joint.limits]
-    ring = config.ring_bound
-    rows.append(nearby.Rows("ring_amplitude", ring, "m", ring, True, counts["ring_amplitude"]))
-    for name, unit in _DRIVE.items():
-        bound = getattr(config, f"{name}_limit")
-        rows.append(nearby.Rows(name, bound, unit, bound, True, counts[name]))
-    return rows
-
-
 def _results(outcome: Outcome) -> list[Part | str]:
     """The worst of every limited number before and after, and every sort."""
     joint, measured, when = outcome.joint, outcome.measured, ("before", "after")
@@ -86,7 +73,7 @@ def _results(outcome: Outcome) -> list[Part | str]:
         cell for name in when for cell in (shown(float(np.max(measured[name]["peak_force"])), "N"),
                                            "")
     )]]  # fmt: skip
-    for one in _rows(outcome):
+    for one in joint.rows(measured["after"]):
         row = [plain(one.name), f"{'≤' if one.at_most else '≥'} {shown(one.bound, one.unit, 3)}"]
         for name in when:
             left = np.ravel(np.asarray(margins[name][one.name]))
@@ -94,6 +81,9 @@ def _results(outcome: Outcome) -> list[Part | str]:
             value = float(np.ravel(measured[name][one.name])[lane])
             row += [shown(value, one.unit), f"{left[lane]:+.3f}"]
         rows.append(row)
+    rows.append(["peak force of a fence that does not bend", "", "", "",
+                 shown(outcome.stiff, "N"), ""])
+    rows.append(["constant push", "", "", "", shown(outcome.push, "N"), ""])
     titles = ["", "bound", *(cell for name in when for cell in (name, "margin"))]
     every = [
         [f"{number['mass']:g} kg, {1e3 * number['offset']:g} mm from the border",

@@ -1,5 +1,7 @@
 """Fence and motion as one design problem over whole sorts."""
 
+from collections.abc import Mapping
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,8 +11,11 @@ import fencejax as fj
 from fencejax.design import LaneProgram, extremes, objectives, ring_amplitude
 from fencejax.results import refined
 
-from ..common.encounters import Course, Encounter
+from ..common import nearby
+from ..common.encounters import Course, Encounter, inflexible
 from .configuration import CoDesignConfig
+
+_DRIVE = {"speed": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"}
 
 
 class Joint:
@@ -39,6 +44,8 @@ class Joint:
             jax.jit(lambda z, encounters, rung=rung: self.sorts(z, encounters, rung))
             for rung in getattr(fj.Fidelity, config.verify)().ladder()
         ]
+        stiff = inflexible(getattr(fj.Fidelity, config.verify)())
+        self._stiff = jax.jit(lambda z, encounters: self.sorts(z, encounters, stiff)[0])
 
     def sorts(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity):
         """Every quantity by name and the statuses, one number a sort."""
@@ -77,6 +84,31 @@ class Joint:
             for name, row in self.margins(read).items()
         ]
         return read["peak_force"], jnp.concatenate(rows)
+
+    def stiff(self, z) -> float:
+        """The largest peak force [N] by a fence of the same shape that does not bend."""
+        return float(np.max(self._stiff(jnp.asarray(z), self.encounters)["peak_force"]))
+
+    def push(self, z) -> float:
+        """What a constant push of the hardest parcel would need [N], as far past the belt's edge as
+        is asked for."""
+        config = self.config
+        course = Course("sorts", config.seconds, fj.Fidelity.fast(), machine=config.machine)
+        past = max((x.bound for x in self.limits if x.name == "crossing"), default=0.0)
+        fence, drive = self.space.apply(self.space.from_shares(z))
+        return float(np.max(course.constant_push(fence, drive, self.encounters, past)))
+
+    def rows(self, found: Mapping[str, np.ndarray]) -> list[nearby.Rows]:
+        """What the margins of the search are, in their order."""
+        config = self.config
+        counts = {name: np.size(row) for name, row in self.margins(found).items()}
+        rows = [nearby.Rows.of(limit, counts[limit.name]) for limit in self.limits]
+        ring = config.ring_bound
+        rows.append(nearby.Rows("ring_amplitude", ring, "m", ring, True, counts["ring_amplitude"]))
+        for name, unit in _DRIVE.items():
+            bound = getattr(config, f"{name}_limit")
+            rows.append(nearby.Rows(name, bound, unit, bound, True, counts[name]))
+        return rows
 
     def measure(self, z) -> dict[str, np.ndarray]:
         """The quantities at the fidelity of the verification, or at a finer one where they are in

@@ -1,5 +1,8 @@
 """Names with numbers in the texts of flags: `name=value,...`, `name=lower:upper`."""
 
+from fencejax.scenes import names
+from fencejax.sorter import amount
+
 
 def values(field: str, text: str, form: str) -> dict[str, float]:
     """`"distance=0.9,mass=10"` as numbers by name.
@@ -13,16 +16,32 @@ def values(field: str, text: str, form: str) -> dict[str, float]:
 
 
 def span(field: str, text: str, form: str) -> tuple[str, float, float, list[str]]:
-    """`"mass=1:30:logarithmic"` as a name, two numbers and the words behind them.
+    """`"mass=1:30:logarithmic"` as a name, two numbers [SI] and the words behind them; a number may
+    have a unit, as in `"thickness=20mm:60mm"`.
 
     Raises `ValueError` where there are no two numbers: that the `field` must `form`.
     """
     name, _, rest = text.partition("=")
     ends = rest.split(":")
     try:
-        return name, float(ends[0]), float(ends[1]), ends[2:]
-    except (ValueError, IndexError) as error:
+        return name, _number(name, ends[0]), _number(name, ends[1]), ends[2:]
+    except IndexError as error:
         raise refusal(field, text, form) from error
+    except ValueError as error:
+        raise ValueError(f"{refusal(field, text, form)} {error}") from error
+
+
+def _number(name: str, text: str) -> float:
+    known = names.known(name)
+    return float(text) if known is None else amount(name, _plain(text), known.unit)
+
+
+def _plain(text: str) -> float | str:
+    """A number, or else the text: one with a unit."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def refusal(field: str, text: str, form: str) -> ValueError:

@@ -4,12 +4,13 @@ import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
 import fencejax as fj
-from fencejax.design import Quantity
+from fencejax.design import Quantity, sorting
 from fencejax.parts import AbstractFriction
 from fencejax.printing import shown
 from fencejax.scenes import names
@@ -169,6 +170,22 @@ class Course:
             lambda encounter: self.scene(fence, drive, encounter), encounters, quantities,
             self.fidelity, self.chunk,
         )  # fmt: skip
+
+
+    def constant_push(
+        self, fence: fj.Fence, drive: fj.AbstractDrive, encounters: Encounter, past: float = 0.0
+    ) -> np.ndarray:
+        """The force [N] of a constant push of each lane's parcel, of whole sorts (see
+        `fencejax.design.sorting.constant_push`)."""
+        pushes = jax.jit(jax.vmap(
+            lambda one: sorting.constant_push(self.scene(fence, drive, one), past)
+        ))  # fmt: skip
+        return np.asarray(pushes(encounters))
+
+
+def inflexible(fidelity: fj.Fidelity) -> fj.Fidelity:
+    """The fidelity at which the fence does not bend."""
+    return fidelity.replace(modes=0, static_correction=False)
 
 
 def _kinetic(law: AbstractFriction | None) -> float:

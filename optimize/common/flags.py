@@ -70,8 +70,9 @@ class Parser(argparse.ArgumentParser):
         if unknown and wrong is None:
             message = f"{' '.join(unknown)} belongs to no flag"
         elif wrong is not None:
-            near = difflib.get_close_matches(wrong, list(self._option_string_actions), 1, 0.5)
-            meant = f" Did you mean {near[0]}?" if near else ""
+            flags = [flag for flag in self._option_string_actions if flag.startswith("--")]
+            near = difflib.get_close_matches(wrong[2:], [flag[2:] for flag in flags], 1, 0.5)
+            meant = f" Did you mean --{near[0]}?" if near else ""
             message = f"there is no flag {wrong}.{meant}"
         end = "" if message.endswith((".", "?")) else "."
         self.exit(2, f"{self.prog}: {message}{end} All flags: --help\n")
@@ -84,7 +85,6 @@ def parser(
     result = Parser(
         prog=f"python -m {prog}",
         description=description,
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     for each in dataclasses.fields(configuration):
         default = each.default
@@ -98,10 +98,22 @@ def parser(
         else:
             settings["type"] = Path if isinstance(default, Path) else type(default)
         settings |= {k: v for k, v in each.metadata.items() if k not in _CHECKED}
+        if not (default == () and "by default" in settings["help"]):
+            settings["help"] += _told(default)
         result.add_argument("--" + each.name.replace("_", "-"), **settings)
     for name, text in switches.items():
-        result.add_argument("--" + name.replace("_", "-"), action="store_true", help=text)
+        result.add_argument(
+            "--" + name.replace("_", "-"), action="store_true", help=text + _told(False)
+        )
     return result
+
+
+def _told(default: Any) -> str:
+    """A default as one writes it behind its flag."""
+    if isinstance(default, bool):
+        default = "yes" if default else "no"
+    words = map(str, default or ("none",)) if isinstance(default, tuple) else (str(default),)
+    return f" (default: {' '.join(words)})".replace("%", "%%")
 
 
 _ABSENT = object()

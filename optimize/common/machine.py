@@ -20,10 +20,14 @@ SORTERS = Path(__file__).parents[1] / "sorters"
 """The sorter files that come with the jobs."""
 
 
+def shipped() -> str:
+    """The names of these."""
+    return ", ".join(sorted(path.stem for path in SORTERS.glob("*.toml")))
+
+
 def sorter_field(default: str = NONE) -> str:
     """The field of a configuration that names a sorter file."""
-    known = ", ".join(sorted(path.stem for path in SORTERS.glob("*.toml")))
-    text = f"sorter file (TOML), or one that comes with the jobs: {known}"
+    text = f"sorter file (TOML), or one that comes with the jobs: {shipped()}"
     text += f"; {NONE}: the job's own numbers" if default == NONE else ""
     return flags.field(default, text, metavar="FILE")
 
@@ -58,9 +62,19 @@ def pairs(field: str, texts: tuple[str, ...]) -> dict[str, str]:
 
 
 def file_of(sorter: str) -> Path:
-    """The sorter file of a name."""
-    path = Path(sorter)
-    return path if path.suffix or path.exists() else SORTERS / f"{sorter}.toml"
+    """The sorter file of a name.
+
+    Raises `ValueError` for a name that is neither a file's nor one of those that come with the
+    jobs.
+    """
+    path, own = Path(sorter), SORTERS / f"{sorter}.toml"
+    if path.suffix or path.exists():
+        return path
+    if not own.exists():
+        raise ValueError(
+            f"Argument `sorter` must be a file or one of {shipped()}, but is {sorter!r}."
+        )
+    return own
 
 
 def load(
@@ -216,8 +230,14 @@ def limits(
     its table that the job has not, `without` some rows."""
     if machine is None:
         return jobs
-    given = [(row, bound) for row, bound in machine.bounds if bound is not None]
-    given += [(row, None) for row, bound in machine.bounds if bound is None and row.name in _OWN]
+    for row, _ in machine.bounds:
+        if row.over == "mean" and not row.asked:
+            raise ValueError(
+                f"Argument `limits.{row.name}` must be left out for this job, as it bounds a mean "
+                "over the parcels. Write python -m optimize.design, or --set "
+                f"limits.{row.name}=false."
+            )
+    given = [(row, bound) for row, bound in machine.bounds if bound is not None or _named(row)]
     found = fj.sorter.settled(given, machine, machine.materials[0])
     own = [limit for name, limit in found if name not in without]
     names = {limit.name for limit in own}
@@ -225,6 +245,13 @@ def limits(
 
 
 _OWN = ("stress", "torque")
+
+
+def _named(row: fj.sorter.LimitRow) -> bool:
+    """Whether a limit holds by its usual bound: the material's or the motor's, or where the sorter
+    names it."""
+    usual = fj.sorter.LIMIT_ROWS.get(row.name)
+    return row.name in _OWN or (usual is not None and usual.asked and not row.asked)
 
 
 def space(
@@ -240,7 +267,7 @@ def space(
         return designs.space(config.variables, _bounds(config.free), fence, drive, default)
     free = machine.free
     if drive is not None:
-        free = {path: span for path, span in free.items() if path.startswith("fence.")}
+        free = {path: span for path, span in free.items() if not path.startswith("drive.")}
     own = config.variables
     if free:
         known = {name: names.known(name) for name in own}

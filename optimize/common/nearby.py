@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fencejax.design import DesignSpace, Evaluation, Limit, Optimum, conflict, shadow_prices
+from fencejax.printing import shown
 from fencejax.sorter import RELAXED
 
-from .amounts import changed, plain, shown
+from .amounts import changed, plain
 from .html_report import Part, Table
 
 SHARE = 0.05
@@ -108,12 +109,20 @@ def tolerance_parts(
     return parts
 
 
-def price_parts(
-    space: DesignSpace, optimum: Optimum, rows: Sequence[Rows], unit: str
-) -> list[Part | str]:
-    """What the limits and bounds on which a search ended cost."""
-    if optimum.last.failed:
-        return ["The design cannot be evaluated."]
+class _Priced(NamedTuple):
+    """A limit or a bound: what it is, relaxed by how much, what that is worth, and of how many
+    margins."""
+
+    name: str
+    bound: float
+    relaxed: float
+    unit: str
+    gain: float
+    deciding: str
+
+
+def _priced(space: DesignSpace, optimum: Optimum, rows: Sequence[Rows]) -> list[_Priced]:
+    """What decides, most first."""
     prices = shadow_prices(optimum) if optimum.feasible else conflict(optimum.last)
     found, start = [], 0
     for row in rows:
@@ -123,7 +132,7 @@ def price_parts(
         relaxed = row.bound + (step if row.at_most else -step)
         gain = float(np.sum(rates)) * step / row.unit_of_margin
         deciding = f"{int(np.sum(rates > 0))} of {row.lanes}"
-        found.append((plain(row.name), row.bound, relaxed, row.unit, gain, deciding))
+        found.append(_Priced(plain(row.name), row.bound, relaxed, row.unit, gain, deciding))
     for index, variable in enumerate(space.variables):
         ends = (("lower", prices.lower, variable.lower, -1), ("upper", prices.upper,
                 variable.upper, 1))  # fmt: skip
@@ -134,20 +143,35 @@ def price_parts(
             share = float(variable.share(relaxed))
             gain = float(rates[index]) * (share - 1 if sign > 0 else -share)
             name = f"{side} bound of {plain(variable.name)}"
-            found.append((name, bound, relaxed, variable.unit, gain, ""))
-    most = max((gain for *_, gain, _ in found), default=0.0)
-    kept = sorted((f for f in found if f[4] > _LITTLE * most), key=lambda f: -f[4])
+            found.append(_Priced(name, bound, relaxed, variable.unit, gain, ""))
+    most = max((one.gain for one in found), default=0.0)
+    return sorted((f for f in found if f.gain > _LITTLE * most), key=lambda f: -f.gain)
+
+
+def _worth(optimum: Optimum, unit: str, gain: float) -> str:
+    if optimum.feasible:
+        return f"{shown(gain, unit, 3)} less"
+    return f"{100 * gain:.3g} % less to miss"
+
+
+_UNKNOWN = "The design cannot be evaluated."
+_FREE = "No limit decides, and no bound that could give way."
+
+
+def price_parts(
+    space: DesignSpace, optimum: Optimum, rows: Sequence[Rows], unit: str
+) -> list[Part | str]:
+    """What the limits and bounds on which a search ended cost."""
+    if optimum.last.failed:
+        return [_UNKNOWN]
+    kept = _priced(space, optimum, rows)
     if not kept:
-        return ["No limit decides, and no bound that could give way."]
-    worth = (
-        (lambda gain: f"{shown(gain, unit, 3)} less")
-        if optimum.feasible
-        else (lambda gain: f"{100 * gain:.3g} % less to miss")
-    )
+        return [_FREE]
     table = [
-        [name, shown(bound, of), shown(relaxed, of), worth(gain), where]
-        for name, bound, relaxed, of, gain, where in kept
-    ]
+        [one.name, shown(one.bound, one.unit), shown(one.relaxed, one.unit),
+         _worth(optimum, unit, one.gain), one.deciding]
+        for one in kept
+    ]  # fmt: skip
     head = (
         "What relaxing a limit or bound by a tenth is worth"
         if optimum.feasible
@@ -156,3 +180,23 @@ def price_parts(
     titles = ["limit or bound", "now", "relaxed to", "worth", "margins that decide"]
     note = "Shadow prices: rates times a tenth of the bound, near the design and one at a time."
     return [Table(titles, table, head, note)]
+
+
+def price_text(
+    space: DesignSpace, optimum: Optimum, rows: Sequence[Rows], unit: str, most: int = 6
+) -> str:
+    """The same as lines, the first few."""
+    if optimum.last.failed:
+        return _UNKNOWN
+    kept = _priced(space, optimum, rows)
+    if not kept:
+        return _FREE
+    head = "What decides, and what relaxing it by a tenth is worth"
+    if not optimum.feasible:
+        head = "No design that holds all limits was found. These fight, and relaxing one is worth"
+    lines = [
+        f"  {one.name}: {shown(one.relaxed, one.unit)} instead of {shown(one.bound, one.unit)}, "
+        f"{_worth(optimum, unit, one.gain)}"
+        for one in kept[:most]
+    ]
+    return "\n".join([f"{head}:", *lines])

@@ -10,12 +10,13 @@ import numpy as np
 
 import fencejax as fj
 from fencejax import plot
-from fencejax.design import DesignSpace, Limit, Optimum
+from fencejax.design import DesignSpace, Limit, Optimum, fatigue
+from fencejax.printing import shown
 from fencejax.results import Status
 from fencejax.scenes import AnyScene, names as scene_names, numbers as scene_numbers
 
 from . import flags, html_report, machine as machines
-from .amounts import plain, shown
+from .amounts import plain
 from .html_report import Figure, Part, Section, Table, Text, Verbatim
 
 DXF = "fence.dxf"
@@ -65,25 +66,29 @@ def scene_table(
 def machine_tables(machine: fj.sorter.Machine, most: int = 24) -> list[Part | str]:
     """A sorter's numbers with units and what is free of them, and its parcels."""
     remarks = {
-        path: f"free, {shown(s.lower, unit(path))} ... {shown(s.upper, unit(path))}"
+        path: f"free, {shown(s.lower, machine.unit(path))} ... {shown(s.upper, machine.unit(path))}"
         for path, s in machine.free.items()
     } | {
-        path: "one of " + ", ".join(shown(value, unit(path)) for value in values)
+        path: "one of " + ", ".join(shown(value, machine.unit(path)) for value in values)
         for path, values in machine.choices.items()
     }
     table = scene_table(
-        machine.scene(0), "Parts", ("parcel", "start", "fence.material"),
+        machine.scene(0), "Parts", ("parcel", "start", "fence.material", "motor"),
         {fj.sorter.scene_path(path): text for path, text in remarks.items()},
     )  # fmt: skip
-    known = {row[0] for row in table.rows}
+    where = "at its shaft" if machine.motor.at_shaft else "at the hinge"
     rows: list[Sequence[Any]] = [*table.rows]
+    for name, bounds in machine.motor.bounds.items():
+        value, path = getattr(machine.motor, name), f"motor.{name}"
+        if value is not None:
+            remark = remarks.get(path, where if bounds.unit in ("N m", "rad/s") else "")
+            rows.append([_title(path), shown(float(value), bounds.unit), remark])
+    known = {row[0] for row in rows}
     for path, text in remarks.items():
         if _title(path) not in known:
             rows.append([_title(path), "", text])
     if machine.period is not None:
         rows.append(["from one parcel to the next", shown(machine.period, "s"), ""])
-    if machine.motor.torque is not None:
-        rows.append(["motor: torque at the hinge", shown(float(machine.motor.torque), "N m"), ""])
     full = [[*row, ""][:3] for row in rows]
     parts = _slim(Table(["number", "value", "remark"], full, "Parts"))
     return [parts, material_table(machine.materials), parcel_table(machine.parcels, most)]
@@ -95,14 +100,19 @@ def material_table(sheets: Sequence[fj.parts.DataSheet]) -> Table:
     def stress(value: Any) -> str:
         return "" if value is None else shown(float(value), "Pa")
 
+    def exponent(sheet: fj.parts.DataSheet) -> str:
+        given = sheet.fatigue_strength is not None
+        return shown(float(fatigue.exponent_of(sheet.material)), "1", 3) if given else ""
+
     rows = [
         [sheet.name, f"{float(sheet.material.youngs_modulus) / 1e9:.4g} GPa",
          shown(float(sheet.material.density), "kg/m^3"), f"{float(sheet.material.damping_ratio):g}",
-         stress(sheet.allowed_stress), stress(sheet.fatigue_strength), sheet.conditions]
+         stress(sheet.allowed_stress), stress(sheet.fatigue_strength), exponent(sheet),
+         sheet.conditions]
         for sheet in sheets
     ]  # fmt: skip
     titles = ["material", "Young's modulus", "density", "damping ratio", "allowed stress",
-              "amplitude borne 1e7 times", "at"]  # fmt: skip
+              "amplitude borne 1e7 times", "exponent of that line", "at"]  # fmt: skip
     caption = "The material" if len(rows) == 1 else "Materials, each designed for itself"
     return _slim(Table(titles, rows, caption))
 
@@ -144,7 +154,11 @@ def parcel_table(parcels: fj.sorter.Parcels, most: int) -> Table:
 def unit(path: str) -> str:
     """The unit of a number of a sorter file."""
     number = scene_names.known(fj.sorter.scene_path(path))
-    return "1" if number is None else number.unit
+    if number is not None:
+        return number.unit
+    part, _, name = path.rpartition(".")
+    owner = {"motor": fj.Motor, "parcel": fj.Parcel, "parcels": fj.Parcel}.get(part)
+    return "1" if owner is None or name not in owner.bounds else owner.bounds[name].unit
 
 
 def _slim(table: Table) -> Table:

@@ -19,6 +19,7 @@ from fencejax.design import (
     Verification,
     objectives,
 )
+from fencejax.printing import shown
 from fencejax.results import Status
 
 _FORCE = objectives.PEAK_FORCE
@@ -163,6 +164,25 @@ def verified(fidelity: str, found: Verification) -> dict[str, Any]:
         "margin_error": found.margin_error,
         "violation": found.violation,
     }
+
+
+def mine(
+    value: float, quantity: Quantity, of: str, where: str = "", stiff: float | None = None,
+    push: float | None = None, obstacle: float | None = None, held: bool = True,
+) -> str:  # fmt: skip
+    """One sentence: which of the numbers is the machine's, with what it is to be compared with: a
+    fence of that shape that does not bend, a constant push, an obstacle that does not give way.
+    Where not `held`, the design breaks limits, and the number is not one to build for."""
+    begin = "Yours is" if held else "None is yours yet: no design holds all limits. The nearest has"
+    text = f"{begin} {shown(value, quantity.unit)}: the {of}"
+    text += f" ({where})" if where else ""
+    if stiff is not None:
+        text += f"; a fence of that shape that does not bend: {shown(stiff, quantity.unit)}"
+    if push is not None:
+        text += f"; a constant push would need {shown(push, 'N', 3)}"
+    if obstacle is not None:
+        text += f"; a rigid obstacle there: {shown(obstacle, 'N')}"
+    return text + "."
 
 
 def failed_start(text: Callable[[int], str], statuses: np.ndarray) -> str:

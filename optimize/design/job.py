@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 import fencejax as fj
-from fencejax.design import Journal
+from fencejax.design import Journal, objectives
 from fencejax.results import counted
-from fencejax.sorter import Solution, SorterProblem, rigid, solve
+from fencejax.sorter import Solution, SorterProblem, constant_push, rigid, solve
 
 from ..common import command, evaluations
 from ..common.report import progress_line, write_json
@@ -38,10 +38,12 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     fidelity, check = (getattr(fj.Fidelity, n)() for n in (config.fidelity, config.check))
     problem = SorterProblem(machine, fidelity, reserve=config.reserve, rungs=config.rungs)
     journal = None if problem.space is None else evaluations.journal(config, say)
+    several = "s" if len(problem.candidates) > 1 else ""
     say(
         f"{problem.machine.title or config.sorter}: {problem.machine.parcels.count} parcels and "
         f"places, free {', '.join(problem.variable_names) or 'nothing'}, "
-        f"{len(problem.candidates)} candidates; compiling ..."
+        f"{len(problem.candidates)} candidate{several}; compiling (minutes, the first time, and "
+        "again where sorts are computed finer) ..."
     )
     quantity = problem.machine.objective.quantity
     solutions = []
@@ -57,7 +59,10 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     solutions.sort(key=lambda one: one.rank)
     best = solutions[0]
     stiff = float(np.max(rigid(problem, best, check).values[quantity.name]))
-    outcome = Outcome(config, problem, solutions, stiff, time.perf_counter() - begin)
+    push = None
+    if quantity is objectives.PEAK_FORCE:
+        push = float(np.max(constant_push(problem, best)))
+    outcome = Outcome(config, problem, solutions, stiff, push, time.perf_counter() - begin)
     say("\n" + told(outcome))
     _write(outcome, journal)
     page.write(outcome)
@@ -84,7 +89,7 @@ def told(outcome: Outcome) -> str:
         parts.append("Nothing better than the start was found.")
     checked = words.doubts(best)
     parts += [checked] if checked else []
-    parts.append(words.mine(problem, best, outcome.stiff))
+    parts.append(words.mine(problem, best, outcome.stiff, outcome.push))
     return "\n\n".join(parts)
 
 
@@ -127,6 +132,7 @@ def _write(outcome: Outcome, journal: Journal | None) -> None:
         "parcels": [parcels.text(lane) for lane in range(parcels.count)],
         "solutions": [row(one) for one in outcome.solutions],
         "does_not_bend": outcome.stiff,
+        "constant_push": outcome.push,
         "recalled": 0 if journal is None else journal.recalled,
         "elapsed": outcome.elapsed,
     }

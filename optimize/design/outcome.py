@@ -9,13 +9,15 @@ from .configuration import DesignConfig
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found: a solution for each candidate, the best first, and the largest objective
-    of a fence that does not bend, of the best one's shape."""
+    """What the job found: a solution for each candidate, the best first; the largest objective of a
+    fence that does not bend, of the best one's shape; and what a constant push of the hardest
+    parcel would need [N], where the objective is a force."""
 
     config: DesignConfig
     problem: SorterProblem
     solutions: list[Solution]
     stiff: float
+    push: float | None
     elapsed: float
 
     @property

@@ -6,12 +6,14 @@ import numpy as np
 
 import fencejax as fj
 from fencejax import plot
+from fencejax.design import fatigue
 from fencejax.plot import Trace
+from fencejax.printing import shown
 from fencejax.results import counted
 from fencejax.sorter import Look
 
 from ..common import pages, report
-from ..common.amounts import changed, plain, shown
+from ..common.amounts import changed, plain
 from ..common.html_report import Figure, Part, Report, Section, Table, Text
 from ..common.nearby import SHARE, room_text
 from . import words
@@ -62,7 +64,7 @@ def _question(outcome: Outcome) -> str:
 
 def _answer(outcome: Outcome) -> list[str]:
     problem, best = outcome.problem, outcome.best
-    lines = [words.mine(problem, best, outcome.stiff)]
+    lines = [words.mine(problem, best, outcome.stiff, outcome.push)]
     if not best.feasible:
         fighting = ", ".join(plain(price.name) for price in best.prices[:4])
         lines.insert(0, "No design was found that holds all limits; the nearest one is shown." + (
@@ -106,7 +108,7 @@ def _design(outcome: Outcome) -> list[Part | str]:
     return [*parts, *fence, drive]
 
 
-_OTHERS = ("parcel", "start", "belt", "fence", "fence_friction", "border")
+_OTHERS = ("parcel", "start", "belt", "fence", "fence_friction", "border", "motor")
 
 
 def _candidates(outcome: Outcome) -> list[Part | str]:
@@ -145,6 +147,11 @@ def _results(outcome: Outcome) -> list[Part | str]:
         "fence that does not bend", "for comparison",
         *("" for _ in range(2 * len(looks) - 2)), shown(outcome.stiff, quantity.unit), "", "",
     ])  # fmt: skip
+    if outcome.push is not None:
+        rows.append([
+            "constant push, point mass", "for comparison",
+            *("" for _ in range(2 * len(looks) - 2)), shown(outcome.push, "N"), "", "",
+        ])  # fmt: skip
     note = (
         "A limit holds at a margin of 0 or more, of what its bound measures; the tightest parcel "
         "is shown. The search keeps "
@@ -364,9 +371,13 @@ def _own_assumptions(outcome: Outcome) -> list[str]:
         f"The {machine.parcels.count} parcels and places stand for all that the machine meets.",
     ]
     if sheet.fatigue_strength is not None:
-        lines.append(
-            "The stress is compared with what is allowed once; 1e7 reversed cycles bear "
-            f"{shown(float(sheet.fatigue_strength), 'Pa')}."
-        )
+        told = f"1e7 reversed cycles bear {shown(float(sheet.fatigue_strength), 'Pa')}."
+        lines.append(f"The stress is compared with what is allowed once; {told}")
+        if fatigue.FATIGUE_STRESS in outcome.problem.quantities:
+            lines[-1] = (
+                f"For the life {told} Cycles are counted as rainflow, their means taken in after "
+                "Smith, Watson and Topper, summed by Miner's rule along Basquin's line, exponent "
+                f"{shown(float(fatigue.exponent_of(sheet.material)), '1', 3)}."
+            )
     return lines
 

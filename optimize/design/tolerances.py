@@ -16,7 +16,6 @@ from fencejax.design import Evaluation
 from fencejax.results import Status
 from fencejax.sorter import Candidate, Look, Solution, SorterProblem
 
-from ..common import pages
 from ..common.nearby import NOTHING, SHARE, along
 
 _MATERIAL = {"youngs_modulus": "Pa", "density": "kg/m^3", "damping_ratio": "1"}
@@ -122,7 +121,7 @@ def _moves(
     for path, value in candidate.numbers.items():
         for share in (-SHARE, SHARE) if value else ():
             numbers = {**candidate.numbers, path: (1 + share) * value}
-            unit = pages.unit(path)
+            unit = problem.machine.unit(path)
             yield path, unit, value, share, point, candidate._replace(numbers=numbers)
 
 

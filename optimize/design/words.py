@@ -3,15 +3,16 @@
 import numpy as np
 
 from fencejax.design import Stop, fatigue
+from fencejax.printing import shown
 from fencejax.sorter import Look, Price, Solution, SorterProblem
 
-from ..common.amounts import plain, shown
+from ..common import report
+from ..common.amounts import plain
 
 
 def worst(problem: SorterProblem, look: Look, name: str) -> tuple[float, int | None]:
     """The value of a limited quantity where its margin is least, and the parcel."""
-    quantity = problem.limited(name)
-    values = np.asarray(look.measured.values[quantity.name])
+    values = problem.bounded(name, look.measured)
     start = 0
     for other, rows in zip(problem.limit_names, problem.margin_rows, strict=True):
         if other == name:
@@ -100,16 +101,20 @@ def before_and_after(problem: SorterProblem, one: Solution) -> str:
 
 def _lasting(one: Solution, name: str, stress: float) -> str:
     """How many sorts a fence bears at a fatigue stress [Pa]; nothing for other limits."""
-    strength = one.candidate.material.fatigue_strength
+    sheet = one.candidate.material
+    strength = sheet.fatigue_strength
     if name != fatigue.FATIGUE_STRESS.name or strength is None or not stress > 0:
         return ""
-    return f", for {float(fatigue.life(stress, strength)):.1g} sorts"
+    sorts = fatigue.life(stress, strength, fatigue.exponent_of(sheet.material))
+    return f", for {float(sorts):.1g} sorts"
 
 
 def decides(problem: SorterProblem, one: Solution) -> str:
     """What the limits and bounds on which the design ends cost."""
     optimum = one.optimum
     if optimum is None or not one.prices:
+        if optimum is not None and not optimum.converged:
+            return f"No limit and no bound decides where the search ended: {optimum.stop.value}."
         return "No limit decides, and no bound that could give way."
     lines = []
     for price in one.prices[:6]:
@@ -160,21 +165,20 @@ def start_troubles(problem: SorterProblem, one: Solution) -> str:
     return "".join(f"\n  the start: {text}" for text in told)
 
 
-def mine(problem: SorterProblem, one: Solution, stiff: float | None) -> str:
+def mine(
+    problem: SorterProblem, one: Solution, stiff: float | None, push: float | None = None
+) -> str:
     """One sentence: which of the numbers is the machine's."""
     machine, quantity = problem.machine, problem.machine.objective.quantity
     over = "largest" if machine.objective.over == "worst" else machine.objective.over
-    title = machine.title or "this machine"
-    text = (
-        f"Yours is {shown(one.after.objective, quantity.unit)}: the {over} {plain(quantity.name)} "
-        f"over the {machine.parcels.count} parcels and places of {title}, by a fence of "
-        f"{one.candidate.name}"
+    of = (
+        f"{over} {plain(quantity.name)} over the {machine.parcels.count} parcels and places of "
+        f"{machine.title or 'this machine'}, by a fence of {one.candidate.name}"
     )
-    if machine.objective.over == "worst":
-        text += f" ({hardest(problem, one.after)})"
-    if stiff is not None:
-        text += f"; a fence of that shape that does not bend: {shown(stiff, quantity.unit)}"
-    return text + "."
+    where = hardest(problem, one.after) if machine.objective.over == "worst" else ""
+    return report.mine(
+        one.after.objective, quantity, of, where, stiff, push, held=one.feasible
+    )
 
 
 def doubts(one: Solution) -> str:

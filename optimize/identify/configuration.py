@@ -92,7 +92,7 @@ class IdentifyConfig:
     budget: int = flags.field(100, "evaluations at most in a search", least=1)
     fidelity: str = flags.field(
         "standard",
-        "fidelity of the model: fast, standard or reference",
+        "fidelity of the model",
         choices=flags.FIDELITIES,
     )
     demo_fidelity: str = flags.field(

@@ -41,19 +41,19 @@ def fit(experiment: Experiment, fitted: np.ndarray, noise: dict[str, float]) -> 
         style.prepared(lower)
         first = column == 0
         upper.plot(
-            time, measured, "o", color=style.COLORS[0], markersize=2.6,
+            time, measured, "o", color=style.GRAY, markersize=2.6,
             label="recording" if first else None,
         )  # fmt: skip
         upper.plot(
-            time, modelled, color=style.COLORS[2], linewidth=1.5, label="fit" if first else None
+            time, modelled, color=style.RED, linewidth=1.5, label="fit" if first else None
         )
         upper.set_ylabel(label)
         band = 2 * factor * noise[name]
         lower.axhspan(
-            -band, band, color="#d8e4f0", linewidth=0, zorder=0,
+            -band, band, color=style.BLUE, alpha=0.15, linewidth=0, zorder=0,
             label="two standard deviations" if first else None,
         )  # fmt: skip
-        lower.plot(time, measured - modelled, "o", color=style.COLORS[1], markersize=2.6,
+        lower.plot(time, measured - modelled, "o", color=style.BLUE, markersize=2.6,
                    label="recording less fit" if first else None)  # fmt: skip
         lower.axhline(0, color="black", linewidth=0.7)
         lower.set_ylabel(f"residual {label[label.rindex('['):]}")
@@ -68,7 +68,7 @@ def correlation(found: Fit) -> "Figure":
     size = 1.9 + 0.75 * len(names)
     figure = _figure(size + 1.2, size)
     axes = figure.subplots()
-    image = axes.imshow(found.correlation, cmap="RdBu_r", vmin=-1, vmax=1)
+    image = axes.imshow(found.correlation, cmap=style.SIGNED_MAP, vmin=-1, vmax=1)
     for i, row in enumerate(found.correlation):
         for j, value in enumerate(row):
             color = "white" if abs(value) > 0.6 else "black"

@@ -98,7 +98,7 @@ def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
     offsets = [one.offset for one in aligned if one.offset is not None]
     if offsets and not any(_name(parameter) == OFFSET for parameter in searched):
         searched = (*searched, max(offsets, key=lambda offset: offset.upper))
-    say("compiling ...")
+    say("compiling (minutes, the first time) ...")
 
     last = [0.0]
 
@@ -202,7 +202,11 @@ def _report(config: IdentifyConfig, outcome: Outcome, say) -> None:
         say(f"{same} of {len(found.costs)} starts came to the same minimum")
     for name, value in outcome.deviations.items():
         truth = (demo.TRUTH | {"first_touch": demo.DELAY})[name]
-        say(f"  hidden {name.replace('_', ' ')} {truth:.4g}: {value:+.2f} standard errors away")
+        units = {one.name: one.unit for one in found.parameters} | {"first_touch": "s"}
+        say(
+            f"  hidden {name.replace('_', ' ')} {shown(truth, units[name])}: {value:+.2f} standard "
+            "errors away"
+        )
     if not found.converged:
         say("the search did NOT converge")
     elif not outcome.succeeded:

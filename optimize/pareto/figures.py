@@ -6,21 +6,16 @@ from pathlib import Path
 import numpy as np
 
 from fencejax.plot import COLORS, figure as new_figure, prepared
+from fencejax.printing import multiple
 
 from .problem import Tradeoff
 from .trace import Point
 
-_SHOWN = {"m": (1e3, "mm"), "s": (1.0, "s"), "kg": (1.0, "kg"), "N m": (1.0, "N m")}
-
-
-def _shown(unit: str) -> tuple[float, str]:
-    """Factor and unit that a quantity is drawn in."""
-    return _SHOWN.get(unit, (1.0, unit))
-
 
 def front(tradeoff: Tradeoff, points: list[Point], good, least, start, out: Path) -> None:
     """Worst peak force over the other quantity: the front, what was left out, the bound."""
-    factor, unit = _shown(tradeoff.quantity.unit)
+    size, unit = multiple(max(p.other for p in points), tradeoff.quantity.unit)
+    factor = 1 / size
     figure = new_figure(4.4)
     axes = prepared(figure.subplots())
     other = factor * np.array([p.other for p in points])
@@ -56,7 +51,8 @@ def front(tradeoff: Tradeoff, points: list[Point], good, least, start, out: Path
 
 def designs(tradeoff: Tradeoff, points: list[Point], good, out: Path) -> None:
     """Every variable over the other quantity, its bounds as dotted lines."""
-    factor, unit = _shown(tradeoff.quantity.unit)
+    size, unit = multiple(max(p.other for p in points), tradeoff.quantity.unit)
+    factor = 1 / size
     kept = sorted((p for p, g in zip(points, good, strict=True) if g), key=lambda p: p.other)
     variables = tradeoff.space.variables
     rows = math.ceil(len(variables) / 2)

@@ -23,7 +23,7 @@ import numpy as np
 from fencejax.design import Stop
 from fencejax.plot import non_dominated
 
-from ..common import command, designs, evaluations, machine
+from ..common import command, designs, evaluations, machine, nearby
 from ..common.report import ended, failed_start, verified, write_json
 from . import figures, page
 from .configuration import ParetoConfig, configure
@@ -129,11 +129,19 @@ def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
         config, tradeoff, points, _good(points), least, tracer.evaluations,
         time.perf_counter() - begin,
     )  # fmt: skip
+    if front.knee is not None:
+        stiff = tradeoff.stiff(points[front.knee].optimum.point)
+        front = dataclasses.replace(front, stiff=stiff)
     if config.plots:
         figures.front(tradeoff, points, front.on_front, least, tracer.start, config.out)
         figures.designs(tradeoff, points, front.on_front, config.out)
     page.write(front, _verdict(front, tracer), tracer.unit)
     say("\n" + _verdict(front, tracer))
+    if front.knee is not None:
+        point = points[front.knee]
+        rows = page.rows(front, point, tracer.unit)
+        say("\n" + nearby.price_text(tradeoff.space, point.optimum, rows, "N"))
+        say("\n" + page.mine(front))
     say(f"wrote {config.out} ({front.elapsed:.1f} s in all)")
     return front
 

@@ -1,11 +1,12 @@
 """The page of the job: `report.html`, with the drawing of a fence from the front and its DXF."""
 
-import numpy as np
 
 import fencejax as fj
+from fencejax.design import objectives
+from fencejax.printing import shown
 
-from ..common import nearby, pages
-from ..common.amounts import plain, shown
+from ..common import nearby, pages, report
+from ..common.amounts import plain
 from ..common.html_report import Part, Report, Section, Table
 from .outcome import Front
 from .trace import Point
@@ -17,16 +18,32 @@ _FIGURES = {
 
 
 def chosen(front: Front) -> Point | None:
-    """The front's knee: the point that is furthest on the good side of the line between its ends,
-    both axes taken over their ranges; `None` where there is no front."""
-    kept = [p for p, good in zip(front.points, front.on_front, strict=True) if good]
-    if len(kept) < 2:
-        return None
-    plane = np.array([(p.other, p.force) for p in kept])
-    spans = np.ptp(plane, axis=0)
-    if not np.all(spans > 0):
-        return kept[0]
-    return kept[int(np.argmin(np.sum((plane - plane.min(axis=0)) / spans, axis=1)))]
+    """The front's knee; `None` where there is no front."""
+    return None if front.knee is None else front.points[front.knee]
+
+
+def mine(front: Front) -> str:
+    """Which of the numbers is the machine's, at the front's knee."""
+    if front.knee is None:
+        return ""
+    point, machine = front.points[front.knee], front.config.machine
+    kind = front.config.kind.removesuffix("s")
+    of = f"largest peak force over {pages.many(front.tradeoff.encounters.lanes, kind)}"
+    of += f" of {machine.title}" if machine is not None and machine.title else ""
+    name = plain(front.tradeoff.quantity.name)
+    where = f"{name} {shown(point.other, front.tradeoff.quantity.unit)}, the front's knee"
+    return report.mine(point.force, objectives.PEAK_FORCE, of, where, front.stiff)
+
+
+def rows(front: Front, point: Point, of_margin: float) -> list[nearby.Rows]:
+    """What the margins of the search for a point are, in their order."""
+    tradeoff, lanes = front.tradeoff, front.tradeoff.encounters.lanes
+    found = [nearby.Rows.of(limit, lanes) for limit in tradeoff.limits]
+    left = point.optimum.margins.size - lanes * len(found)
+    # The bound that the front steps; of the points without one it is loose, and decides nothing.
+    name = f"{tradeoff.quantity.name}, as the front steps it"
+    bound = nearby.Rows(name, point.bound, tradeoff.quantity.unit, of_margin, True, left)
+    return [*found, bound]
 
 
 def write(front: Front, verdict: str, unit_of_margin: float) -> None:
@@ -45,7 +62,7 @@ def write(front: Front, verdict: str, unit_of_margin: float) -> None:
         f"How much less does the fence hit for more {name}, over "
         f"{pages.many(encounters.lanes, config.kind.removesuffix('s'))}, within the limits that "
         "hold in any case?",
-        pages.sentences(verdict),
+        pages.sentences(mine(front), verdict),
         front.succeeded,
         [
             pages.machine_section(machine, scene),
@@ -70,7 +87,7 @@ def write(front: Front, verdict: str, unit_of_margin: float) -> None:
 def _points(front: Front) -> Table:
     tradeoff = front.tradeoff
     name, unit = plain(tradeoff.quantity.name), tradeoff.quantity.unit
-    rows, best = [], chosen(front)
+    table, best = [], chosen(front)
     strong = set()
     for point, good, least in zip(front.points, front.on_front, front.least_force, strict=True):
         design = [
@@ -78,8 +95,8 @@ def _points(front: Front) -> Table:
             for v, value in zip(tradeoff.space.variables, point.values, strict=True)
         ]
         if point is best:
-            strong.add(len(rows))
-        rows.append([
+            strong.add(len(table))
+        table.append([
             shown(point.other, unit), shown(point.force, "N"), shown(float(least), "N"), *design,
             "on the front" if good else "left out", "sound" if point.sound else "not sound",
         ])  # fmt: skip
@@ -87,7 +104,7 @@ def _points(front: Front) -> Table:
         name, "worst peak force", "constant-force stop", *map(plain, tradeoff.space.names), "", "",
     ]  # fmt: skip
     note = "Sound: feasible, sought to the end and confirmed. In bold: the fence drawn below."
-    return Table(titles, rows, "Points", note, frozenset(strong))
+    return Table(titles, table, "Points", note, frozenset(strong))
 
 
 def _design(front: Front, point: Point | None) -> list[Part | str]:
@@ -110,16 +127,10 @@ def _decides(front: Front, point: Point | None, of_margin: float) -> list[Part |
     """Prices and tolerances at the design drawn."""
     if point is None:
         return []
-    tradeoff, lanes = front.tradeoff, front.tradeoff.encounters.lanes
-    rows = [nearby.Rows.of(limit, lanes) for limit in tradeoff.limits]
-    left = point.optimum.margins.size - lanes * len(rows)
-    unit, bound = tradeoff.quantity.unit, point.bound
-    # The bound that the front steps; of the points without one it is loose, and decides nothing.
-    name = f"{tradeoff.quantity.name}, as the front steps it"
-    rows.append(nearby.Rows(name, bound, unit, of_margin, True, left))
+    tradeoff, margins = front.tradeoff, rows(front, point, of_margin)
     return [
-        *nearby.price_parts(tradeoff.space, point.optimum, rows, "N"),
-        *nearby.tolerance_parts(tradeoff.space, point.optimum, rows, "N", 0.0),
+        *nearby.price_parts(tradeoff.space, point.optimum, margins, "N"),
+        *nearby.tolerance_parts(tradeoff.space, point.optimum, margins, "N", 0.0),
     ]
 
 

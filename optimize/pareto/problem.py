@@ -11,7 +11,7 @@ import fencejax as fj
 from fencejax.design import LaneProgram, objectives
 from fencejax.results import counted, refined
 
-from ..common.encounters import Course, Encounter
+from ..common.encounters import Course, Encounter, inflexible
 from .configuration import ParetoConfig
 
 FORCE, OTHER = 0.0, 1.0
@@ -106,6 +106,14 @@ class Tradeoff:
         return Measured(
             float(np.max(lanes["peak_force"])), float(np.max(lanes[self.quantity.name])), lanes
         )
+
+    def stiff(self, z) -> float:
+        """The largest peak force [N] by a fence of the same shape that does not bend."""
+        fidelity = inflexible(fj.Fidelity.fast())
+        found = jax.jit(
+            lambda z, lanes: self._read(z, lanes, fidelity, (objectives.PEAK_FORCE,))[0]
+        )(jnp.asarray(z), self.encounters)
+        return float(np.max(found["peak_force"]))
 
     def judged(self, measured: Measured, minimised: float, bound: float, unit: float):
         """Objectives, margins with nothing kept in hand, and statuses from what was measured: for

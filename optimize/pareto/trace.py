@@ -104,7 +104,7 @@ class Tracer:
         engine = qmc.Sobol(start.size, seed=0)  # pyright: ignore[reportCallIssue]
         shares = 0.1 + 0.8 * engine.random_base2(power)[1 : self.config.starts]
         starts = np.vstack([start, shares])
-        self.say(f"least force, {len(starts)} starts; compiling ...")
+        self.say(f"least force, {len(starts)} starts; compiling (minutes, the first time) ...")
         if len(starts) == 1:
             tried = [self._minimize(starts[0], FORCE, self.tradeoff.loose, None)]
         else:

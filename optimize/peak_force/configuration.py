@@ -59,7 +59,7 @@ class PeakForceConfig:
     budget: int = flags.field(120, "evaluations at most")
     fidelity: str = flags.field(
         "standard",
-        "fidelity of the optimisation: fast, standard or reference",
+        "fidelity of the optimisation",
         choices=flags.FIDELITIES,
     )
     reference: bool = flags.field(
@@ -125,6 +125,12 @@ class PeakForceConfig:
         """The paper's worst case alone: its parcel of 15 kg, met near the tip."""
         return dataclasses.replace(self, distances=(1.08,), masses=(15.0,), sort_masses=(15.0,))
 
+    def quick(self) -> "PeakForceConfig":
+        """A small version: few evaluations at the coarse fidelity, and nothing checked after."""
+        return dataclasses.replace(
+            self, budget=12, fidelity="coarse", reference=False, sort_masses=()
+        )
+
 
 configure = flags.reader(
     PeakForceConfig,
@@ -133,4 +139,6 @@ configure = flags.reader(
     "from the paper's two-link fence, under limits.",
     worst_case="the paper's worst case alone, 15 kg met near the tip, at R = 1.08 m, where no flag "
     "for distances and masses says otherwise",
+    quick="few evaluations at the coarse fidelity and no checks after, where no flag for them says "
+    "otherwise",
 )

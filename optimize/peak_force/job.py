@@ -39,7 +39,7 @@ from fencejax.design import (
 )
 from fencejax.plot import Trace
 
-from ..common import command, machine, report
+from ..common import command, machine, nearby, report
 from . import impacts as batch, page
 from .configuration import PeakForceConfig, configure
 from .outcome import Outcome
@@ -123,7 +123,10 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     checks = _Checks(config, space, impacts)
     for line in machine.notes(config.machine):
         say(line)
-    say(f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling ...")
+    say(
+        f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling (minutes, "
+        "the first time) ..."
+    )
     optimum = minimize(
         Program(
             batch.problem(space, impacts, limits, config.reserve, config.quantity),
@@ -181,6 +184,10 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
         confirmed, sorted_out, limits, config.quantity, time.perf_counter() - begin,
     )  # fmt: skip
     say("\n" + _verdict(outcome, impacts))
+    unit = config.quantity.unit
+    if optimum.stop is not Stop.FAILED_START:
+        say("\n" + nearby.price_text(space, optimum, page.rows(outcome, impacts), unit))
+        say("\n" + page.mine(config, outcome, impacts))
     _write(config, outcome, impacts, signals)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome

@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from fencejax.printing import shown
 from fencejax.results import counted
 
 from ..common import nearby, pages, report
-from ..common.amounts import plain, shown
+from ..common.amounts import plain
 from ..common.html_report import Report, Section, Table
 from .configuration import PeakForceConfig
 from .impacts import Impacts
@@ -32,11 +33,10 @@ def write(
     quantity, limits = outcome.objective, outcome.limits
     fence, drive = space.apply(outcome.after)
     designs = {"two-link": "before", "one-link": "one_link", "optimum": "after"}
-    rows = [nearby.Rows.of(limit, len(impacts.lanes)) for limit in limits]
+    margins = rows(outcome, impacts)
     title = "paper's impacts" if config.machine is None else config.machine.title
     lanes = pages.many(len(impacts.lanes), "impact")
     name = f"Optimum for {lanes}"
-    worst = shown(float(np.max(measured["after"][quantity.name])), quantity.unit)
     material = ""
     if config.machine is not None and "youngs_modulus" not in " ".join(space.names):
         material = config.machine.materials[0].name
@@ -45,7 +45,7 @@ def write(
         f"Which {', '.join(plain(n) for n in space.names)} make the worst {plain(quantity.name)} "
         f"over {lanes} least, within {pages.many(len(limits), 'limit')}?",
         pages.sentences(
-            f"the worst {plain(quantity.name)} is {worst}",
+            mine(config, outcome, impacts),
             verdict.removeprefix(report.conditions(optimum)),
         ),
         outcome.succeeded,
@@ -63,9 +63,9 @@ def write(
                 _impacts(outcome, impacts, designs),
             ]),
             pages.figures(config.out, _FIGURES if config.plots else {}),
-            Section("What decides", nearby.price_parts(space, optimum, rows, quantity.unit)),
+            Section("What decides", nearby.price_parts(space, optimum, margins, quantity.unit)),
             Section("Tolerances", nearby.tolerance_parts(
-                space, optimum, rows, quantity.unit, config.reserve
+                space, optimum, margins, quantity.unit, config.reserve
             )),
             Section("Statuses and checks", [
                 pages.status_table(counted(measured["after"]["status"]), "Impacts at the optimum"),
@@ -78,6 +78,25 @@ def write(
             pages.again(config, "peak_force"),
         ],
     ).write(config.out)  # fmt: skip
+
+
+def rows(outcome: Outcome, impacts: Impacts) -> list[nearby.Rows]:
+    """What the margins of the search are, in their order."""
+    return [nearby.Rows.of(limit, len(impacts.lanes)) for limit in outcome.limits]
+
+
+def mine(config: PeakForceConfig, outcome: Outcome, impacts: Impacts) -> str:
+    """Which of the numbers is the machine's."""
+    quantity = outcome.objective
+    values = np.asarray(outcome.measured["after"][quantity.name])
+    lane = int(np.argmax(values))
+    distance, mass = impacts.lanes[lane]
+    of = f"largest {plain(quantity.name)} over {pages.many(len(impacts.lanes), 'impact')}"
+    of += " of the paper's fence and drive" if config.machine is None else ""
+    force = float(outcome.stiff[lane]) if quantity.name == "peak_force" else None
+    where = f"R = {distance:g} m, {mass:g} kg"
+    held = outcome.optimum.feasible
+    return report.mine(float(values[lane]), quantity, of, where, obstacle=force, held=held)
 
 
 def _comparison(side_by_side: dict[str, dict]) -> Table:

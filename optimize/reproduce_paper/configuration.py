@@ -33,7 +33,7 @@ class PaperConfig:
         (0.3, 1.19), "span of the place of the first touch in the maps [m]", **_SPAN
     )
     chunk: int = flags.field(400, "impacts computed at a time", least=1)
-    fidelity: str = flags.field("standard", "fast, standard or reference", choices=flags.FIDELITIES)
+    fidelity: str = flags.field("standard", "fidelity of the simulations", choices=flags.FIDELITIES)
     open_numbers: bool = flags.field(
         True, "repeat the table over the numbers that the paper leaves open"
     )

@@ -125,6 +125,20 @@ class Stiff(NamedTuple):
 
 
 @eqx.filter_jit
+def restitutions(speed: Array, masses: Array, fidelity: fj.Fidelity) -> Array:
+    """Speeds at which parcels of some `masses` [kg] leave a rigid obstacle over the `speed` [m/s]
+    at which they met it [1], of shape (M,)."""
+
+    def one(mass: Array) -> Array:
+        wall = fj.scenes.rigid_wall(speed=speed, parcel=fj.Parcel(mass=mass))
+        final = fj.simulate(wall, fidelity=fidelity, only=["final"]).final
+        assert final is not None
+        return final.y_rate / speed
+
+    return jax.vmap(one)(masses)
+
+
+@eqx.filter_jit
 def run_stiff(cases: Case, fidelity: fj.Fidelity) -> Stiff:
     """N_stiff of all lanes."""
 

@@ -19,10 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLORS = style.COLORS[1:3]
+_COLORS = style.LINES[:2]
 _STYLES = ("-", "--")
-_STIFF = "#222222"
-_BELT = "#ece8df"
 _PAGE = 6.9
 _UNSOUND = "the corner runs over the tip (or the beam bends too far for a linear one)"
 _PLATE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
@@ -59,7 +57,7 @@ def _lines(axes: "Axes", x, y, factor: float = 1.0) -> None:
 
 
 def _path(axes: "Axes", cycle: Cycle, parcel: fj.Parcel) -> None:
-    axes.axhspan(0.0, BELT_WIDTH, color=_BELT, zorder=0, linewidth=0)
+    axes.axhspan(0.0, BELT_WIDTH, color=style.PALE, zorder=0, linewidth=0)
     axes.axhline(0.0, color="black", linewidth=1.2)
     axes.axhline(BELT_WIDTH, color="black", linewidth=0.8, linestyle=":")
     first = lane(cycle, 0)
@@ -67,13 +65,16 @@ def _path(axes: "Axes", cycle: Cycle, parcel: fj.Parcel) -> None:
     reach = fences.REACH
     for pick in (*first_and_last(first), int(np.argmax(first.drive_angle))):
         turn = float(first.drive_angle[pick])
-        axes.plot([0, reach * np.cos(turn)], [0, reach * np.sin(turn)], color="#b5b5b5", zorder=1)
+        axes.plot(
+            [0, reach * np.cos(turn)], [0, reach * np.sin(turn)], color=style.GRAY, alpha=0.6,
+            zorder=1,
+        )  # fmt: skip
     for pick in first_and_last(first):
         cosine, sine = np.cos(float(first.angle[pick])), np.sin(float(first.angle[pick]))
         axes.plot(
             float(first.x[pick]) + cosine * corners[:, 0] - sine * corners[:, 1],
             float(first.y[pick]) + sine * corners[:, 0] + cosine * corners[:, 1],
-            color="#8fb3d1", linewidth=0.8, zorder=1,
+            color=style.BLUE, alpha=0.45, linewidth=0.8, zorder=1,
         )  # fmt: skip
     _lines(axes, cycle.x, cycle.y)
     _points(axes, cycle, cycle.y, cycle.x, ((-10, 4), (-10, 4)))
@@ -107,12 +108,12 @@ def cycle_figure(
     if stiff is not None:
         since = np.asarray(stiff.time)[0] + begin
         c.plot(
-            since, np.asarray(stiff.force)[0] / largest[0], color=_STIFF, linewidth=1.2,
+            since, np.asarray(stiff.force)[0] / largest[0], color=style.INK, linewidth=1.2,
             linestyle=(0, (1, 1)), label="rigid obstacle", zorder=4,
         )  # fmt: skip
     if rigid is not None:
         c.plot(
-            np.asarray(rigid.time)[0], np.asarray(rigid.force)[0] / largest[0], color=_STIFF,
+            np.asarray(rigid.time)[0], np.asarray(rigid.force)[0] / largest[0], color=style.INK,
             linewidth=1.2, linestyle=(0, (1, 1)), label="undeformable fence", zorder=4,
         )  # fmt: skip
     _points(c, cycle, np.asarray(cycle.force) / largest, None, ((-9, 4), (3, 5)))
@@ -156,7 +157,7 @@ def map_figure(maps: Maps, quantity: str) -> "Figure":
         panel(axes, "place of the first touch R [m]", mass, f"({'ab'[index]})")
         axes.set_title(name, fontsize="small")
         filled = axes.contourf(
-            maps.distances, maps.masses, shown[index], levels=levels, cmap="viridis"
+            maps.distances, maps.masses, shown[index], levels=levels, cmap=style.MAP
         )
         lines = axes.contour(
             maps.distances, maps.masses, shown[index], levels=levels[::2], colors="white",
@@ -166,7 +167,7 @@ def map_figure(maps: Maps, quantity: str) -> "Figure":
         if not np.all(maps.sound[index]):
             axes.contourf(
                 maps.distances, maps.masses, (~maps.sound[index]).astype(float),
-                levels=[0.5, 1.5], colors=["#e6e6e6"], hatches=["////"],
+                levels=[0.5, 1.5], colors=[style.EMPTY], hatches=["////"],
             )  # fmt: skip
         if index == 0:
             axes.axvline(fences.JOINT, color="white", linewidth=1.2, linestyle="--")
@@ -179,12 +180,10 @@ def map_figure(maps: Maps, quantity: str) -> "Figure":
             bar.set_label(label, fontsize="small")
             bar.ax.tick_params(labelsize="small")
     if not np.all(maps.sound):
-        from matplotlib.patches import Patch
-
-        patch = Patch(facecolor="#e6e6e6", hatch="////", label=_UNSOUND)
         figure.legend(
-            handles=[patch], loc="outside lower center", frameon=False, fontsize="small"
-        )
+            handles=[style.hatched_patch(_UNSOUND)], loc="outside lower center", frameon=False,
+            fontsize="small",
+        )  # fmt: skip
     return figure
 
 
@@ -208,7 +207,7 @@ def sensitivity_figure(found: Sensitivities) -> "Figure":
         axes.axhline(0.0, color="black", linewidth=0.8)
         _lines(axes, across, found.slope[..., index])
     for axes in panels:
-        axes.axvline(fences.JOINT, color="#999999", linewidth=0.8, linestyle=":")
+        axes.axvline(fences.JOINT, color=style.GRAY, linewidth=0.8, linestyle=":")
     legend_above(first, 2)
     return figure
 

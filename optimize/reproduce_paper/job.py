@@ -18,6 +18,7 @@ import time
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 import fencejax as fj
@@ -29,6 +30,7 @@ from .case import Case, lane, starts, undeformable
 from .configuration import PaperConfig, configure
 from .cycle import Cycle, first_and_last
 from .fences import NAMES
+from .further import MASSES, FurtherEvidence, judge_further
 from .maps import Maps
 from .open_numbers import VARIANTS, Setting
 from .outcome import Outcome
@@ -99,6 +101,8 @@ def main(config: PaperConfig | None = None, *, quiet: bool = False) -> Outcome:
         say(f"whole sorts, {2 * len(NAMES) * len(settings) + 2} lanes in one program:")
         impacts, slides, rigid = _sorts(settings, cases, fidelity)
         stiff = jax.device_get(cycles.run_stiff(_joined(cases), fidelity))
+        speed, masses = jnp.asarray(stiff.speed[0]), jnp.asarray(MASSES)
+        restitution = jax.device_get(cycles.restitutions(speed, masses, fidelity))
         clock.lap("impact, slide and rigid obstacle")
         say("maps:")
         fine, coarse = _maps(config, cases, fidelity, say)
@@ -113,8 +117,10 @@ def main(config: PaperConfig | None = None, *, quiet: bool = False) -> Outcome:
     ]
     judged = [judge(one) for one in evidence]
     findings = judge(dataclasses.replace(evidence[0], maps=fine))
+    own = lane(stiff, slice(0, each))
+    findings += judge_further(FurtherEvidence(impacts[0], slides[0], own, fine, restitution))
     outcome = Outcome(
-        impacts[0], slides[0], rigid, lane(stiff, slice(0, each)), fine, found, findings,
+        impacts[0], slides[0], rigid, own, fine, found, findings,
         judged[0], list(zip(variants, judged[1:], strict=True)), {},
     )  # fmt: skip
     if config.plots:
@@ -128,7 +134,7 @@ def main(config: PaperConfig | None = None, *, quiet: bool = False) -> Outcome:
 
 
 def _report(config: PaperConfig, outcome: Outcome, say) -> None:
-    say("\n" + tables.statement_table(outcome.findings))
+    say("\n" + tables.statement_table(outcome.findings) + "\n" + tables.CHOSEN)
     stiff, rigid = outcome.stiff, outcome.rigid
     say(
         f"\nnormal approach speed {stiff.speed[0]:.2f} m/s at R = {config.distance:g} m, "

@@ -27,5 +27,5 @@ class Outcome:
 
     @property
     def agrees(self) -> bool:
-        """Whether no statement of the paper is contradicted."""
-        return all(finding.verdict != "no" for finding in self.findings)
+        """Whether no statement of the paper is contradicted but those that are known to be."""
+        return all(f.verdict != "no" or f.contradicted for f in self.findings)

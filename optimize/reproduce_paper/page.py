@@ -24,7 +24,7 @@ def write(config: PaperConfig, outcome: Outcome) -> None:
     """Write the page."""
     rows = [[f.says, f.found, f.verdict, "" if f.verdict == "yes" else f.remark]
             for f in outcome.findings]  # fmt: skip
-    yes = sum(f.verdict == "yes" for f in outcome.findings)
+    yes, no = (sum(f.verdict == word for f in outcome.findings) for word in ("yes", "no"))
     stiff, rigid = outcome.stiff, outcome.rigid
     numbers = [
         ["normal approach speed there", f"{stiff.speed[0]:.2f} m/s"],
@@ -47,10 +47,8 @@ def write(config: PaperConfig, outcome: Outcome) -> None:
         "The paper recomputed",
         "Does the model give what T. Piątkowski, Active fence with flexible link, J. Theor. Appl. "
         "Mech. 48(1), 87-109, 2010, reports?",
-        f"{yes} of the paper's {len(outcome.findings)} statements hold as they stand; none is "
-        "contradicted." if outcome.agrees else
-        f"{yes} of the paper's {len(outcome.findings)} statements hold as they stand; some are "
-        "contradicted: see why below.",
+        f"{yes} of the paper's {len(outcome.findings)} statements hold as they stand; {no} the "
+        f"model contradicts: see why below. {' '.join(tables.CHOSEN.split())}",
         outcome.agrees,
         [
             Section("Statements", [

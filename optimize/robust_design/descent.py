@@ -13,6 +13,7 @@ from fencejax.design import (
     FirstOrder,
     Journal,
     Multipliers,
+    Optimum,
     Record,
     minimize,
 )
@@ -33,14 +34,15 @@ class Step(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A design's shares, why the search ended, whether that was what it looks for, its steps, and
-    the measure of its own sample (NaN where there is none)."""
+    """A design's shares, why the search ended, whether that was what it looks for, its steps, the
+    measure of its own sample (NaN where there is none), and the optimum where there is one."""
 
     point: np.ndarray
     stop: str
     ended: bool
     steps: list[Step]
     objective: float
+    optimum: Optimum | None = None
 
 
 def by_sample(population: Population, journal: Journal, say: Callable[..., None]) -> Found:
@@ -71,7 +73,7 @@ def by_sample(population: Population, journal: Journal, say: Callable[..., None]
         progress=progress,
     )
     ended = found.feasible and found.stop.name in ("OPTIMAL", "STAGNATED")
-    return Found(found.point, found.stop.value, ended, steps, found.objective)
+    return Found(found.point, found.stop.value, ended, steps, found.objective, found)
 
 
 def by_batches(population: Population, journal: Journal, say: Callable[..., None]) -> Found:

@@ -27,7 +27,7 @@ import numpy as np
 from fencejax.design import Journal
 from fencejax.results import counted
 
-from ..common import command, designs, evaluations, machine, report
+from ..common import command, designs, evaluations, machine, nearby, report
 from ..common.encounters import Encounter
 from . import confidence, page
 from .configuration import RobustConfig, configure
@@ -71,7 +71,7 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
     count = config.sample if config.method == "sample" else config.batch
     say(
         f"{count} {config.scenes} a step, variables {', '.join(population.space.names)}; "
-        "compiling ..."
+        "compiling (minutes, the first time) ..."
     )
     search = by_sample if config.method == "sample" else by_batches
     found = search(population, journal, say)
@@ -91,10 +91,16 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
         np.asarray(population.space.from_shares(z)) for z in (population.start, found.point)
     )
     outcome = Outcome(
-        config, found, before, after, judged, ratio, time.perf_counter() - begin
-    )
+        config, found, before, after, judged, ratio, population.stiff(found.point, fresh),
+        time.perf_counter() - begin,
+    )  # fmt: skip
     _write(population, outcome, fresh, both, journal)
     say("\n" + _table(population, outcome) + "\n\n" + _verdict(outcome))
+    if found.optimum is not None:
+        rows = page.rows(population)
+        said = nearby.price_text(population.space, found.optimum, rows, config.unit)
+        say("\n" + said)
+    say("\n" + page.mine(outcome))
     say(f"wrote {config.out} ({outcome.elapsed:.1f} s in all)")
     return outcome
 
@@ -177,6 +183,7 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
         "fresh": {when: told(judgement) for when, judgement in outcome.judged.items()},
         "ratio": outcome.ratio._asdict(),
         "own_sample": found.objective,
+        "does_not_bend": outcome.stiff,
         "steps": [step._asdict() for step in found.steps],
         "recalled": journal.recalled,
         "elapsed": outcome.elapsed,

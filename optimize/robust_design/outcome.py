@@ -24,7 +24,8 @@ class Judgement:
 @dataclasses.dataclass(frozen=True)
 class Outcome:
     """What the job found: the designs [SI], their judgements, and the ratio of the measure after
-    to that before, on the same fresh parcels."""
+    to that before, on the same fresh parcels; and the measure after of a fence of that shape that
+    does not bend."""
 
     config: RobustConfig
     found: Found
@@ -32,6 +33,7 @@ class Outcome:
     after: np.ndarray
     judged: dict[str, Judgement]
     ratio: confidence.Interval
+    stiff: float
     elapsed: float
 
     @property

@@ -3,9 +3,10 @@
 import numpy as np
 
 import fencejax as fj
+from fencejax.printing import shown
 
-from ..common import pages
-from ..common.amounts import plain, shown
+from ..common import nearby, pages
+from ..common.amounts import plain
 from ..common.encounters import Course, Encounter
 from ..common.html_report import Part, Report, Section, Table
 from .confidence import Interval
@@ -36,7 +37,9 @@ def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: s
         f"A robust fence: {title}",
         f"Which fence makes the {_MEASURES[config.measure]} of the {severity} least over parcels "
         f"as they come, each limit held for {100 * config.fraction:g} % of them?",
-        pages.sentences(f"the {_MEASURES[config.measure]}{verdict.removeprefix(config.measure)}"),
+        pages.sentences(
+            mine(outcome), f"the {_MEASURES[config.measure]}{verdict.removeprefix(config.measure)}"
+        ),
         outcome.succeeded,
         [
             pages.machine_section(config.machine, scene),
@@ -47,6 +50,7 @@ def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: s
             ]),
             Section("Results and limits", _results(population, outcome)),
             pages.figures(config.out, _FIGURES if config.plots else {}),
+            Section("What decides", _decides(population, outcome)),
             Section("Statuses and checks", _checks(outcome)),
             pages.assumptions(
                 "The parcels' numbers are independent of each other, spread as the table says.",
@@ -57,6 +61,37 @@ def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: s
             pages.again(config, "robust_design"),
         ],
     ).write(config.out)  # fmt: skip
+
+
+def rows(population: Population) -> list[nearby.Rows]:
+    """What the margins of the search are, in their order: of each limit that which the stated
+    fraction of parcels has at least."""
+    return [nearby.Rows.of(limit, 1) for limit in population.limits]
+
+
+def mine(outcome: Outcome) -> str:
+    """Which of the numbers is the machine's."""
+    config = outcome.config
+    own = outcome.judged["after"].measures[config.measure].value
+    begin = "Yours is" if outcome.held else "None is yours yet, as a limit breaks. This one has"
+    text = (
+        f"{begin} {own:.4g} {config.unit}: the {_MEASURES[config.measure]} of the "
+        f"{plain(config.severity)} over {config.fresh} parcels"
+    )
+    if config.machine is not None and config.machine.title:
+        text += f" of {config.machine.title}"
+    stiff = f"{outcome.stiff:.4g} {config.unit}"
+    return f"{text}; by a fence of that shape that does not bend: {stiff}."
+
+
+def _decides(population: Population, outcome: Outcome) -> list[Part | str]:
+    optimum, space, unit = outcome.found.optimum, population.space, outcome.config.unit
+    if optimum is None:
+        return ["A search by fresh batches ends with no multipliers: it says no prices."]
+    return [
+        *nearby.price_parts(space, optimum, rows(population), unit),
+        *nearby.tolerance_parts(space, optimum, rows(population), unit, 0.0),
+    ]
 
 
 def _parcels(fresh: Encounter) -> Table:
@@ -99,6 +134,10 @@ def _results(population: Population, outcome: Outcome) -> list[Part | str]:
          ))]
         for limit in population.limits
     ]  # fmt: skip
+    measures.append([
+        f"{_MEASURES[config.measure]}, fence that does not bend", "", "",
+        f"{outcome.stiff:.4g} {config.unit}".strip(), "",
+    ])  # fmt: skip
     note = f"Asked for: {100 * config.fraction:g} % of the parcels."
     return [
         Table(titles, measures, "The severity over the fresh parcels", "", strong),

@@ -11,7 +11,7 @@ import fencejax as fj
 from fencejax.design import LaneProgram, objectives, risk, shock
 from fencejax.results import refined
 
-from ..common.encounters import Course, Encounter
+from ..common.encounters import Course, Encounter, inflexible
 from .configuration import RobustConfig
 
 
@@ -31,6 +31,8 @@ class Population:
             jax.jit(lambda z, encounters, fidelity=fidelity: self._lanes(z, encounters, fidelity))
             for fidelity in ladder
         ]
+        stiff = inflexible(ladder[0])
+        self._stiff = jax.jit(lambda z, encounters: self._lanes(z, encounters, stiff))
 
     def _lanes(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity):
         """The quantities by name and the statuses, one number a parcel."""
@@ -71,6 +73,12 @@ class Population:
         rows = [jnp.where(valid, x.margin_of(read[x.name]), -1.0) for x in self.limits]
         margins = [risk.quantile(row, 1 - config.fraction) for row in rows]
         return measure, jnp.stack(margins)
+
+    def stiff(self, z, encounters: Encounter) -> float:
+        """The measure of the severity by a fence of the same shape that does not bend."""
+        read, statuses = self._stiff(jnp.asarray(z), encounters)
+        harm, config = self.harm(read["peak_force"], encounters), self.config
+        return float(risk.risk(harm, config.measure, config.level, self.valid(read, statuses)))
 
     def judge(self, z, encounters: Encounter) -> dict[str, np.ndarray]:
         """Every parcel's numbers at the check's fidelity, or at a finer one where they are in

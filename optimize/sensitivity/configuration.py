@@ -93,7 +93,7 @@ class SensitivityConfig:
     confidence: float = flags.field(0.95, "of the intervals [1]", between=(0, 1))
     resamples: int = flags.field(200, "of the bootstrap", least=10)
     seed: int = flags.field(0, "of the sampling", least=0)
-    fidelity: str = flags.field("standard", "fast, standard or reference", choices=flags.FIDELITIES)
+    fidelity: str = flags.field("standard", "fidelity of the simulations", choices=flags.FIDELITIES)
     chunk: int = flags.field(16, "runs computed at a time by a thread", least=1)
     plots: bool = flags.field(True, "draw the figures")
 

@@ -13,7 +13,7 @@ from .study import Global, Local
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_LINES = (*style.COLORS[1:], "#555555", "#3aa0a0", "#c04080")
+_LINES = (*style.LINES, style.INK)
 _MARKED = "outside what the model answers for"
 
 
@@ -34,7 +34,7 @@ def bars(titles: Sequence[str], outputs, names, found: Local) -> "Figure":
                 places + (row - (len(outputs) - 1) / 2) * thick,
                 found.elasticity[index, row],
                 height=0.9 * thick,
-                color=style.COLORS[1 + row % (len(style.COLORS) - 1)],
+                color=style.LINES[row % len(style.LINES)],
                 label=_words(quantity.name) if index == 0 else None,
             )
         axes.set_yticks(places, [_words(name) for name in names])
@@ -66,7 +66,7 @@ def along(label: str, at: np.ndarray, outputs, names, found: Local, most: int = 
         axes.axhline(0, color="black", linewidth=0.7)
         for k, (start, end) in enumerate(_spans(at, doubtful)):
             axes.axvspan(
-                start, end, color="#d8d8d8", alpha=0.6, linewidth=0, zorder=0,
+                start, end, color=style.GRID, alpha=0.6, linewidth=0, zorder=0,
                 label=_MARKED if row == 0 and k == 0 else None,
             )  # fmt: skip
         axes.set_title(_words(quantity.name), loc="left", fontsize="medium")
@@ -93,9 +93,9 @@ def shares(outputs, names, found: Global, confidence: float) -> "Figure":
     panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
     places = np.arange(len(names))
     series = (
-        ("alone, S_i", found.indices.first, style.COLORS[0]),
-        ("total, S_Ti", found.indices.total, style.COLORS[1]),
-        ("bound on S_Ti from derivatives", found.measures.bound, style.COLORS[2]),
+        ("alone, S_i", found.indices.first, style.GRAY),
+        ("total, S_Ti", found.indices.total, style.BLUE),
+        ("bound on S_Ti from derivatives", found.measures.bound, style.RED),
     )
     for row, (axes, quantity) in enumerate(zip(panels.flat, outputs, strict=False)):
         style.prepared(axes)

@@ -3,10 +3,11 @@
 import numpy as np
 
 import fencejax as fj
+from fencejax.printing import shown
 from fencejax.study import UNITS_OF_RULES, Response
 
 from ..common import pages
-from ..common.amounts import plain, shown
+from ..common.amounts import plain
 from ..common.html_report import Part, Report, Section, Table
 from .configuration import SensitivityConfig
 from .outcome import Outcome

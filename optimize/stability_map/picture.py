@@ -8,21 +8,21 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullLocator
 
-from fencejax.plot import figure as new_figure
+from fencejax.plot import style
 
 from .scenes import AXES, ORDINARY
 
 _NAMES = ("right", "off: good status, beyond the promise", "warned", "refused")
 # Told apart by the colour-blind, and in grey.
-_COLOURS = ("#0b5fa5", "#c1121f", "#f7d488", "#8a8a8a")
-_MAP = ListedColormap(_COLOURS)
+_COLORS = (style.BLUE, style.RED, style.CAUTION, style.GRAY)
+_MAP = ListedColormap(_COLORS)
 _COLUMNS = 2
 
 
 def _legend(figure):
     handles = [
         Patch(facecolor=c, edgecolor="black", linewidth=0.4, label=n)
-        for c, n in zip(_COLOURS, _NAMES, strict=True)
+        for c, n in zip(_COLORS, _NAMES, strict=True)
     ]
     figure.legend(
         handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small"
@@ -50,7 +50,7 @@ def _scale(axis, name: str) -> None:
 def draw_axes(path: Path, axes: dict[str, np.ndarray], kinds: dict) -> None:
     """A panel for every axis, in it a strip for every fidelity; a line at the ordinary value."""
     rows = -(-len(axes) // _COLUMNS)
-    figure = new_figure((0.34 + 0.13 * len(kinds)) * rows + 0.5, 7.6)
+    figure = style.figure((0.34 + 0.13 * len(kinds)) * rows + 0.5, 7.6)
     panels = figure.subplots(rows, _COLUMNS, squeeze=False).T.ravel()
     at = 0
     for panel, (name, values) in zip(panels, axes.items(), strict=False):
@@ -78,7 +78,7 @@ def draw_axes(path: Path, axes: dict[str, np.ndarray], kinds: dict) -> None:
 
 def draw_pairs(path: Path, pairs, side: int, begin: int, kinds: dict) -> None:
     """A map for every pair of axes, a row for every fidelity; a cross at the ordinary values."""
-    figure = new_figure(2.3 * len(kinds) + 0.4, 2.5 * len(pairs))
+    figure = style.figure(2.3 * len(kinds) + 0.4, 2.5 * len(pairs))
     grid = figure.subplots(len(kinds), len(pairs), squeeze=False, sharex="col", sharey="col")
     for row, (title, (kind, _)) in zip(grid, kinds.items(), strict=True):
         row[0].set_title(title, loc="left", fontsize="small", fontweight="bold")

@@ -59,7 +59,7 @@ class SweepConfig:
         "none", "output whose derivatives in all variables are kept too, or none"
     )
     duration: float = flags.field(0.0, "length of each scene [s]; 0: the scene's own")
-    fidelity: str = flags.field("standard", "fast, standard or reference", choices=flags.FIDELITIES)
+    fidelity: str = flags.field("standard", "fidelity of the simulations", choices=flags.FIDELITIES)
     refine: bool = flags.field(
         True, "compute lanes whose status doubts the numbers again, at finer fidelities"
     )

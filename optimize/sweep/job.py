@@ -75,6 +75,9 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = SweepConfig() if config is None else config
+    # Said before anything is compiled.
+    for library in ("xarray", "zarr", "dask"):
+        sweep_library(library)
     sweep = config.sweep()
     lanes = f"{sweep.samples.count} lanes of {config.scene} over {', '.join(sweep.samples.names)}"
     with _client(config) as client:
@@ -94,6 +97,10 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
         )
     counts, missing = table.counts(), table.missing()
     say("statuses: " + ", ".join(f"{name} {number}" for name, number in counts.items()))
+    for status in fj.Status:
+        if status.name in counts and status > fj.Status.LEFT_OVER_TIP:
+            flag = " (by --fidelity)" if status.numerical else ""
+            say(f"  {status.name}: {status.text}{flag}")
     if np.any(table.rung):
         say(f"computed again at a finer fidelity: {np.sum(table.rung > 0)} lanes")
     for name, number in missing.items():

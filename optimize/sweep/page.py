@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from fencejax.printing import shown
 from fencejax.study import Sweep
 
 from ..common import html_report, pages
-from ..common.amounts import plain, shown
+from ..common.amounts import plain
 from ..common.html_report import Part, Report, Section, Table
 from .configuration import SweepConfig
 from .outcome import Outcome

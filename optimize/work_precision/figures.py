@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from .findings import Report, Rung
     from .ladder import Point
 
-# Okabe and Ito's colours, told apart by colour-blind readers, and a marker with each.
-_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000", "#7f7f7f")
+# A marker with each, for colour-blind readers.
+_COLORS = (*style.LINES, style.INK)
 _MARKERS = "osD^v<>P"
 _PAGE = 6.9
 _LOG_KNOBS = {
@@ -102,7 +102,7 @@ def front_figure(report: "Report") -> "Figure":
             seen.add(count)
             axes.plot(*place(rung), _MARKERS[key], color=_COLORS[key], markersize=4.5, label=label)
         points = [place(rung) for rung in report.front(kind)]
-        axes.plot(*zip(*points, strict=True), color="#999999", linewidth=1.0, zorder=1)
+        axes.plot(*zip(*points, strict=True), color=style.GRAY, linewidth=1.0, zorder=1)
         for rung in report.rungs:
             x, y = place(rung)
             axes.plot(

@@ -8,48 +8,52 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import rainflow
+from scipy import stats
 
 import fencejax as fj
 from fencejax.design import drivability, fatigue, objectives, shock, sorting
 from fencejax.results import Measure
 
-MOTOR = fj.Motor(
-    torque=900.0, no_load_speed=9.0, rotor_inertia=1e-3, gear_ratio=40.0, efficiency=0.9
-)
-PLAIN = (
+QUANTITIES = (
     fatigue.FATIGUE_STRESS, sorting.CROSSING_TIME, sorting.TIP_SHARE, shock.PEAK_LOAD,
-    shock.VELOCITY_CHANGE, shock.damage_boundary(6.0, 1.0), sorting.tipping(0.25, 0.1),
-    drivability.rms_torque(), drivability.drive_work(),
+    shock.VELOCITY_CHANGE, shock.damage_boundary(), shock.damage_chance(0.3),
+    sorting.tipping(None, 0.1), drivability.MOTOR_TORQUE, drivability.RMS_TORQUE,
+    drivability.PEAK_POWER, drivability.DRIVE_WORK, drivability.NET_WORK, drivability.SPEED_TORQUE,
 )  # fmt: skip
-BEHIND = tuple(
-    quantity(MOTOR)
-    for quantity in (
-        drivability.motor_torque, drivability.rms_torque, drivability.peak_power,
-        drivability.drive_work, drivability.net_work, drivability.speed_torque,
-    )
-)  # fmt: skip
-# Those of the motor have the names of those without it.
-NAMED = {**{q.name: q for q in PLAIN}, **{f"motor_{q.name}": q for q in BEHIND}}
+AT_SHAFT = (drivability.MOTOR_TORQUE, drivability.RMS_TORQUE, drivability.SPEED_TORQUE)
+# Those at the motor's own shaft have the names of those at the hinge.
+NAMED = [*(q.name for q in QUANTITIES), *(f"shaft_{q.name}" for q in AT_SHAFT)]
 OWN = Measure("stresses", "Pa", "", "either way", fatigue.STRESS, lambda course: course.signal)
-POINT = np.array([0.03, 3.0, 6.0])
+# The fence's thickness, the drive's top speed and the parcel's mass, on which the motion depends;
+# the motor's gear ratio, rotor's inertia, efficiency, no-load speed and torque; the material's
+# exponent; the parcel's height, critical acceleration and critical velocity change.
+MOVING = 3
+POINT = np.array([0.03, 3.0, 6.0, 40.0, 1e-3, 0.9, 9.0, 900.0, 12.0, 0.5, 6.0, 1.0])
 
 
-def scene(point):
-    """A sort that is soon over, in which the parcel leaves over the tip: the fence's thickness, the
-    drive's top speed and the parcel's mass."""
-    thickness, speed, mass = point
+def scene(point, at_shaft=False):
+    """A sort that is soon over, in which the parcel leaves over the tip."""
+    thickness, speed, mass, gear, inertia, efficiency, no_load, torque, slope, *own = point
+    motor = fj.Motor(
+        torque, no_load_speed=no_load, rotor_inertia=inertia, gear_ratio=gear,
+        efficiency=efficiency, at_shaft=at_shaft,
+    )  # fmt: skip
+    height, load, change = own
     return fj.scenes.whole_sort(
         front=0.95, offset=0.01, fence_corners=(1,), border=None, fence_friction=None,
-        belt=fj.Belt(width=0.3), fence=fj.Fence(thickness=thickness), parcel=fj.Parcel(mass=mass),
-        drive=fj.HarmonicDrive(speed, 0.5), duration=0.5,
+        belt=fj.Belt(width=0.3), drive=fj.HarmonicDrive(speed, 0.5), duration=0.5, motor=motor,
+        fence=fj.Fence(thickness=thickness, material=fj.Material(fatigue_exponent=slope)),
+        parcel=fj.Parcel(
+            mass, height=height, critical_load=load, critical_velocity_change=change
+        ),
     )  # fmt: skip
 
 
-def _once(quantities):
+def _once(quantities, at_shaft):
     """Quantities of one motor in one run, as a problem reads them."""
 
     def values(point):
-        made = scene(point)
+        made = scene(point, at_shaft)
         result = fj.simulate(
             made, fidelity=fj.Fidelity.fast(), history=False, only=objectives.fields(quantities),
             measures=objectives.measures(quantities),
@@ -61,10 +65,10 @@ def _once(quantities):
 
 @functools.cache
 def ours():
-    """Values and slopes, of shape (m,) and (m, 3), by the names of `NAMED`."""
+    """Values and slopes, of shape (m,) and (m, n), by the names of `NAMED`."""
 
     def both(point):
-        return jnp.concatenate([_once(PLAIN)(point), _once(BEHIND)(point)])
+        return jnp.concatenate([_once(QUANTITIES, False)(point), _once(AT_SHAFT, True)(point)])
 
     def sloped(point):
         return both(point), jax.jacfwd(both)(point)
@@ -100,7 +104,7 @@ def where_positive(time, level, signal):
     return np.sum(inside * np.diff(fine) * 0.5 * (values[1:] + values[:-1]))
 
 
-def amplitude(time, stress):
+def amplitude(time, stress, exponent):
     """sigma_eq by the package `rainflow`, vertices by NumPy."""
     fine = stress.copy()
     for i in range(1, stress.size - 1):
@@ -111,23 +115,32 @@ def amplitude(time, stress):
     for side in (fine, -fine):
         order = np.append(np.roll(side, -np.argmax(side)), np.max(side))
         total = sum(
-            count * (max(mean + span / 2, 0) * span / 2) ** 5
+            count * (max(mean + span / 2, 0) * span / 2) ** (exponent / 2)
             for span, mean, count, *_ in rainflow.extract_cycles(order)
         )
-        worst = max(worst, total**0.1)
+        worst = max(worst, total ** (1 / exponent))
     return worst
+
+
+@functools.cache
+def moved(point):
+    """History and stresses of one run: of the numbers on which they depend alone."""
+    history, stresses = jax.tree.map(
+        np.asarray, _recorded(jnp.asarray([*point, *POINT[MOVING:]]))
+    )
+    taken = 1 + int(np.searchsorted(history.time, history.time[-1]))
+    return jax.tree.map(lambda x: x[:taken], (history, stresses))
 
 
 @functools.cache
 def read(point):
     """The same by NumPy, from the history of one run."""
-    history, stresses = jax.tree.map(np.asarray, _recorded(jnp.asarray(point)))
-    taken = 1 + int(np.searchsorted(history.time, history.time[-1]))
-    history, stresses = jax.tree.map(lambda x: x[:taken], (history, stresses))
+    history, stresses = moved(point[:MOVING])
     time, force, mass = history.time, history.fence_force, point[2]
+    gear, inertia, efficiency, no_load, stall, exponent, height, critical, change = point[MOVING:]
     whole = lambda t, signal: np.trapezoid(signal, t)  # noqa: E731
     found = {}
-    found["fatigue_stress"] = max(amplitude(time, column) for column in stresses.T)
+    found["fatigue_stress"] = max(amplitude(time, column, exponent) for column in stresses.T)
     over = np.argmax(history.body.y >= 0.3)
     found["crossing_time"] = np.interp(
         0.3, history.body.y[over - 1 : over + 1], time[over - 1 : over + 1]
@@ -143,30 +156,35 @@ def read(point):
     blow = slice(first, last + 1)
     impulse = where_positive(time[blow], force[blow] - 0.1 * force[top], force[blow])
     found["velocity_change"] = impulse / mass
-    found["damage"] = min(found["peak_load"] / 6.0, found["velocity_change"] / 1.0)
-    found["tipping"] = peak * 0.15 / (0.5 * 0.3 * mass * 9.81)
+    ratios = found["peak_load"] / critical, found["velocity_change"] / change
+    found["damage"] = min(ratios)
+    found["share_damaged"] = np.prod(stats.norm.cdf(np.log(ratios) / 0.3))
+    found["tipping"] = peak * abs(0.5 * height - 0.1) / (0.5 * 0.3 * mass * 9.81)
     speed, load = history.drive.speed, history.torque
     lasting = lambda torque: np.sqrt(whole(time, torque**2) / 0.5)  # noqa: E731
-    positive = lambda power: where_positive(time, power, power)  # noqa: E731
-    found["rms_torque"], found["drive_work"] = lasting(load), positive(load * speed)
-    torque = np.where(load * speed > 0, load / 0.9, load * 0.9)
-    torque = torque + 1e-3 * 40**2 * history.drive.acceleration
-    found["motor_motor_torque"] = inner(time, np.abs(torque))
-    found["motor_rms_torque"] = lasting(torque)
-    found["motor_peak_power"] = inner(time, np.abs(torque * speed))
-    found["motor_drive_work"] = positive(torque * speed)
-    found["motor_net_work"] = whole(time, torque * speed)
-    found["motor_speed_torque"] = inner(time, np.abs(torque / 900 + speed / 9))
+    torque = np.where(load * speed > 0, load / efficiency, load * efficiency)
+    torque = torque + inertia * gear**2 * history.drive.acceleration
+    found["motor_torque"] = inner(time, np.abs(torque))
+    found["rms_torque"] = lasting(torque)
+    found["peak_power"] = inner(time, np.abs(torque * speed))
+    found["drive_work"] = where_positive(time, torque * speed, torque * speed)
+    found["net_work"] = whole(time, torque * speed)
+    found["speed_torque"] = inner(time, np.abs(torque / stall + speed / no_load))
+    found["shaft_motor_torque"] = found["motor_torque"] / gear
+    found["shaft_rms_torque"] = found["rms_torque"] / gear
+    found["shaft_speed_torque"] = inner(
+        time, np.abs(torque / gear / stall + gear * speed / no_load)
+    )
     return SimpleNamespace(values=found, history=history)
 
 
-@pytest.mark.parametrize("name", list(NAMED))
+@pytest.mark.parametrize("name", NAMED)
 def test_values_and_slopes_are_those_of_the_history(name):
     value, slope = ours()[name]
     there = read(tuple(POINT))
     assert there.values[name] != 0
     assert value == pytest.approx(there.values[name], rel=1e-9)
-    ones = np.eye(3) * 1e-5 * POINT
+    ones = np.eye(POINT.size) * 1e-5 * POINT
     for i, one in enumerate(ones):
         ends = [read(tuple(POINT + sign * one)).values[name] for sign in (1, -1)]
         expected = (ends[0] - ends[1]) / 2e-5
@@ -181,4 +199,4 @@ def test_what_is_asked_for_is_what_there_is():
     assert np.max(history.fence[0].place) > 1.2
     assert 0.01 < ours()["tip_share"][0] < 0.9
     assert ours()["crossing_time"][0] < 0.5
-    assert ours()["motor_net_work"][0] < ours()["motor_drive_work"][0]
+    assert ours()["net_work"][0] < ours()["drive_work"][0]

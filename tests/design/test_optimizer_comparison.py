@@ -131,7 +131,7 @@ def _markdown(task, least, rows):
 
 def _draw(results, path):
     figure = style.figure(1.5 * style.HEIGHT)
-    colors = dict(zip(methods.METHODS, (*style.COLORS[1:], "#000000", "#00a0a0"), strict=False))
+    colors = dict(zip(methods.METHODS, style.LINES, strict=False))
     panels = figure.subplots(len(results), 1)
     for axes, (task, runs, least, rows) in zip(panels, results, strict=True):
         style.prepared(axes)

@@ -93,6 +93,11 @@ def test_files_and_resumption(small):
     assert content["feasible"] is True
     assert len(content["history"]) == len(outcome.optimum.history)
     assert content["smallest_margins"]["after"]["jerk"] >= -1e-3
+    # A fence that bends hits less; nothing moves the parcel with less than 0.85 m g, shared with
+    # the fence's friction.
+    after = np.max(outcome.measured["after"]["peak_force"])
+    assert content["constant_push"] == pytest.approx(0.85 * 15 * 9.81 / np.hypot(1, 0.35))
+    assert content["constant_push"] < after < content["does_not_bend"]
     for name in ("motion", "sorts", "search"):
         assert shows_data(out / f"{name}.png")
     again = main(CoDesignConfig(**{**vars(_SMALL), "out": out, "plots": False}), quiet=True)

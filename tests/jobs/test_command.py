@@ -210,9 +210,9 @@ def as_flags(name, value):
     ("job", "switch"),
     [
         ("co_design", "quick"), ("design", "quick"), ("identify", "quick"), ("pareto", "quick"),
-        ("peak_force", "worst_case"), ("reproduce_paper", "quick"), ("robust_design", "quick"),
-        ("sensitivity", "quick"), ("stability_map", "quick"), ("sweep", "quick"),
-        ("work_precision", "quick"),
+        ("peak_force", "worst_case"), ("peak_force", "quick"), ("reproduce_paper", "quick"),
+        ("robust_design", "quick"), ("sensitivity", "quick"), ("stability_map", "quick"),
+        ("sweep", "quick"), ("work_precision", "quick"),
     ],
 )  # fmt: skip
 def test_flags_of_every_job_win_over_its_switch(job, switch):
@@ -232,6 +232,7 @@ def test_names_with_numbers():
     assert assignments.values("noise", "mass=2, distance=0.9", "") == {"mass": 2, "distance": 0.9}
     assert assignments.span("vary", "mass=1:30", "") == ("mass", 1, 30, [])
     assert assignments.span("vary", "mass=1:30:7:linear", "")[3] == ["7", "linear"]
+    assert assignments.span("vary", "thickness=20mm:0.06", "") == ("thickness", 0.02, 0.06, [])
 
 
 @pytest.mark.parametrize(
@@ -242,6 +243,7 @@ def test_names_with_numbers():
         (assignments.values, "mass=2,"),
         (assignments.span, "mass=1"),
         (assignments.span, "mass=1:b"),
+        (assignments.span, "mass=1mm:2mm"),
     ],
 )
 def test_texts_that_cannot_be_read(read, text):

@@ -1,5 +1,6 @@
 """The design for one's own machine, in a small version: the job, and its problem's gradient."""
 
+import dataclasses
 import json
 
 import ezdxf
@@ -8,6 +9,7 @@ import pytest
 import report_pages
 
 import fencejax as fj
+from fencejax.sorter import RELAXED, Price
 from optimize.design import main, words
 from optimize.design.configuration import DesignConfig, configure
 from optimize.design.tolerances import tolerances
@@ -104,16 +106,30 @@ def test_gradient_of_the_problem(outcome):
 
 
 def test_what_it_says_and_writes(outcome):
-    text = words.mine(outcome.problem, outcome.best, outcome.stiff)
+    text = words.mine(outcome.problem, outcome.best, outcome.stiff, outcome.push)
     assert text.startswith("Yours is ")
+    assert "; a constant push would need " in text
     assert "the largest peak force over the 2 parcels and places of tiny" in text
-    assert outcome.stiff > outcome.best.after.objective
+    assert outcome.stiff > outcome.best.after.objective > outcome.push
     content = json.loads((outcome.config.out / "design.json").read_text())
     assert [row["feasible"] for row in content["solutions"]] == [True, True]
     assert content["parcels"] == ["5 kg", "30 kg"]
-    prices = outcome.best.prices
-    assert all(price.gain > 0 for price in prices)
-    assert words.decides(outcome.problem, outcome.best).startswith("What decides")
+
+
+def test_what_decides_is_near(outcome):
+    """A search that was cut short decides nothing by limits that are far away."""
+    problem, best = outcome.problem, outcome.best
+    assert best.optimum.stop is fj.Stop.BUDGET
+    least = {name: np.inf for name in problem.limit_names}
+    for index, margin in enumerate(best.optimum.last.margins):
+        name, _ = problem.margin(index)
+        least[name] = min(least[name], margin)
+    assert all(least.get(price.name, 0.0) <= RELAXED and price.gain > 0 for price in best.prices)
+    price = Price("tip_deflection", 0.17, 0.187, "m", ("5 kg",), 3.0)
+    said = words.decides(problem, dataclasses.replace(best, prices=(price,)))
+    assert "tip deflection (5 kg): 187 mm instead of 170 mm, 3 N less" in said
+    said = words.decides(problem, dataclasses.replace(best, prices=()))
+    assert said.startswith("No limit and no bound decides where the search ended")
 
 
 def test_the_page_and_the_drawing(outcome):
@@ -125,7 +141,7 @@ def test_the_page_and_the_drawing(outcome):
         "How to make this page again",
     ]  # fmt: skip
     said = report_pages.text(out / "report.html")
-    assert words.mine(outcome.problem, outcome.best, outcome.stiff) in said
+    assert words.mine(outcome.problem, outcome.best, outcome.stiff, outcome.push) in said
     for name in outcome.problem.limit_names:
         assert words.plain(name) in said
     assert configure(report_pages.arguments(out / "report.html", "design")) == outcome.config
@@ -172,6 +188,7 @@ def test_a_conflict_is_named(outcome, tmp_path):
     assert "torque" in [price.name for one in found.solutions for price in one.prices]
     said = words.decides(found.problem, found.best)
     assert "these fight" in said.lower()
+    assert words.mine(found.problem, found.best, None).startswith("None is yours yet")
     # Nothing worse than the start is shown as found.
     for one in found.solutions:
         assert one.after.violation <= one.before.violation

@@ -110,7 +110,7 @@ def test_limits_with_margins():
     measured = {"tip_deflection": np.array([0.04, 0.084]), "crossing": np.array([0.14, 0.07])}
     table = pages.limit_table(limits, {"after": measured})
     assert table.rows[0] == ["tip deflection", "≤ 80 mm", "84 mm", "-0.050"]
-    assert table.rows[1] == ["crossing", "≥ 0 mm", "70 mm", "+0.100"]
+    assert table.rows[1] == ["crossing", "≥ 0 m", "70 mm", "+0.100"]
 
 
 def test_sentences():

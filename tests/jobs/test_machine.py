@@ -21,6 +21,12 @@ def read(scene, *names):
     return [float(number) for number in scene_numbers.read(scene, names)]
 
 
+def test_a_sorter_that_is_none_is_refused():
+    said = "must be a file or one of paper, parcel_hub, but is 'nosuch'"
+    with pytest.raises(ValueError, match=said):
+        machine.load("nosuch")
+
+
 def test_a_sweep_of_a_sorter():
     sweep = SweepConfig(
         scene="whole_sort", vary=("mass=1:30:3",), set=("offset=50 mm", "fence.material=POM"), **HUB
@@ -81,6 +87,22 @@ def test_design_jobs_take_the_machine(job):
         module.configure([*flags, "--taper", "uniform"])
     with pytest.raises(ValueError, match="`set` must come with a sorter file"):
         assert module.configure(["--set", "belt.speed=2.2"]).machine
+
+
+def test_limits_that_a_sorter_names_hold_in_the_jobs_too():
+    module = importlib.import_module("optimize.co_design.configuration")
+    bounds = {limit.name: limit.bound for limit in module.configure(["--sorter", "honest"]).limits}
+    assert bounds == {
+        "crossing": 0.1, "tip_deflection": 0.08, "peak_stress": 40e6, "peak_torque": 1000,
+        "fatigue_stress": pytest.approx(19e6), "tip_share": 0.1, "clear_period": 1.5,
+    }  # fmt: skip
+    mean = ["--sorter", "paper", "--set", "limits.share_damaged.spread=0.2"]
+    mean += ["critical_load=40", "critical_velocity_change=1.5"]
+    with pytest.raises(ValueError, match="`limits.share_damaged` must be left out for this job"):
+        assert module.configure(mean).limits
+    # What a job has no place for is refused, and not left as it is.
+    with pytest.raises(ValueError, match="must name numbers of the fence or of the SplineDrive"):
+        assert module.configure(["--sorter", "honest", "--free", "belt.speed=1:2"]).space
 
 
 def test_a_job_for_one_material_says_which():

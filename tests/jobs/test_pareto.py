@@ -93,8 +93,14 @@ def test_constant_force_stop_in_a_normal_impact():
 
 
 def test_fence_mass_in_closed_form():
-    # rho z h_1 (l_s + 2/3 l_p) for constant strength, (l_s + l_p) for a plain strip.
-    for taper, share in ((fj.ConstantStrength(), 2 / 3), (fj.Uniform(), 1.0)):
+    # rho z h_1 (l_s + 2/3 l_p) for constant strength, (l_s + l_p) for a plain strip, the trapezoids
+    # between stations, and the middles of steps.
+    middles = np.sqrt(1 - (np.arange(7) + 0.5) / 7)
+    for taper, share in (
+        (fj.ConstantStrength(), 2 / 3), (fj.Uniform(), 1.0),
+        (fj.ProfileTaper([1.0, 0.9, 0.4, 0.3]), (0.5 + 0.9 + 0.4 + 0.15) / 3),
+        (fj.SteppedTaper(fj.ConstantStrength(), 7), np.mean(middles)),
+    ):  # fmt: skip
         fence = fj.Fence(taper=taper)
         exact = 1130.0 * 0.132 * 0.045 * (0.45 + share * 0.75)
         scene = fj.scenes.oblique_impact(fence=fence)

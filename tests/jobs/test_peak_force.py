@@ -168,7 +168,7 @@ def test_help_names_every_default(capsys):
     with pytest.raises(SystemExit) as leaving:
         configure(["--help"])
     assert leaving.value.code == 0
-    assert capsys.readouterr().out.count("(default:") == len(vars(PeakForceConfig())) + 1
+    assert capsys.readouterr().out.count("(default:") == len(vars(PeakForceConfig())) + 2
 
 
 def test_what_is_freed_is_designed():

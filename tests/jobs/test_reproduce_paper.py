@@ -80,13 +80,18 @@ def test_undeformable_fence(quick):
 def test_every_statement_is_judged_and_explained(quick):
     outcome, _ = quick
     keys = [found.key for found in outcome.findings]
-    assert len(set(keys)) == len(statements.STATEMENTS) == 12
+    assert len(set(keys)) == 17
+    assert keys[: len(statements.STATEMENTS)] == [found.key for found in outcome.coarse]
     verdicts = {found.key: found.verdict for found in outcome.findings}
-    assert "no" not in verdicts.values()
-    assert [key for key, verdict in verdicts.items() if verdict != "yes"] == ["joint"]
+    contradicted = [key for key, verdict in verdicts.items() if verdict == "no"]
+    assert contradicted == ["free end", "rigid third", "paths"]
+    partly = [key for key, verdict in verdicts.items() if verdict == "partly"]
+    assert partly == ["mass", "joint", "fall"]
     assert outcome.agrees
+    surprised = [dataclasses.replace(found, contradicted=False) for found in outcome.findings]
+    assert not dataclasses.replace(outcome, findings=surprised).agrees
     table = tables.statement_table(outcome.findings)
-    assert table.count("why:") == 1
+    assert table.count("why:") == 6
     assert all(found.says.split()[0] in table for found in outcome.findings)
     assert max(len(line) for line in table.splitlines()) <= 100
 
@@ -99,6 +104,12 @@ def test_numbers_of_the_statements(quick):
     assert found["alike, impact"].main == pytest.approx(4.8, abs=0.5)
     assert found["alike, slide"].main == pytest.approx(3.8, abs=1.0)
     assert found["ends, impact"].main == pytest.approx(0.74, abs=0.01)
+    # Of the largest forces along the fences, and of the coast after the impact.
+    assert found["free end"].main == pytest.approx(0.6, abs=0.15)
+    assert found["rigid third"].main == pytest.approx(42, abs=5)
+    assert found["paths"].main == pytest.approx(82, abs=8)
+    assert found["restitution"].main == pytest.approx(0.45, abs=0.02)
+    assert found["fall"].main == pytest.approx(2.24, abs=0.01)
     joint = found["joint"].numbers
     assert joint["largest loss at R"] == pytest.approx(0.60, abs=0.1)
     largest = joint["largest loss against the one-link fence"]
@@ -226,7 +237,7 @@ def test_files(quick):
     assert all(" ".join(finding.says.split()) in said for finding in outcome.findings)
     content = json.loads((out / "result.json").read_text())
     assert content["agrees"] is True
-    assert len(content["statements"]) == 12
+    assert len(content["statements"]) == 17
     assert np.shape(content["maps"]["force"]) == (2, 10, 10)
     assert np.shape(content["sensitivities"]["slope"]) == (2, 8, 5)
     assert [v["number"] for v in content["open_numbers"]["variants"]] == [v.title for v in VARIANTS]

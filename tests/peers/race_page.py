@@ -4,6 +4,7 @@ import os
 
 import numpy as np
 
+from fencejax.plot import style
 from peers import race
 
 ROUNDS = 15
@@ -78,7 +79,7 @@ def picture(classes, path):
     for axes, found in zip(panels[:, 0], classes, strict=True):
         rows = found["rows"][::-1]
         place = np.arange(len(rows))
-        for kind, shift, color in (("value", 0.2, "C0"), ("gradient", -0.2, "C1")):
+        for kind, shift, color in (("value", 0.2, style.BLUE), ("gradient", -0.2, style.RED)):
             times = [row[kind] for row in rows]
             middle = np.array([t["median [ms]"] for t in times])
             low = middle - [t["10 % [ms]"] for t in times]
@@ -87,7 +88,7 @@ def picture(classes, path):
             axes.barh(place + shift, middle, 0.38, color=color, label=label)
             reach = [low, high - middle]
             axes.errorbar(
-                middle, place + shift, xerr=reach, fmt="none", ecolor="0.2", capsize=2
+                middle, place + shift, xerr=reach, fmt="none", ecolor=style.INK, capsize=2
             )
             for y, t, end in zip(place + shift, middle, high, strict=True):
                 axes.annotate(

@@ -1,8 +1,10 @@
 """Histories and charts: the numbers that were given, axes with units, refusals."""
 
+import re
 import subprocess
 import sys
 import types
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -19,6 +21,20 @@ LABELS = dict(x_label="place R [m]", y_label="mass [kg]", label="peak force [N]"
 def test_importing_leaves_matplotlib_alone():
     code = "import fencejax, sys; assert 'matplotlib' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+
+def test_colors_have_one_home():
+    """Everything is drawn in the colors and with the color maps of `fencejax.plot.style`."""
+    named = r"(?:color|colors|fc|ec|cmap)\W{1,3}[\"'](?:C\d|tab:\w+|0?\.\d+|viridis|RdBu\w*)[\"']"
+    drawing = re.compile(rf"{named}|[\"']#[0-9a-fA-F]{{3,8}}[\"']")
+    assert drawing.search('axes.plot(x, y, color="C0")')
+    assert drawing.search('RED = "#c8501e"')
+    root, found = Path(__file__).parents[2], []
+    for folder in ("fencejax", "optimize", "tests", "notebooks"):
+        for file in sorted((root / folder).rglob("*.py")):
+            if file not in (root / "fencejax/plot/style.py", Path(__file__)):
+                found += [f"{file}: {one[0]}" for one in drawing.finditer(file.read_text())]
+    assert found == []
 
 
 def test_a_force_is_shown_until_it_ends():

@@ -53,11 +53,10 @@ def test_the_dxf_outline_has_the_models_mass(name, tmp_path):
     box = ezdxf.path.bbox([ezdxf.path.make_path(outline)])
     # An arc may stand out by as much as it may be off.
     assert box.size.x == pytest.approx(1e3 * float(fence.reach), abs=0.01)
-    # The objective's own mass, exact without kinks.
-    if name in ("two-link", "one-link", "strip"):
-        scene = fj.scenes.oblique_impact(fence=fence)
-        own = float(objectives.FENCE_MASS.read(None, scene))
-        assert mass == pytest.approx(own, rel=1e-6)
+    # The objective's own mass.
+    scene = fj.scenes.oblique_impact(fence=fence)
+    own = float(objectives.FENCE_MASS.read(None, scene))
+    assert mass == pytest.approx(own, rel=1e-6)
 
 
 def test_layers_and_dimensions_of_the_dxf(tmp_path):

@@ -35,11 +35,18 @@ from .impact_parts import (
 
 
 def initial_state(impact):
-    """State at the first touch.
+    """State at the first touch: the fence has swung from rest, and the parcel rides with the belt,
+    its corner on the fence at `distance` and its centre of gravity on the fence's normal there.
+    """
+    modal = swung(impact)
+    return np.concatenate([modal, touching(impact, Fence(impact, 0.0, modal)), [0.0]])
+
+
+def swung(impact):
+    """Modal displacements and velocities at the first touch.
 
     The modes answer eta'' + c eta' + omega^2 eta = -p alpha'' from rest, in closed form
-    (p = V^T M Phi, alpha'' = Re[A exp(i W t)]); the parcel rides with the belt, its corner on
-    the fence at `distance` and its centre of gravity on the fence's normal there.
+    (p = V^T M Phi, alpha'' = Re[A exp(i W t)]).
     """
     link = impact.link
     rate = 2 * pi / impact.cycle_time
@@ -56,8 +63,11 @@ def initial_state(impact):
     # and the real part is the answer to cos(W t).
     eta = (response * (forced - weight_slow - weight_fast)).real
     eta_rate = (response * (1j * rate * forced - slow * weight_slow - fast * weight_fast)).real
-    modal = np.concatenate([eta, eta_rate])
-    fence = Fence(impact, 0.0, modal)
+    return np.concatenate([eta, eta_rate])
+
+
+def touching(impact, fence):
+    """x, y, phi of the parcel at the first touch, and their rates."""
     if impact.distance <= impact.l_s:
         slope = fence.angle
         point = (impact.distance * cos(slope), impact.distance * sin(slope))
@@ -68,7 +78,7 @@ def initial_state(impact):
     arm = hypot(*impact.arm)
     phi = atan2(-cos(slope), sin(slope)) - atan2(impact.arm[1], impact.arm[0])
     x, y = point[0] - arm * sin(slope), point[1] + arm * cos(slope)
-    return np.concatenate([modal, [x, y, phi, impact.belt_speed, 0.0, 0.0, 0.0]])
+    return np.array([x, y, phi, impact.belt_speed, 0.0, 0.0])
 
 
 def derivative(impact, time, state):

@@ -7,6 +7,13 @@ import fencejax as fj
 from fencejax.design import drivability, fatigue, objectives
 from fencejax.sorter import LIMIT_ROWS, settled
 
+FRAGILE = {"critical_load": 40, "critical_velocity_change": 1}
+
+
+def same_motor(one, other):
+    """Whether two motors have the same numbers."""
+    return all(getattr(one, name) == getattr(other, name) for name in fj.Motor.bounds)
+
 
 def limits(material="PA6 dry", **tables):
     """The limits that hold for a sorter, by name."""
@@ -17,8 +24,15 @@ def limits(material="PA6 dry", **tables):
 def test_life_is_the_fatigue_strength_for_so_many_sorts():
     assert limits()["fatigue_stress"].bound == pytest.approx(19e6)
     assert limits("UHMW-PE")["fatigue_stress"].bound == pytest.approx(5e6)
-    # Ten times as many: by Basquin's exponent 10.
-    assert limits(limits={"life": 1e8})["fatigue_stress"].bound == pytest.approx(19e6 * 0.1**0.1)
+    # Ten times as many: by the exponent of the line from 80 MPa at half a cycle to 19 MPa at 1e7.
+    slope = np.log(80 / 19) / np.log(2e7)
+    assert limits(limits={"life": 1e8})["fatigue_stress"].bound == pytest.approx(
+        19e6 * 0.1**slope
+    )
+    plain = {"youngs_modulus": "3 GPa", "density": 1130, "fatigue_strength": "20 MPa"}
+    for exponent, of in ((10.0, plain), (7.0, {**plain, "fatigue_exponent": 7})):
+        bound = limits(of, limits={"life": 1e8})["fatigue_stress"].bound
+        assert bound == pytest.approx(20e6 * 0.1 ** (1 / exponent))
     assert limits(limits={"life": "1e6"})["fatigue_stress"].sense == "at most"
     assert "fatigue_stress" not in limits(limits={"life": False})
     own = {"youngs_modulus": "3 GPa", "density": 1130}
@@ -44,16 +58,22 @@ def test_a_motor_with_its_torque_alone_is_limited_by_it_alone():
     assert found["rms_torque"].bound == 150
     assert found["speed_torque"].bound == 1
     assert found["power"].bound == 900
-    # The same motor, the same quantities: a program that is compiled serves again.
-    again = limits(motor=given)
-    assert again["torque"].quantity is found["torque"].quantity
     motor = fj.Sorter(motor=given).machine.motor
-    assert found["speed_torque"].quantity is drivability.speed_torque(motor)
+    assert found["speed_torque"].quantity is drivability.SPEED_TORQUE
     assert float(motor.no_load_speed) == pytest.approx(80 * 2 * np.pi / 60)
-    with pytest.raises(ValueError, match="`no_load_speed`"):
+    assert same_motor(fj.Sorter(motor=given).scene().motor, motor)
+    with pytest.raises(ValueError, match="`limits.speed_torque` must be left out"):
         limits(motor={"torque": 400}, limits={"speed_torque": 1})
     objective = fj.Sorter(motor=given, objective="drive_work").machine.objective.quantity
-    assert objective is drivability.drive_work(motor)
+    assert objective is drivability.DRIVE_WORK
+
+
+def test_a_limit_follows_the_motor_that_is_chosen():
+    sorter = fj.Sorter(motor={"torque": ["400 N m", "650 N m"]})
+    problem = sorter.problem()
+    assert [dict(problem.limits(c))["torque"].bound for c in problem.candidates] == [400, 650]
+    with pytest.raises(ValueError, match="`motor.torque` must be one number or a list, but is fre"):
+        fj.Sorter(motor={"torque": {"lower": 300, "upper": 600}})
 
 
 def test_what_holds_only_where_it_is_asked_for():
@@ -73,6 +93,36 @@ def test_what_holds_only_where_it_is_asked_for():
     value = float(found["tipping"].quantity(result, scene))
     assert value == pytest.approx(200 * 0.17 / (15 * 9.81 * 0.15))
     assert limits(limits={"tip_share": 0.3})["tip_share"].bound == 0.3
+
+
+def test_height_and_fragility_of_each_parcel():
+    own = {"height": ["0.2 m", "0.8 m"], "critical_load": 40, "critical_velocity_change": 1.5}
+    asked = {"tipping": {"contact_height": "80 mm"}, "damage": True}
+    asked["share_damaged"] = {"spread": 0.3, "at_most": "2 %"}
+    sorter = fj.Sorter(parcels=own, limits=asked)
+    found = dict(settled(sorter.machine.bounds, sorter.machine, sorter.materials[0]))
+    assert (found["damage"].bound, found["share_damaged"].bound) == (1.0, 0.02)
+    scenes = sorter.scenes()
+    result = type("Result", (), {"peak_force": np.full(2, 200.0), "pulse_impulse": 60.0})
+    tipping = np.asarray(found["tipping"].quantity(result, scenes))
+    weight = 15 * 9.81 * 0.15
+    assert tipping == pytest.approx(200 * np.array([0.02, 0.32]) / weight)
+    damage = np.asarray(found["damage"].quantity(result, scenes))
+    assert damage == pytest.approx(200 / (15 * 9.81) / 40)
+    # The share is a mean over the parcels, by how often each comes.
+    problem = sorter.problem()
+    assert problem.margin_rows[problem.limit_names.index("share_damaged")] == 1
+    weighted = fj.Sorter(
+        parcels={
+            "list": [{"mass": 1, **FRAGILE, "weight": 3}, {"mass": 2, **FRAGILE, "weight": 1}],
+        },
+        limits={"share_damaged": {"spread": 0.3}},
+    ).problem()  # fmt: skip
+    values = {"share_damaged": np.array([0.1, 0.5])}
+    measured = fj.sorter.Measured(values, np.zeros(2), np.zeros(2))
+    assert weighted.bounded("share_damaged", measured) == pytest.approx([0.2])
+    with pytest.raises(ValueError, match="or give height with the parcels"):
+        limits(limits={"tipping": {"contact_height": 0.1}})
 
 
 @pytest.mark.parametrize(

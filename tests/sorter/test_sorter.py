@@ -113,6 +113,30 @@ def test_what_is_free(mine):
     assert float(mine.replace(free={"fence.width": "1cm:5cm"}).fence.width) == 0.05
 
 
+def test_any_number_of_the_machine_can_be_free(mine):
+    spans = {
+        "belt.speed": "2 m/s:3 m/s", "belt.friction.kinetic": "0.4:0.7", "front": "0:0.2",
+        "motor.gear_ratio": "20:60", "fence.material.density": "900:1400",
+        "fence_friction.stribeck_speed": "10 mm/s:30 mm/s", "border.friction.static": "0.3:0.6",
+    }  # fmt: skip
+    motor = {"motor.gear_ratio": 40, "motor.rotor_inertia": 1e-3, "fence.material": "POM"}
+    problem = mine.replace(motor).replace(free=spans).problem()
+    freed = dict(zip(problem.variable_names, problem.space.variables, strict=True))
+    assert freed["belt.speed"].unit == "m/s"
+    assert freed["fence_friction.stribeck_speed"].upper == pytest.approx(0.03)
+    at = problem.values(problem.start)
+    assert at["belt.speed"] == pytest.approx(2.5)
+    assert at["motor.gear_ratio"] == pytest.approx(40)
+    # Elsewhere in the spans: every number of every parcel's scene is there.
+    point = np.full(problem.start.size, 0.3)
+    values, scene = problem.values(point), problem.scene(point, problem.candidates[0], 3)
+    assert float(scene.belt.speed) == pytest.approx(values["belt.speed"])
+    assert float(scene.motor.gear_ratio) == pytest.approx(values["motor.gear_ratio"])
+    assert float(scene.start.front) == pytest.approx(0.06)
+    assert float(scene.start.offset) == 0.2
+    assert float(scene.parcel.mass) == 30
+
+
 def test_lists_are_choices(mine):
     sold = mine.replace({"thickness": ["20 mm", "25 mm", "30 mm"]})
     assert sold.machine.choices == {"fence.thickness": (0.02, 0.025, 0.03)}
@@ -179,7 +203,6 @@ REFUSED = [
     ({"fence": {"taper": fj.Uniform}}, "`fence.taper` must be an instance .* the class Uniform"),
     ({"fence": {"reach": {"lower": 1, "upper": 2}, "rigid_length": 0.2}}, "reach and length_ratio"),
     ({"belt": 2.0}, "`belt` must be a table of numbers or the part itself, but is 2.0"),
-    ({"belt": {"speed": {"lower": 1, "upper": 2}}}, "numbers of the fence and of the drive"),
     ({"drive": {"law": "harmonics"}}, "Did you mean `harmonic`"),
     ({"drive": {"top_speed": {"lower": 1, "upper": 2}}}, "`period` .* must be given"),
     ({"drive": {"law": "trapezoid", "top_speed": 9}}, "`drive`: .*the stroke is too short"),
@@ -332,7 +355,7 @@ def test_materials_are_plausible_and_differentiable():
         assert fj.Sorter(fence={"material": name}).doubts == ()
         # By their rule no material bears more for 1e7 cycles than it bears once.
         assert float(sheet.fatigue_strength) <= float(sheet.allowed_stress)
-        assert len(jax.tree.leaves(eqx.filter(sheet, eqx.is_array))) == 5
+        assert len(jax.tree.leaves(eqx.filter(sheet, eqx.is_array))) == 6
     assert fj.materials.named("pa6-DRY").name == "PA6 dry"
 
 

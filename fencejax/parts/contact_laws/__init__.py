@@ -1,5 +1,14 @@
 """Contact laws, one a file: the normal force between a corner of the parcel and what it presses on,
-as a function of the gap and its rate. `fencejax.Parcel(contact=...)` takes one."""
+as a function of the gap and its rate. `fencejax.Parcel(contact=...)` takes one.
+
+>>> fj.Parcel(contact=fj.contact_laws.HuntCrossley(6.1e5, 0.5)).contact
+HuntCrossley(
+  secant_stiffness=610000 N/m,
+  dissipation=0.5 s/m,
+  exponent=1.5,
+  reference_depth=1 m,
+)
+"""
 
 from .abstract import (
     AbstractContactLaw as AbstractContactLaw,

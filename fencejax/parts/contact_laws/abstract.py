@@ -16,7 +16,13 @@ _STEPS, _TIMES = 200, 2
 
 
 class NormalForce(NamedTuple):
-    """Normal force [N] and its derivatives in the gap [N/m] and in the gap's rate [N s/m]."""
+    """Normal force [N] and its derivatives in the gap [N/m] and in the gap's rate [N s/m].
+
+    >>> law, gap = fj.contact_laws.Kelvin(), jnp.array(0.02)
+    >>> found = law.force(gap, 0.0 * gap, law.viscosity(15.0))
+    >>> f"{found.force:.1f} N, {found.by_gap:.0f} N/m"
+    '275.2 N, 55040 N/m'
+    """
 
     force: Array
     by_gap: Array
@@ -34,6 +40,10 @@ class AbstractContactLaw(Part):
     differentiable at D = 0 the integrator keeps its order through the onset of a contact, and
     derivatives of a result are those of the equations. All its numbers are array fields, checked
     against the `bounds` of the class by `fencejax._check.fields`.
+
+    >>> law = fj.contact_laws.Kelvin(stiffness=1.2e9)
+    >>> f"{law.stored_energy(0.02):.3f} J, {law.wall_force(2.0, mass=15.0):.0f} N"
+    '0.768 J, 2166 N'
     """
 
     @abc.abstractmethod

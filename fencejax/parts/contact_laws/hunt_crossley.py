@@ -26,6 +26,10 @@ class HuntCrossley(AbstractContactLaw):
 
     K. H. Hunt and F. R. E. Crossley, Coefficient of restitution interpreted as damping in
     vibroimpact, J. Appl. Mech. 42 (1975) 440-445.
+
+    >>> law = fj.contact_laws.HuntCrossley(6.065e5, 0.4947)
+    >>> f"{law.wall_force(2.426, mass=15.0):.0f} N", fj.Parcel(contact=law).contact is law
+    ('3294 N', True)
     """
 
     secant_stiffness: Array

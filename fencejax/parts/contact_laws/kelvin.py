@@ -21,6 +21,9 @@ class Kelvin(AbstractContactLaw):
     restitution against a rigid wall depends on b_p v^0.2 / k_p^0.6 alone.
 
     Paper: (2.2).
+
+    >>> f"{fj.contact_laws.Kelvin().wall_force(2.426, mass=15.0):.0f} N"
+    '3294 N'
     """
 
     stiffness: Array

@@ -26,7 +26,15 @@ class DriveMotion(NamedTuple):
 
 
 class AbstractDrive(Part):
-    """A law alpha_w(t), with alpha_w = 0 and the fence at rest at t = 0."""
+    """A law alpha_w(t), with alpha_w = 0 and the fence at rest at t = 0.
+
+    >>> class Swing(fj.AbstractDrive):
+    ...     cycle, turning_time = jnp.array(1.0), jnp.array(0.5)
+    ...     def angle(self, time):
+    ...         return 0.33 * (1 - jnp.cos(2 * jnp.pi * time))
+    >>> f"{Swing().motion(0.25).speed:.2f} rad/s", fj.scenes.oblique_impact(drive=Swing()).drive
+    ('2.07 rad/s', Swing())
+    """
 
     @property
     def feasible(self) -> Array | None:

@@ -14,6 +14,9 @@ class ConstantSpeedDrive(AbstractDrive):
     """alpha_w = alphadot t, up to an end angle, where the drive stops dead.
 
     The fence is taken to move at that speed from the start, undeformed.
+
+    >>> f"{fj.ConstantSpeedDrive(speed=1.2).time_at(0.6):.2f} s"
+    '0.50 s'
     """
 
     speed: Array

@@ -16,6 +16,10 @@ class HarmonicDrive(AbstractDrive):
     alpha_max = alphadot_max t_c / pi.
 
     The default has the paper's top speed and cycle time and sweeps the tip to y = 0.738 m.
+
+    >>> motion = fj.HarmonicDrive().motion(0.34)
+    >>> f"{motion.angle:.4f} rad, {motion.speed:.2f} rad/s"
+    '0.3312 rad, 1.53 rad/s'
     """
 
     top_speed: Array

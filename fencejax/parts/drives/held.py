@@ -11,7 +11,11 @@ from .abstract import CYCLE_TIME, AbstractDrive
 
 
 class HeldDrive(AbstractDrive):
-    """alpha_w = constant [rad]: the fence stands still."""
+    """alpha_w = constant [rad]: the fence stands still.
+
+    >>> fj.scenes.oblique_impact(drive=fj.HeldDrive(held_angle=0.3)).drive
+    HeldDrive(held_angle=0.3 rad, hold_time=1.36 s)
+    """
 
     held_angle: Array
     hold_time: Array

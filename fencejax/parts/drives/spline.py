@@ -18,6 +18,9 @@ class SplineDrive(AbstractDrive):
     alpha_w(t) = sum_k c_k B(t / dt - k), with B the cubic B-spline. The spline starts and ends at
     alpha_w = 0 with no speed and no acceleration: three control points at each end are zero and
     the given ones lie between them. The acceleration is continuous and piecewise linear.
+
+    >>> f"{fj.SplineDrive([0.1, 0.4, 0.66, 0.4, 0.1]).angle(0.68):.4f} rad"
+    '0.5733 rad'
     """
 
     control_angles: Array

@@ -13,6 +13,9 @@ class TrapezoidDrive(AbstractSegmentDrive):
     """Constant acceleration, constant speed, constant deceleration; a dwell; the same way back.
 
     The acceleration jumps four times a stroke: use `SCurveDrive` where that must not be.
+
+    >>> f"{fj.TrapezoidDrive(acceleration=8.0).turning_time:.3f} s"
+    '0.624 s'
     """
 
     end_angle: Array

@@ -1,5 +1,9 @@
 """Laws of dry friction, one a file: the coefficient between two surfaces as a function of the speed
-at which they slide. `Belt`, `Border` and the scenes' `fence_friction` take one."""
+at which they slide. `Belt`, `Border` and the scenes' `fence_friction` take one.
+
+>>> fj.Belt(friction=fj.friction_laws.Stribeck(0.65, 0.85, stribeck_speed=0.05)).friction
+Stribeck(kinetic=0.65, static=0.85, stribeck_speed=0.05 m/s, viscous=0 s/m)
+"""
 
 from collections.abc import Mapping
 

@@ -14,6 +14,10 @@ class FrictionScales(NamedTuple):
     `sliding` is the coefficient at the speed asked for, `largest` the largest one near rest, and
     `jump` by how much the coefficient changes over `Fidelity.static_speed` for no other reason than
     smoothing; 0 for a law that is continuous in the speed.
+
+    >>> scales = fj.Friction(0.35, 0.5).scales(0.2)
+    >>> f"{scales.sliding:.2f} {scales.jump:.2f} {scales.largest:.2f}"
+    '0.35 0.15 0.50'
     """
 
     sliding: Array
@@ -27,6 +31,10 @@ class AbstractFriction(Part):
     A law is a property of a pair of surfaces. The force that follows from it, its direction and
     what is smoothed at rest over `Fidelity.slip_speed`, are the model's (`fencejax.model`). All its
     numbers are array fields, checked against the `bounds` of the class by `fencejax._check.fields`.
+
+    >>> law = fj.friction_laws.Stribeck(0.35, 0.5, stribeck_speed=0.1)
+    >>> [f"{law.coefficient(jnp.array(v**2), 1e-3)[0]:.3f}" for v in (0.01, 0.1, 1.0)]
+    ['0.499', '0.405', '0.350']
     """
 
     @abc.abstractmethod

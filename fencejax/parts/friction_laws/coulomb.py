@@ -16,6 +16,9 @@ class Friction(AbstractFriction):
 
     Paper: (2.21)-(2.24). There what is at rest is a case of its own, held by the other forces; this
     law tends to it as w_s and eps fall.
+
+    >>> fj.Friction(kinetic=0.35, static=0.5)
+    Friction(kinetic=0.35, static=0.5)
     """
 
     kinetic: Array

@@ -21,6 +21,9 @@ class Stribeck(AbstractFriction):
 
     B. Armstrong-Helouvry, P. Dupont and C. Canudas de Wit, A survey of models, analysis tools and
     compensation methods for the control of machines with friction, Automatica 30 (1994) 1083-1138.
+
+    >>> fj.friction_laws.Stribeck(0.35, 0.5, stribeck_speed=0.1)
+    Stribeck(kinetic=0.35, static=0.5, stribeck_speed=0.1 m/s, viscous=0 s/m)
     """
 
     kinetic: Array

@@ -17,6 +17,10 @@ class SurfacePoint(NamedTuple):
     coordinate of its foot along the surface; `normal` the unit vector (x, y) out of the surface
     there, so that the gradient of D is -`normal`; `beyond` [m] how far the foot lies beyond the end
     of the surface, at most 0 on it, or `None` where the surface does not end.
+
+    >>> point = fj.Border().at(jnp.array(0.3), jnp.array(-0.01))
+    >>> f"gap {point.gap:.3f} m at {point.place:.1f} m"
+    'gap 0.010 m at 0.3 m'
     """
 
     gap: Array
@@ -31,6 +35,10 @@ class AbstractSurface(Part):
     A surface is geometry, told by one function of a point, and the friction on it. Contact law,
     sliding speed and the end of a force beyond the surface's end are the model's. All its numbers
     are array fields, checked against the `bounds` of the class by `fencejax._check.fields`.
+
+    >>> (x, _), (y, _) = fj.surfaces.Deflector(angle=0.5, hinge_y=0.1).line()
+    >>> f"({x:.1f}, {y:.1f})"
+    '(0.0, 0.1)'
     """
 
     friction: eqx.AbstractVar[AbstractFriction | None]

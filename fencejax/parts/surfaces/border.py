@@ -13,6 +13,10 @@ class Border(AbstractSurface):
     """The conveyor border: a still wall along y = 0 with the normal (0, 1): D = -y.
 
     Paper: (2.34).
+
+    >>> scene = fj.scenes.border_and_fence(border=fj.Border(friction=fj.Friction(0.2, 0.3)))
+    >>> scene.border
+    Border(friction=Friction(kinetic=0.2, static=0.3))
     """
 
     friction: AbstractFriction | None

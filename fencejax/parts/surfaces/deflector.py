@@ -19,6 +19,15 @@ class Deflector(AbstractSurface):
     wall. The wall has one side, the one that n points to, where the parcel comes from: what is
     behind its line, between its ends, is inside it. The corners of the parcel touch it; its free
     end does not touch the parcel's sides.
+
+    >>> fj.surfaces.Deflector(angle=0.6, length=1.0)
+    Deflector(
+      angle=0.6 rad,
+      length=1 m,
+      hinge_x=0 m,
+      hinge_y=0 m,
+      friction=Friction(kinetic=0.35, static=0.5),
+    )
     """
 
     angle: Array

@@ -1,0 +1,91 @@
+"""The hinge on a shaft that gives way at the end of a step, as a function of the loads there."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..model import Blocks, ClutchState, FlexibleLink, Hinge, Vibration, blocks
+from .step_size import Stride
+
+# Least share [1] of a clutch's moment that is its own at a step's end. It is 1 less what spring and
+# damper take of it within the step, which steps that resolve the shaft keep small.
+_OWN = 0.1
+
+
+class HingeEnd(eqx.Module):
+    """How the modes answer to each load at the end of a step, how the hinge turns, and whether the
+    clutch slips.
+
+    A clutch acts as one more load, of the moment L = k_t s + c_t s' that its slip s takes off the
+    shaft. At the step's end either nothing slips, s' = 0 and L = k_t s_0, or |T| = T_c. Both are
+    one condition, piecewise linear in the other loads:
+
+        T = L - k_t theta - c_t theta',  L = k_t s_0 - (T_0 - clip(T_0, -T_c, T_c)) / D,
+
+    T_0 the moment at L = k_t s_0, and D = dT / dL over the step.
+    """
+
+    hinge: Hinge
+    stride: Stride
+    free: tuple[Array, Array]
+    pushes: tuple[Vibration, ...]
+    turns: tuple[tuple[Array, Array], ...]
+    before: ClutchState | None
+
+    def __init__(
+        self,
+        link: FlexibleLink,
+        stride: Stride,
+        free: Vibration,
+        loads: tuple[Blocks, ...],
+        before: ClutchState | None,
+    ):
+        """`free` is the vibration at the end without loads; `loads` [1] the shares of unit forces
+        that each mode gets; `before` the clutch at the start."""
+        assert link.hinge is not None
+        self.hinge, self.stride, self.before = link.hinge, stride, before
+        self.free = self.hinge.twist(free)
+        if before is not None:
+            loads = (*loads, blocks(self.hinge.turn))
+        self.pushes = tuple(map(self._push, loads))
+        mass = link.mass_scale
+        turns = (self.hinge.twist(push) for push in self.pushes)
+        self.turns = tuple((angle / mass, rate / mass) for angle, rate in turns)
+
+    def _push(self, load: Blocks) -> Vibration:
+        """What a unit load at the step's end makes of the modes, in units of 1 / m_0."""
+        maps = self.stride.maps
+        pushed = tuple(m.q_end * share for m, share in zip(maps, load, strict=True))
+        struck = tuple(m.v_end * share for m, share in zip(maps, load, strict=True))
+        return self.hinge.coupled(maps, Vibration(pushed, struck))
+
+    def twist(self, loads: tuple[Array, ...]) -> tuple[Array, Array]:
+        """theta [rad] and its rate [rad/s] under contact forces [N], each against its direction,
+        and, where they follow them, the clutch's load."""
+        angle, rate = self.free
+        for load, (give, give_rate) in zip(loads, self.turns, strict=False):
+            angle, rate = angle - give * load, rate - give_rate * load
+        return angle, rate
+
+    def every(self, loads: tuple[Array, ...]) -> tuple[Array, ...]:
+        """The contact forces with the clutch's load, -L [N m], if there is one."""
+        clutch = self.hinge.clutch
+        if clutch is None or self.before is None:
+            return loads
+        held = clutch.stiffness * clutch.slip(self.before)
+        give, give_rate = self.turns[-1]
+        own = jnp.maximum(1 + clutch.moment(give, give_rate), _OWN)
+        moment = held * own + clutch.moment(*self.twist(loads))
+        excess = moment - jnp.clip(moment, -clutch.limit, clutch.limit)
+        return (*loads, excess / own - held)
+
+    def clutch(self, loads: tuple[Array, ...]) -> ClutchState | None:
+        """The clutch at the end under all loads, its own the last."""
+        clutch, before = self.hinge.clutch, self.before
+        if clutch is None or before is None:
+            return None
+        assert self.stride.slip_decay is not None
+        assert self.stride.slip_gain is not None
+        change = (-loads[-1] - before.relief) / clutch.stiffness
+        rate = self.stride.slip_decay * before.rate + self.stride.slip_gain * change
+        return ClutchState(-loads[-1], rate)

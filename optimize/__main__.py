@@ -1,0 +1,18 @@
+"""`python -m optimize`: the jobs there are."""
+
+import ast
+from pathlib import Path
+
+from fencejax.printing import Table
+
+
+def jobs() -> Table:
+    """Every job with the first sentence of its page."""
+    pages = sorted(Path(__file__).parent.glob("*/job.py"))
+    told = {page.parent.name: ast.get_docstring(ast.parse(page.read_text())) for page in pages}
+    rows = [(name, (text or "").partition("\n")[0]) for name, text in told.items()]
+    return Table("Jobs: python -m optimize.NAME, with --help for its flags", tuple(rows))
+
+
+if __name__ == "__main__":
+    print(jobs())
