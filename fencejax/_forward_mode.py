@@ -120,9 +120,15 @@ def _opaque(function):
     return whole
 
 
-def once_alone(tree: Any, message: str) -> Any:
-    """The `tree` itself, whose derivative is not differentiated again: whoever asks for that gets a
-    `TypeError` with the message.
+_TWICE = (
+    "Argument `fidelity.gradient` must be 'forward' for second derivatives, but is 'reverse', "
+    'whose loops are differentiated once alone. Write fidelity.replace(gradient="forward").'
+)
+
+
+def once_alone(tree: Any) -> Any:
+    """The `tree` itself, whose derivative is not differentiated again, as loops in reverse mode are
+    not: whoever asks for that gets a `TypeError`.
 
     What a rule of `custom_jvp` makes of its arguments' values is differentiated by what goes on
     around the first derivative, and by nothing else.
@@ -134,7 +140,7 @@ def once_alone(tree: Any, message: str) -> Any:
 
     @again.defjvp
     def _(primals, tangents):
-        raise TypeError(message)
+        raise TypeError(_TWICE)
 
     @jax.custom_jvp
     def same(tree):

@@ -259,12 +259,6 @@ def raise_for(result: Result) -> None:
         raise RuntimeError(f"{outcome.name}: {outcome.text}.")
 
 
-_TWICE = (
-    "Argument `fidelity.gradient` must be 'forward' for second derivatives, but is 'reverse', "
-    'whose loops are differentiated once alone. Write fidelity.replace(gradient="forward").'
-)
-
-
 # A compiled program takes some 30 MB, one with its gradient 50 MB, a whole sort 100 MB.
 @functools.lru_cache(maxsize=32)
 def _program(
@@ -279,7 +273,7 @@ def _program(
 
     def outcome(numbers):
         if fidelity.gradient == "reverse":
-            numbers = once_alone(numbers, _TWICE)
+            numbers = once_alone(numbers)
         given = jnp.result_type(*numbers)
         precision = given if fidelity.precision is None else jnp.dtype(fidelity.precision)
         numbers = [number.astype(precision) for number in numbers]
