@@ -177,6 +177,9 @@ def damage_chance(
 
     **Arguments:** `spread` [1], above 0, as of `share_damaged`; `critical_load` and
     `critical_velocity_change` as of `damage_boundary`, here the medians of parcels alike.
+
+    >>> fj.shock.damage_chance(0.3, critical_load=60.0, critical_velocity_change=2.0)
+    share_damaged [1]: share of parcels like this that the blow damages
     """
     _check.number("spread", spread, above=0)
     given = dict(critical_load=critical_load, critical_velocity_change=critical_velocity_change)

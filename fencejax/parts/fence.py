@@ -27,7 +27,12 @@ class Fence(Part):
       flexible_length=750 mm,
       width=132 mm,
       thickness=40 mm,
-      material=Material(youngs_modulus=3.1 GPa, density=1390 kg/m^3, damping_ratio=0.006),
+      material=Material(
+        youngs_modulus=3.1 GPa,
+        density=1390 kg/m^3,
+        damping_ratio=0.006,
+        fatigue_exponent=12.02,
+      ),
       taper=ConstantStrength(),
     )
     """

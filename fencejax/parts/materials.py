@@ -20,7 +20,12 @@ stand for a first design: put those of the supplier's own data sheet in their pl
 >>> fj.materials.named("POM")
 DataSheet(
   name='POM',
-  material=Material(youngs_modulus=2.8 GPa, density=1410 kg/m^3, damping_ratio=0.01),
+  material=Material(
+    youngs_modulus=2.8 GPa,
+    density=1410 kg/m^3,
+    damping_ratio=0.01,
+    fatigue_exponent=12.26,
+  ),
   allowed_stress=33 MPa,
   fatigue_strength=17 MPa,
   conditions='23 C, any moisture',
@@ -55,7 +60,11 @@ def basquin_exponent(
 ) -> float:
     """m = ln(2 N) / ln(S / sigma_D) [1] of the line N sigma_a^m = constant that goes through the
     static strength S [Pa] at half a cycle, the one load that breaks, and through the amplitude
-    sigma_D [Pa] that N cycles do not break."""
+    sigma_D [Pa] that N cycles do not break.
+
+    >>> f"{fj.materials.basquin_exponent(65e6, 17e6):.2f}"
+    '12.53'
+    """
     return math.log(2 * cycles) / math.log(static_strength / fatigue_strength)
 
 
@@ -121,7 +130,7 @@ def pa6_dry() -> DataSheet:
 
     >>> sheet = fj.materials.pa6_dry()
     >>> sheet.material
-    Material(youngs_modulus=3 GPa, density=1130 kg/m^3, damping_ratio=0.012)
+    Material(youngs_modulus=3 GPa, density=1130 kg/m^3, damping_ratio=0.012, fatigue_exponent=11.69)
     """
     return DataSheet("PA6 dry", _with(3.0e9, 1130.0, 0.012, 80e6, 19e6), 40e6, 19e6, "23 C, dry")
 
@@ -134,7 +143,7 @@ def pa6_conditioned() -> DataSheet:
 
     >>> sheet = fj.materials.pa6_conditioned()
     >>> sheet.material
-    Material(youngs_modulus=1.3 GPa, density=1140 kg/m^3, damping_ratio=0.05)
+    Material(youngs_modulus=1.3 GPa, density=1140 kg/m^3, damping_ratio=0.05, fatigue_exponent=19.5)
     """
     material = _with(1.3e9, 1140.0, 0.05, 45e6, 19e6)
     return DataSheet("PA6 conditioned", material, 22e6, 19e6, "23 C, 50 % humidity")
@@ -148,7 +157,7 @@ def pa66_gf30() -> DataSheet:
 
     >>> sheet = fj.materials.pa66_gf30()
     >>> sheet.material
-    Material(youngs_modulus=7 GPa, density=1370 kg/m^3, damping_ratio=0.015)
+    Material(youngs_modulus=7 GPa, density=1370 kg/m^3, damping_ratio=0.015, fatigue_exponent=15.08)
     """
     material = _with(7.0e9, 1370.0, 0.015, 125e6, 41e6)
     return DataSheet("PA66-GF30", material, 41e6, 41e6, "23 C, 50 % humidity")
@@ -162,7 +171,12 @@ def pom_c() -> DataSheet:
 
     >>> sheet = fj.materials.pom_c()
     >>> sheet.material
-    Material(youngs_modulus=2.8 GPa, density=1410 kg/m^3, damping_ratio=0.01)
+    Material(
+      youngs_modulus=2.8 GPa,
+      density=1410 kg/m^3,
+      damping_ratio=0.01,
+      fatigue_exponent=12.26,
+    )
     """
     material = _with(2.8e9, 1410.0, 0.01, 67e6, 17e6)
     return DataSheet("POM", material, 33e6, 17e6, "23 C, any moisture")
@@ -176,7 +190,7 @@ def uhmw_pe() -> DataSheet:
 
     >>> sheet = fj.materials.uhmw_pe()
     >>> sheet.material
-    Material(youngs_modulus=750 MPa, density=930 kg/m^3, damping_ratio=0.04)
+    Material(youngs_modulus=750 MPa, density=930 kg/m^3, damping_ratio=0.04, fatigue_exponent=12.13)
     """
     material = _with(0.75e9, 930.0, 0.04, 20e6, 5e6)
     return DataSheet("UHMW-PE", material, 10e6, 5e6, "23 C, any moisture")
@@ -190,7 +204,12 @@ def pet() -> DataSheet:
 
     >>> sheet = fj.materials.pet()
     >>> sheet.material
-    Material(youngs_modulus=3.1 GPa, density=1390 kg/m^3, damping_ratio=0.006)
+    Material(
+      youngs_modulus=3.1 GPa,
+      density=1390 kg/m^3,
+      damping_ratio=0.006,
+      fatigue_exponent=12.02,
+    )
     """
     material = _with(3.1e9, 1390.0, 0.006, 85e6, 21e6)
     return DataSheet("PET", material, 42e6, 21e6, "23 C, any moisture")
@@ -204,7 +223,12 @@ def polycarbonate() -> DataSheet:
 
     >>> sheet = fj.materials.polycarbonate()
     >>> sheet.material
-    Material(youngs_modulus=2.35 GPa, density=1200 kg/m^3, damping_ratio=0.005)
+    Material(
+      youngs_modulus=2.35 GPa,
+      density=1200 kg/m^3,
+      damping_ratio=0.005,
+      fatigue_exponent=6.894,
+    )
     """
     material = _with(2.35e9, 1200.0, 0.005, 63e6, 5.5e6)
     return DataSheet("PC", material, 31e6, 5.5e6, "23 C, any moisture")
@@ -219,7 +243,12 @@ def cast_pur() -> DataSheet:
 
     >>> sheet = fj.materials.cast_pur()
     >>> sheet.material
-    Material(youngs_modulus=550 MPa, density=1200 kg/m^3, damping_ratio=0.05)
+    Material(
+      youngs_modulus=550 MPa,
+      density=1200 kg/m^3,
+      damping_ratio=0.05,
+      fatigue_exponent=11.78,
+    )
     """
     material = _with(0.55e9, 1200.0, 0.05, 25e6, 6e6)
     return DataSheet("cast PUR", material, 12e6, 6e6, "23 C, dry")
@@ -235,7 +264,7 @@ def gfrp() -> DataSheet:
 
     >>> sheet = fj.materials.gfrp()
     >>> sheet.material
-    Material(youngs_modulus=23 GPa, density=1850 kg/m^3, damping_ratio=0.005)
+    Material(youngs_modulus=23 GPa, density=1850 kg/m^3, damping_ratio=0.005, fatigue_exponent=9)
     """
     material = Material(23e9, 1850.0, 0.005, 9.0)
     return DataSheet("GFRP", material, 80e6, 55e6, "23 C, any moisture")
@@ -249,7 +278,12 @@ def spring_steel() -> DataSheet:
 
     >>> sheet = fj.materials.spring_steel()
     >>> sheet.material
-    Material(youngs_modulus=206 GPa, density=7850 kg/m^3, damping_ratio=0.001)
+    Material(
+      youngs_modulus=206 GPa,
+      density=7850 kg/m^3,
+      damping_ratio=0.001,
+      fatigue_exponent=16.93,
+    )
     """
     material = _with(206e9, 7850.0, 0.001, 1350e6, 500e6)
     return DataSheet("spring steel", material, 600e6, 500e6, "20 C, kept from corrosion")
@@ -263,7 +297,12 @@ def aluminium() -> DataSheet:
 
     >>> sheet = fj.materials.aluminium()
     >>> sheet.material
-    Material(youngs_modulus=71 GPa, density=2810 kg/m^3, damping_ratio=0.001)
+    Material(
+      youngs_modulus=71 GPa,
+      density=2810 kg/m^3,
+      damping_ratio=0.001,
+      fatigue_exponent=16.95,
+    )
     """
     material = Material(71e9, 2810.0, 0.001, basquin_exponent(540e6, 159e6, 5e8))
     return DataSheet("aluminium", material, 240e6, 159e6, "20 C, kept from corrosion")

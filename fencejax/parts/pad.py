@@ -28,6 +28,11 @@ class Pad(Part):
 
     R. D. Mindlin, Dynamics of package cushioning, Bell System Tech. J. 24 (1945) 353-461, section
     1.5 (tangent elasticity). There the force over the displacement of a cushion.
+
+    >>> pad = fj.Pad(thickness=0.01, modulus=5e5)
+    >>> fence = fj.Fence(pad=pad)
+    >>> fence.pad
+    Pad(thickness=10 mm, modulus=0.5 MPa, contact_length=50 mm, retardation_time=2 ms)
     """
 
     thickness: Array

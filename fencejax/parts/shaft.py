@@ -25,6 +25,10 @@ class Shaft(Part):
     At the arc coordinate R it adds the compliance R^2 / k_t [m/N] to that of the fence. What turns
     on the motor's side of the shaft follows alpha_w whatever the load: its inertia counts in the
     motor's torque alone (`fencejax.Motor`).
+
+    >>> fence = fj.Fence(shaft=fj.Shaft(stiffness=2e5, slip_torque=600.0))
+    >>> fence.shaft
+    Shaft(stiffness=200000 N m/rad, damping=50 N m s/rad, inertia=0 kg m^2, slip_torque=600 N m)
     """
 
     stiffness: Array
