@@ -94,7 +94,7 @@ def _row(costs):
 def _draw(costs, path):
     figure = style.figure(1.1 * style.HEIGHT)
     points = np.arange(1, BUDGET + 1)
-    colors = dict(zip(METHODS, (*style.COLORS[1:], "#000000", "#00a0a0"), strict=False))
+    colors = dict(zip(METHODS, (*style.LINES, style.INK, style.GRAY), strict=False))
     panels = figure.subplots(1, len(GROUPS), sharey=True)
     for axes, group in zip(panels, GROUPS, strict=True):
         style.prepared(axes)

@@ -164,8 +164,8 @@ def test_tolerances(outcome):
         "material.damping_ratio",
     ]  # fmt: skip
     assert [row.share for row in found.rows] == [-0.05, 0.05] * 5
-    # No program was compiled for it.
-    assert all(program._cache_size() == 1 for program in problem._measures.values())
+    # No program was compiled for it, nor at a rung that nothing was computed at.
+    assert {program._cache_size() for program in problem._measures.values()} <= {0, 1}
     for row in found.rows[:4]:
         # Moved as a simulation of a fence made so finds it.
         point = best.after.point.copy()

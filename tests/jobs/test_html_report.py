@@ -97,7 +97,7 @@ def test_a_sorters_numbers_with_their_units():
     assert said["belt: speed"] == ("2 m/s", "")
     assert said["fence: thickness"] == ("45 mm", "free, 10 mm ... 90 mm")
     assert said["fence: length ratio"] == ("", "free, 0 ... 2")
-    assert said["motor: torque at the hinge"] == ("1000 N m", "")
+    assert said["motor: torque"] == ("1000 N m", "at the hinge")
     assert said["drive: law"] == ("HarmonicDrive", "")
     assert materials.rows[0][:2] == ["PA6 dry", "3 GPa"]
     assert len(parcels.rows) == sorter.parcels.count == 6

@@ -22,7 +22,7 @@ def read(scene, *names):
 
 
 def test_a_sorter_that_is_none_is_refused():
-    said = "must be a file or one of paper, parcel_hub, but is 'nosuch'"
+    said = "must be a file or one of honest, paper, parcel_hub, but is 'nosuch'"
     with pytest.raises(ValueError, match=said):
         machine.load("nosuch")
 

@@ -145,11 +145,11 @@ LANES = {
     "moves away": ({"across": 3.0}, fj.Status.NEVER_TOUCHED),
     "heavy": ({"mass": 40.0}, fj.Status.IN_CONTACT_AT_END),
     # Over the tip, and at once: the force ends within a few steps.
-    "near the tip": ({"distance": 1.16}, fj.Status.STEP_TOO_COARSE),
+    "near the tip": ({"distance": 1.16}, fj.Status.PEAK_AT_TIP),
     # A large parcel, so that what is half its side is not what is exceeded.
     "thin": (
         {"thickness": 0.02, "length": 1.2, "breadth": 1.2, "mass": 30.0},
-        fj.Status.STEP_TOO_COARSE,
+        fj.Status.MODES_TOO_FEW,
     ),
     # So soft that it yields by more than half its breadth.
     "soft parcel": ({"stiffness": 1e3, "damping": 1e3}, fj.Status.DEEP_PENETRATION),
