@@ -1,8 +1,8 @@
 """The optimiser against others, with and without derivatives, on the package's own problems.
 
 What it costs to come within 20, 5, 1 and 0.1 % of the best feasible value that anything has found,
-in simulation-equivalents. `pytest tests/test_optimizer_comparison.py --bench DIR` measures it and
-writes `optimizers.md`, `optimizers.json` and `optimizers.png` into DIR.
+in simulation-equivalents. `pytest tests/design/test_optimizer_comparison.py --bench DIR` measures
+it and writes `optimizers.md`, `optimizers.json` and `optimizers.png` into DIR.
 """
 
 import json
@@ -177,7 +177,7 @@ def test_optimizers_compared(bench_directory):
             for t, *_ in results
         )
         + ". Of several settings the best one is shown, its search not counted. "
-        "`pytest tests/test_optimizer_comparison.py --bench DIR` makes this page.",
+        "`pytest tests/design/test_optimizer_comparison.py --bench DIR` makes this page.",
     ]
     for task, _, least, rows in results:
         text += ["", *_markdown(task, least, rows)]
