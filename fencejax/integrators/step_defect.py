@@ -19,6 +19,7 @@ from jaxtyping import Array
 from ..model import FenceState, PadState, ResidualMode, Vibration, dot, propagate
 from ..parts import AbstractContactLaw
 from .fence_response import FenceEnd
+from .pad_response import PadEnd
 from .step_size import Stride
 
 INNER = (0.25, 0.5)
@@ -112,14 +113,13 @@ def _inside(
         change = theta * (end.force - start.force)
         rate = inner.lag_decay * start.rate + inner.lag_gain * change
         residual.append(ResidualMode(start.force + change, rate))
-    pads = []
-    for start, end in zip(before.pads, after.pads, strict=True):
-        assert inner.pad_decay is not None
-        assert inner.pad_gain is not None
-        change = theta * (end.settled - start.settled)
-        rate = inner.pad_decay * start.rate + inner.pad_gain * change
-        pads.append(PadState(start.settled + change, rate))
-    return _ringing(fence, vibration, tuple(residual), tuple(pads))
+    pads = tuple(
+        PadEnd.of(pad.cover, start, inner).at(
+            start.settled + theta * (end.settled - start.settled)
+        )
+        for pad, start, end in zip(fence.pads, before.pads, after.pads, strict=True)
+    )
+    return _ringing(fence, vibration, tuple(residual), pads)
 
 
 def defects(

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import ArrayLike
 
 from .status import NUMERICAL
 
@@ -41,7 +41,7 @@ class Refined(NamedTuple):
 
 
 def refined(
-    compute: Callable[[int, Any], tuple[Any, Array]],
+    compute: Callable[[int, Any], tuple[Any, ArrayLike]],
     lanes: Any,
     rungs: int,
     least: np.ndarray | None = None,

@@ -71,10 +71,18 @@ class Problem:
 
     def stretch(self, values) -> np.ndarray:
         """dp/du [SI]."""
-        return np.array([
-            p.upper - p.lower if p.scaling == "linear" else v * np.log(p.upper / p.lower)
-            for p, v in zip(self.parameters, values, strict=True)
-        ])  # fmt: skip
+        return np.where(self.linear, 1.0, values) * self.spans
+
+    @property
+    def linear(self) -> np.ndarray:
+        """Whether each parameter goes straight with its share, (n,)."""
+        return np.array([p.scaling == "linear" for p in self.parameters])
+
+    def _offset(self, index: int) -> int | None:
+        """The place of an experiment's time offset among the parameters."""
+        if not self.offsets:
+            return None
+        return self.offsets[index if len(self.offsets) > 1 else 0]
 
     @property
     def spans(self) -> np.ndarray:
@@ -91,13 +99,13 @@ class Problem:
         stretch = self.stretch(values)
         residual, rows = self.stacked(shares, noise)
         # p bends over u where it is a power: d^2p/du^2 = dp/du ln(b / a).
-        bends = np.where([p.scaling == "linear" for p in self.parameters], 0.0, self.spans)
+        bends = np.where(self.linear, 0.0, self.spans)
         total = np.diag(bends * (rows.T @ residual))
         plain = [k for k in range(len(values)) if k not in self.offsets]
         for index, ((scene, recording), (_, leaves, time)) in enumerate(
             zip(self.experiments, self.programs, strict=True)
         ):
-            own = self.offsets[index if len(self.offsets) > 1 else 0] if self.offsets else None
+            own = self._offset(index)
             places = plain if own is None else [*plain, own]
             program = curvature_of(
                 jax.tree.structure(scene), self.chosen, recording.names, self.fidelity,
@@ -121,9 +129,7 @@ class Problem:
         plain = [k for k in range(len(values)) if k not in self.offsets]
         found = []
         for index, (program, leaves, time) in enumerate(self.programs):
-            own = None
-            if self.offsets:
-                own = self.offsets[index if len(self.offsets) > 1 else 0]
+            own = self._offset(index)
             offset = 0.0 if own is None else values[own]
             given = tuple(jnp.asarray(values[k]) for k in plain)
             modelled, columns, status = jax.device_get(

@@ -126,7 +126,9 @@ class Response:
         self.chunk = _check.count("chunk", chunk, least=1)
         workers = (os.cpu_count() or 1) if workers is None else workers
         self.workers = _check.count("workers", workers, least=1)
-        self.refine = refine
+        self._ladder = self.fidelity.ladder() if refine else (self.fidelity,)
+        leaves, self._structure = jax.tree.flatten(scene)
+        self._shapes = tuple(np.shape(leaf) for leaf in leaves)
 
     def _run(self, sloped: bool, lanes: ArrayLike, progress: CountProgress | None) -> Batch:
         lanes = np.asarray(lanes, dtype=float)
@@ -135,19 +137,18 @@ class Response:
                 f"Argument `lanes` must have the shape (P, {len(self.names)}) with P at least 1, "
                 f"but has {lanes.shape}. Write scene_numbers.vary(scene, names, rows)."
             )
-        leaves, structure = jax.tree.flatten(self.scene)
-        shapes = tuple(np.shape(leaf) for leaf in leaves)
-        ladder = self.fidelity.ladder() if self.refine else (self.fidelity,)
 
         def compute(rung: int, part):
-            program = _programs(structure, shapes, self.quantities, ladder[rung])[sloped]
-            told = progress if len(part) == len(lanes) and not rung else None
+            programs = _programs(
+                self._structure, self._shapes, self.quantities, self._ladder[rung]
+            )
+            told = None if rung else progress
             *numbers, status = in_chunks(
-                program, part, self.chunk, workers=self.workers, progress=told
+                programs[sloped], part, self.chunk, workers=self.workers, progress=told
             )
             return tuple(numbers), status
 
-        found = refined(compute, lanes, len(ladder))
+        found = refined(compute, lanes, len(self._ladder))
         values, slopes = found.numbers if sloped else (*found.numbers, None)
         return Batch(values, slopes, found.statuses, found.rungs)
 

@@ -13,7 +13,7 @@ import numpy as np
 from jax.sharding import SingleDeviceSharding
 
 from .. import _check
-from ..results import NUMERICAL
+from ..results import refined
 from .sweep import Lane
 from .sweep_store import digest
 from .sweep_table import derivative
@@ -25,7 +25,6 @@ _CPU_GROUP = 64
 _CPU_CHUNK = 4096
 # Other devices are wide: they want all lanes at once, and many of them.
 _WIDE_CHUNK = 16384
-_DOUBTS = np.array(sorted(NUMERICAL))
 # So that there is something to report, and to keep, before the end.
 _LEAST_CHUNKS = 16
 
@@ -159,20 +158,16 @@ def _settled(
     """The columns of a chunk by one of the devices, each lane at the first rung at which its
     numbers are not in doubt, or at the last; with `rung`, where lanes are to be refined. `run` is
     the first rung's."""
-    columns = run(points)
     if not lane.refine:
-        return columns
-    columns = {name: np.array(column) for name, column in columns.items()}
-    columns["rung"] = np.zeros(len(points), np.int32)
-    for rung, finer in enumerate(lane.rungs(), start=1):
-        doubtful = np.flatnonzero(np.isin(columns["status"], _DOUBTS))
-        if not doubtful.size:
-            break
-        runs = _runs(finer, plan, devices)
-        for name, column in runs[device](points[doubtful]).items():
-            columns[name][doubtful] = column
-        columns["rung"][doubtful] = rung
-    return columns
+        return run(points)
+    finer = lane.rungs()
+
+    def compute(rung: int, part: np.ndarray):
+        columns = (_runs(finer[rung - 1], plan, devices)[device] if rung else run)(part)
+        return columns, columns["status"]
+
+    found = refined(compute, points, 1 + len(finer))
+    return {**found.numbers, "rung": found.rungs.astype(np.int32)}
 
 
 def _computed(

@@ -81,6 +81,21 @@ def touching(impact, fence):
     return np.array([x, y, phi, impact.belt_speed, 0.0, 0.0])
 
 
+def on_parcel(impact, touch, parcel):
+    """Force (x, y) and torque on the parcel: of the belt, and of the fence N n - mu N sgn(w) t."""
+    force_x, force_y, torque = belt_friction(impact, parcel[3:])
+    if touch.force > 0:
+        drag = touch.force * touch.sliding
+        drag *= smoothed_friction(impact.mu_fence, abs(touch.sliding), impact)
+        cosine, sine = cos(touch.slope), sin(touch.slope)
+        corner_x = -touch.force * sine - drag * cosine
+        corner_y = touch.force * cosine - drag * sine
+        arm_x, arm_y = turned_arm(impact, parcel[2])
+        force_x, force_y = force_x + corner_x, force_y + corner_y
+        torque += arm_x * corner_y - arm_y * corner_x
+    return force_x, force_y, torque
+
+
 def derivative(impact, time, state):
     """Time derivative of the state: the modal beam (2.1) and Newton-Euler for the parcel.
 
@@ -92,18 +107,7 @@ def derivative(impact, time, state):
     parcel = state[2 * count : 2 * count + 6].tolist()
     touch = contact(impact, fence, parcel)
     rates = parcel[3:]
-    belt_x, belt_y, belt_torque = belt_friction(impact, rates)
-    force_x, force_y, torque = belt_x, belt_y, belt_torque
-    if touch.force > 0:
-        drag = touch.force * touch.sliding
-        drag *= smoothed_friction(impact.mu_fence, abs(touch.sliding), impact)
-        cosine, sine = cos(touch.slope), sin(touch.slope)
-        corner_x = -touch.force * sine - drag * cosine
-        corner_y = touch.force * cosine - drag * sine
-        arm_x, arm_y = turned_arm(impact, parcel[2])
-        force_x += corner_x
-        force_y += corner_y
-        torque += arm_x * corner_y - arm_y * corner_x
+    force_x, force_y, torque = on_parcel(impact, touch, parcel)
     out = np.empty_like(state)
     eta, eta_rate = state[:count], state[count : 2 * count]
     out[:count] = eta_rate

@@ -9,15 +9,13 @@ T = -k psi - c psi' the shaft's moment, psi its twist, which is theta less what 
 slipped: |T| is at most the clutch's. State: eta, eta', theta, theta', psi, parcel.
 """
 
-from math import cos, sin
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from .beam import matrices
-from .impact import refined_maximum, touching
-from .impact_fence import Fence, contact, turned_arm
-from .impact_parts import belt_friction, smoothed_friction
+from .impact import on_parcel, refined_maximum, touching
+from .impact_fence import Fence, contact
 
 
 class _Ahead:
@@ -86,16 +84,7 @@ def solve(impact, stiffness, damping, hub=0.0, limit=np.inf, rtol=1e-7, samples=
         fence, touch = touch_at(time, state)
         parcel = state[2 * m + 3 :].tolist()
         rates = parcel[3:]
-        force_x, force_y, torque = belt_friction(impact, rates)
-        if touch.force > 0:
-            drag = touch.force * touch.sliding
-            drag *= smoothed_friction(impact.mu_fence, abs(touch.sliding), impact)
-            cosine, sine = cos(touch.slope), sin(touch.slope)
-            corner_x = -touch.force * sine - drag * cosine
-            corner_y = touch.force * cosine - drag * sine
-            arm_x, arm_y = turned_arm(impact, parcel[2])
-            force_x, force_y = force_x + corner_x, force_y + corner_y
-            torque += arm_x * corner_y - arm_y * corner_x
+        force_x, force_y, torque = on_parcel(impact, touch, parcel)
         moved = hinged(
             time, state[:m], state[m : 2 * m], *state[2 * m + 1 : 2 * m + 3], touch.force,
             touch.fence_load, touch.arc,

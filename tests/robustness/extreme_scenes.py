@@ -1,5 +1,8 @@
 """Scenes from the ordinary to the absurd, as numbers of one compiled program."""
 
+import functools
+
+import jax
 import numpy as np
 
 import fencejax as fj
@@ -9,6 +12,9 @@ from optimize.stability_map.scenes import ORDINARY, impact as impact
 TRUTH = fj.Fidelity.reference(
     step=5e-5, geometry="arc", modes=8, slip_speed=2e-4, static_speed=1e-3
 )
+
+# Of programs that run longer than they compile at the suite's least effort.
+RUNS_LONG = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 2})
 
 # Log-uniform, from end to end of what a sweep may ask for.
 WIDE = dict(

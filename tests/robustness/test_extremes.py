@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from robustness.extreme_scenes import ORDINARY, TRUTH, impact, riding, stack
+from robustness.extreme_scenes import ORDINARY, RUNS_LONG, TRUTH, impact, riding, stack
 
 import fencejax as fj
 
@@ -146,10 +146,6 @@ def numbers():
 
 def chosen(result):
     return jnp.stack([getattr(result, name) for name in FIELDS])
-
-
-# Programs that run longer than they compile at the suite's least effort.
-RUNS_LONG = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 2})
 
 
 @functools.cache
