@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from gate import equations
 
 import fencejax as fj
 from fencejax._forward_mode import by_columns
@@ -95,21 +96,11 @@ def test_batches():
 
 def shapes(function, *arguments):
     """Every shape in the program of `function`, inner programs included."""
-    found = set()
-
-    def visit(jaxpr):
-        for equation in jaxpr.eqns:
-            for variable in (*equation.invars, *equation.outvars):
-                found.add(tuple(getattr(variable.aval, "shape", ())))
-            for parameter in jax.tree.leaves(
-                equation.params, is_leaf=lambda x: hasattr(x, "eqns") or hasattr(x, "jaxpr")
-            ):
-                inner = getattr(parameter, "jaxpr", parameter)
-                if hasattr(inner, "eqns"):
-                    visit(inner)
-
-    visit(jax.make_jaxpr(function)(*arguments).jaxpr)
-    return found
+    return {
+        tuple(getattr(variable.aval, "shape", ()))
+        for equation in equations(jax.make_jaxpr(function)(*arguments).jaxpr)
+        for variable in (*equation.invars, *equation.outvars)
+    }
 
 
 def test_inputs_at_rest_cost_no_columns():
