@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linprog
 
 from .lagrangian import Evaluation, Multipliers, Vector, slope
 
@@ -49,6 +48,8 @@ def conflict(at: Evaluation) -> ShadowPrices:
     """
     size, count = at.point.size, at.margins.size
     low, high = np.maximum(-at.point, -_STEP), np.minimum(1 - at.point, _STEP)
+    from scipy.optimize import linprog
+
     solved = linprog(
         np.append(np.zeros(size), 1.0),
         np.column_stack([-at.margin_rows, -np.ones(count)]),

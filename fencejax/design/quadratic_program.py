@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 Matrix = NDArray[np.float64]
 _ITERATIONS = 60
@@ -27,6 +26,8 @@ def solve(hessian: Matrix, slope: Matrix, rows: Matrix, least: Matrix) -> Soluti
 
     **Arguments:** `hessian` H (n, n), `slope` c (n,), `rows` A (m, n), `least` b (m,).
     """
+    from scipy import linalg
+
     lengths = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)
     rows, least = rows / lengths[:, None], least / lengths
     weight = max(float(np.max(np.abs(slope))), float(np.max(np.abs(hessian))), 1e-300)
@@ -50,7 +51,7 @@ def solve(hessian: Matrix, slope: Matrix, rows: Matrix, least: Matrix) -> Soluti
         matrix[np.diag_indices(size)] *= 1 + 1e-15
         # Of contradicting constraints the multipliers grow without end, to what is no number.
         try:
-            factor = cho_factor(matrix)
+            factor = linalg.cho_factor(matrix)
         except (np.linalg.LinAlgError, ValueError):
             break
 
@@ -78,8 +79,10 @@ def solve(hessian: Matrix, slope: Matrix, rows: Matrix, least: Matrix) -> Soluti
 def _step(complement: Matrix, factor, rows, dual, primal, slack, multipliers):
     """Newton's step of the point, the slacks and the multipliers; `complement` is what is left of
     slack times multiplier."""
+    from scipy import linalg
+
     right = -dual - rows.T @ ((complement + multipliers * primal) / slack)
-    move = cho_solve(factor, right, check_finite=False)
+    move = linalg.cho_solve(factor, right, check_finite=False)
     slide = rows @ move + primal
     return move, slide, -(complement + multipliers * slide) / slack
 

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import betainc
 from jaxtyping import Array, ArrayLike
-from scipy import special
 
 from .. import _check
 
@@ -107,6 +106,8 @@ def quantile(values: ArrayLike, level: float, valid: ArrayLike | None = None) ->
     level = _share(level)
     values = jnp.asarray(values)
     if valid is None:
+        from scipy import special
+
         edges = np.arange(values.shape[0] + 1) / values.shape[0]
         size = values.shape[0] + 1
         counts = np.diff(special.betainc(size * level, size * (1 - level), edges))

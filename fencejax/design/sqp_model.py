@@ -13,7 +13,6 @@ import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
 
 from . import quadratic_program as quadratic
 from .lagrangian import Evaluation, Multipliers, Residual, Vector, complementarity
@@ -157,6 +156,8 @@ class LocalModel:
         """
         high = self.objectives >= np.max(self.objectives) - within
         low = self.margins <= within
+        from scipy import optimize
+
         lead, limits = self.objective_rows[high], self.margin_rows[low]
         unit = np.eye(self.at.size)
         least, most = self.at <= _EDGE, self.at >= 1 - _EDGE

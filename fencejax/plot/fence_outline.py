@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..parts import AbstractTaper, Fence
 
@@ -154,6 +153,8 @@ def _arc(
     out = ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / chord
     angle = 0.0
     if abs(area) > 1e-12 * chord:
+        from scipy.optimize import brentq
+
         angle = float(brentq(lambda a: _segment(a) - area / chord**2, -3.0, 3.0, xtol=1e-15))  # pyright: ignore
     if angle == 0.0:
         return 0.0 if np.max(np.abs(out)) <= TOLERANCE else None

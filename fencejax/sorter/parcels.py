@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
-from scipy.stats import qmc
 
 from .. import _check, printing
 from .._check import Bounds
@@ -125,6 +123,8 @@ def _quantiles(path: str, table: Table, bounds: Bounds, shares: np.ndarray) -> n
         return low + (high - low) * shares
     if kind == "logarithmic":
         return low * (high / low) ** shares
+    from scipy import stats
+
     if kind == "normal":
         law = stats.norm(numbers["mean"], numbers["deviation"])
     else:
@@ -256,6 +256,8 @@ def _draw(drawn: Mapping[str, Table], table: Table) -> dict[str, np.ndarray]:
     """A sample of some distributed numbers, independent of each other: scrambled Sobol' points."""
     count = _check.count("parcels.count", table.get("count", 64), least=1)
     seed = _check.count("parcels.seed", table.get("seed", 0))
+    from scipy.stats import qmc
+
     engine = qmc.Sobol(len(drawn), seed=np.random.default_rng(seed))  # pyright: ignore
     power = int(np.ceil(np.log2(max(count, 2))))
     shares = engine.random_base2(power)[:count]

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from scipy.stats import qmc
 
 from ..design import (
     DesignVariable,
@@ -176,6 +175,8 @@ def solve(
 def _starts(first: np.ndarray):
     yield first
     yield np.full(first.size, 0.5)
+    from scipy.stats import qmc
+
     engine = qmc.Sobol(first.size, seed=np.random.default_rng(0))  # pyright: ignore
     yield from engine.random(_STARTS)
 

@@ -4,7 +4,6 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
 
 from .. import _check
 from ..design import DesignVariable
@@ -129,6 +128,8 @@ def _found(
     m = np.interp(step * np.arange(int(reach / step) + 1), knots, model)
     # Of every place of the signal's start: its product with the recording, and its own square as
     # far as the two overlap.
+    from scipy import signal
+
     product = signal.correlate(y, m, "full", "fft")
     energy = signal.correlate(np.ones_like(y), m**2, "full", "fft")
     places = np.arange(-m.size + 1, y.size)
