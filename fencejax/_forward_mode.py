@@ -6,15 +6,18 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
-import jax.custom_batching
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jax.interpreters.partial_eval import dce_jaxpr
 
+from ._kept_programs import keeping, kept
+
 
 def by_columns(
-    function: Callable[[Any], Any], judge: Callable[[Any, Any], Any] | None = None
+    function: Callable[[Any], Any],
+    judge: Callable[[Any, Any], Any] | None = None,
+    what: tuple[Any, ...] | None = None,
 ) -> Callable[[Any], Any]:
     """Give `function`, a map of floating-point pytrees, a derivative made column by column.
 
@@ -29,12 +32,19 @@ def by_columns(
     Value and columns are again such a map, so that second derivatives (`jax.hessian`, `jax.grad` of
     `jax.grad`) are made in the same way, in one pass with a column for each pair of inputs, and
     higher ones likewise. `judge` sees the columns of the highest order.
+
+    `what` names the map, so that its program and those of its derivatives may be kept
+    (`_kept_programs.kept`).
     """
+    whole = None if what is None else kept(function, *what)
 
-    return _differentiable(function, judge, function)
+    def evaluate(inputs):
+        return (function if whole is None or not keeping() else whole)(inputs)
+
+    return _differentiable(function, judge, evaluate, what)
 
 
-def _differentiable(function, judge, evaluate):
+def _differentiable(function, judge, evaluate, what):
     """`evaluate`, the same map as `function`, with derivatives made column by column of
     `function`."""
 
@@ -71,7 +81,10 @@ def _differentiable(function, judge, evaluate):
             return found if judge is None else judge(*found)
 
         again = None if judge is None else _of_columns(judge)
-        return _differentiable(value_and_columns, again, _opaque(jax.jit(value_and_columns)))
+        # Without a name, one of no kept program: a function is not known by its fields.
+        named = (function,) if what is None else (*what, "columns", moved)
+        whole = kept(jax.jit(value_and_columns), *named)
+        return _differentiable(value_and_columns, again, whole, None if what is None else named)
 
     @jax.custom_jvp
     def wrapped(inputs):
@@ -103,21 +116,6 @@ def _of_columns(judge):
         return (value, first), (columns[0], second)
 
     return judged
-
-
-def _opaque(function):
-    """`function` of one argument, such that linearisation takes it whole where its argument is
-    known, instead of going through it operation by operation as it does with `jax.jit`."""
-    whole = jax.custom_batching.custom_vmap(function)
-
-    @whole.def_vmap
-    def _(size, in_batched, argument):
-        (batched,) = in_batched
-        axes = jax.tree.map(lambda b: 0 if b else None, batched)
-        result = jax.vmap(function, in_axes=(axes,), axis_size=size)(argument)
-        return result, jax.tree.map(lambda _: True, result)
-
-    return whole
 
 
 _TWICE = (

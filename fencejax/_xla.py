@@ -19,6 +19,8 @@ from jax.experimental.compilation_cache import compilation_cache
 from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array
 
+from ._kept_programs import keep_programs
+
 _LARGE = 10**9
 _DEVICES = "--xla_force_host_platform_device_count="
 
@@ -123,6 +125,7 @@ def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
         jax.config.update("jax_compilation_cache_dir", str(found))
         # What has compiled before has settled that there is none.
         compilation_cache.reset_cache()
+    keep_programs(found / "traced")
     return found
 
 

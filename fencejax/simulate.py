@@ -284,11 +284,11 @@ def _program(
 
     run = outcome
     if fidelity.gradient == "forward":
-        run = by_columns(outcome, diagnostics.of_derivatives)
-    options = None
-    if fidelity.integrator != "modal":
-        # Their programs are ten times as large: as one kernel they take many minutes to optimise.
-        options = {"xla_backend_optimization_level": 0}
+        what = structure, fidelity, history, only, own
+        run = by_columns(outcome, diagnostics.of_derivatives, what)
+    # Others' programs are ten times as large: as one kernel they take many minutes to optimise.
+    modal = fidelity.integrator == "modal"
+    options = None if modal else {"xla_backend_optimization_level": 0}
     return run, jax.jit(run, compiler_options=options)
 
 
@@ -302,8 +302,9 @@ def _result(scene, fidelity: Fidelity, history: bool, only, own=()) -> Result:
     samples = result.history
     if not traced and samples is not None and samples.time.ndim == 1:
         # Longer strides leave room at the end, filled with the last sample.
-        taken = 1 + int(np.searchsorted(samples.time, samples.time[-1]))
-        if taken < samples.time.size:
+        times = np.asarray(samples.time)
+        taken = 1 + int(np.searchsorted(times, times[-1]))
+        if taken < times.size:
             samples = jax.tree.map(lambda leaf: leaf[:taken], samples)
             result = dataclasses.replace(result, history=samples)
     return result

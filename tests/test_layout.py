@@ -33,12 +33,14 @@ FLOORS = {
     "_xla": 0,
     "_forward_mode": 0,
     "_loop_carry": 0,
+    "_kept_programs": 0,
 }
-TOOLS = {"fidelity", "printing", "_check", "_xla", "_forward_mode", "_loop_carry"}
+TOOLS = {"fidelity", "printing", "_check", "_xla", "_forward_mode", "_loop_carry", "_kept_programs"}
 # Private tools have no face; the tests of a tool import its file, and nobody else outside does.
 TESTED_TOOLS = {
     "tests/scenes/test_checks.py",
     "tests/test_forward_mode.py",
+    "tests/test_kept_programs.py",
     "tests/test_loop_carry.py",
     "tests/test_xla.py",
 }

@@ -81,7 +81,7 @@ def place_of(distance: ArrayLike, fence: Fence) -> Array:
         _check.scalar(
             "distance",
             place,
-            most=float(jnp.min(fence.reach)),
+            most=float(np.min(np.asarray(fence.reach))),
             unit="m",
             remedy="The fence ends at rigid_length + flexible_length.",
         )
@@ -91,24 +91,31 @@ def place_of(distance: ArrayLike, fence: Fence) -> Array:
 def drive_angle_of(angle: ArrayLike, drive: AbstractDrive) -> Array:
     checked = _check.scalar("drive_angle", angle, least=-1.5, most=1.5, unit="rad")
     check_motion(drive)
-    furthest = drive.angle(drive.turning_time)
-    nearest = drive.angle(jnp.zeros_like(drive.turning_time))
-    if not isinstance(checked + furthest, Tracer):
+    if not isinstance(checked, Tracer) and not traced(drive):
+        nearest, furthest = _ends(drive)
         _check.scalar(
             "drive_angle",
             checked,
-            most=float(jnp.min(furthest)) + 1e-9,
+            most=float(np.min(furthest)) + 1e-9,
             unit="rad",
             remedy="The drive turns back there.",
         )
         _check.scalar(
             "drive_angle",
             checked,
-            least=float(jnp.max(nearest)) - 1e-9,
+            least=float(np.max(nearest)) - 1e-9,
             unit="rad",
             remedy="The drive begins there.",
         )
     return checked
+
+
+# One program, not one for each operation of the law.
+@jax.jit
+def _ends(drive: AbstractDrive) -> tuple[Array, Array]:
+    """The angles [rad] at the start and where the drive turns back."""
+    turning = drive.turning_time
+    return drive.angle(jnp.zeros_like(turning)), drive.angle(turning)
 
 
 def check_motion(drive: AbstractDrive) -> None:

@@ -1,0 +1,283 @@
+"""Traced programs kept in a folder, so that another process needs not trace them anew.
+
+To trace a scene and its derivative and to lower them takes longer than to load what was compiled.
+`jax.export` writes a lowered program; another process calls it as one operation. A program is found
+by what it was made from: the package's source, the versions of all whose code takes part, JAX's
+settings and XLA's flags, and the program's own name with its static structure, shapes and types.
+What is not known by its name and fields, such as a drive law of the user's own, is traced anew.
+"""
+
+import dataclasses
+import functools
+import hashlib
+import importlib
+import importlib.metadata
+import json
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.custom_batching
+from jax._src.config import trace_context
+
+_STARTED = time.time()
+_PACKAGE = Path(__file__).parent
+_TRACED = "jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix", "numpy", "jaxtyping"
+_BOUND = 256 * 2**20
+"""Size [bytes] of a folder from which on those used longest ago are deleted."""
+
+
+class _UnknownError(Exception):
+    """What cannot be told by names and fields."""
+
+
+class _Leaf:
+    """Stands for an array in a tree."""
+
+
+# --- Trees as text ---------------------------------------------------------------------------
+
+
+def _written(tree: Any) -> Any:
+    """A tree as JSON has it: this package's classes by their names and fields, arrays as `"*"`."""
+    if isinstance(tree, _Leaf):
+        return "*"
+    kind = type(tree)
+    if tree is None or kind in (bool, int, float):
+        return tree
+    if kind is str:
+        return ["str", tree]
+    if kind is jax.tree_util.PyTreeDef:
+        return ["structure", _text(tree)]
+    if kind in (tuple, list):
+        return [kind.__name__, *map(_written, tree)]
+    if kind is dict and all(isinstance(key, str) for key in tree):
+        return ["dict", *([key, _written(value)] for key, value in tree.items())]
+    name = kind.__module__, kind.__qualname__
+    if name[0].partition(".")[0] != __package__ or "<" in name[1]:
+        raise _UnknownError(name)
+    if dataclasses.is_dataclass(kind):
+        return ["fields", *name, *([key, _written(value)] for key, value in vars(tree).items())]
+    if isinstance(tree, tuple) and hasattr(tree, "_fields"):
+        return ["named", *name, *map(_written, tree)]
+    raise _UnknownError(name)
+
+
+def _read(text: Any) -> Any:
+    """The tree that `_written` has made text of."""
+    if text == "*":
+        return _Leaf()
+    if not isinstance(text, list):
+        return text
+    kind, *rest = text
+    if kind == "str":
+        return rest[0]
+    if kind in ("tuple", "list"):
+        return {"tuple": tuple, "list": list}[kind](map(_read, rest))
+    if kind == "dict":
+        return {key: _read(value) for key, value in rest}
+    module, name, *values = rest
+    if module.partition(".")[0] != __package__:
+        raise _UnknownError(module)
+    found = functools.reduce(getattr, name.split("."), importlib.import_module(module))
+    if kind == "named":
+        return found(*map(_read, values))
+    made = object.__new__(found)
+    for key, value in values:
+        object.__setattr__(made, key, _read(value))
+    return made
+
+
+def _text(structure: Any) -> Any:
+    """A structure of JAX's as JSON has it."""
+    return _written(jax.tree.unflatten(structure, [_Leaf()] * structure.num_leaves))
+
+
+# --- What a program is made from -------------------------------------------------------------
+
+
+@functools.cache
+def _source() -> str | None:
+    """A digest of this package's source and of the versions that count; `None` where the files may
+    be others than those that this process runs."""
+    digest = hashlib.sha256()
+    files = sorted(_PACKAGE.rglob("*.py"))
+    for file in files:
+        state = file.stat()
+        if max(state.st_mtime, state.st_ctime) >= _STARTED:
+            return None
+        digest.update(f"{file.relative_to(_PACKAGE)} {state.st_size}\n".encode())
+        digest.update(file.read_bytes())
+    versions = [f"{name} {importlib.metadata.version(name)}" for name in _TRACED]
+    digest.update("\n".join([platform.python_version(), *versions]).encode())
+    return digest.hexdigest() if files else None
+
+
+def _settings() -> list[str]:
+    """JAX's settings, as far as they decide what is traced, and XLA's flags."""
+    told = [repr(value) for value in trace_context()]
+    # What stands for the axes of transformations around the program, which it knows nothing of.
+    return [*(text for text in told if " at 0x" not in text), os.environ.get("XLA_FLAGS", "")]
+
+
+class _Abstract(NamedTuple):
+    """What is known of an array when a program is traced."""
+
+    shape: tuple[int, ...]
+    dtype: str
+    weak: bool
+
+    def struct(self) -> jax.ShapeDtypeStruct:
+        return jax.ShapeDtypeStruct(self.shape, self.dtype, weak_type=self.weak)
+
+
+def _abstract(leaf: Any) -> _Abstract:
+    value = jax.typeof(leaf)
+    if getattr(value, "vma", None) or not value.sharding.mesh.empty:
+        raise _UnknownError("a part of an array that is spread over devices")
+    return _Abstract(value.shape, value.dtype.name, bool(value.weak_type))
+
+
+# --- The folder ------------------------------------------------------------------------------
+
+
+class _Program(NamedTuple):
+    """A program from leaves to leaves, and the structure of its result."""
+
+    exported: Any
+    results: Any
+
+
+@dataclasses.dataclass(frozen=True)
+class _Store:
+    """The programs in a folder."""
+
+    folder: Path
+
+    def place(self, what: tuple[Any, ...], structure: Any, leaves: list[_Abstract]) -> Path | None:
+        """Where a program is, or is to be; `None` where it is not to be kept."""
+        source = _source()
+        if source is None or jax.default_backend() != "cpu" or jax.config.jax_default_device:  # pyright: ignore
+            return None
+        made = json.dumps([source, _settings(), _written(what), _text(structure), leaves])
+        return self.folder / f"{hashlib.sha256(made.encode()).hexdigest()}.program"
+
+    def load(self, place: Path) -> _Program | None:
+        """What is kept there, if it is whole."""
+        from jax import export
+
+        try:
+            content = place.read_bytes()
+            os.utime(place)
+        except OSError:
+            return None
+        digest, _, rest = content.partition(b"\n")
+        if hashlib.sha256(rest).hexdigest().encode() != digest:
+            return None
+        results, _, program = rest.partition(b"\n")
+        structure = jax.tree.structure(_read(json.loads(results)))
+        return _Program(export.deserialize(bytearray(program)), structure)
+
+    def save(self, place: Path, program: _Program) -> None:
+        """Keep a program; what is there may be read at any time by other processes."""
+        text = json.dumps(_text(program.results)).encode()
+        rest = text + b"\n" + program.exported.serialize()
+        content = hashlib.sha256(rest).hexdigest().encode() + b"\n" + rest
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._make_room(len(content))
+            handle, name = tempfile.mkstemp(dir=self.folder)
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+            os.replace(name, place)
+        except OSError:
+            return
+
+    def _make_room(self, size: int) -> None:
+        files = [(file.stat(), file) for file in self.folder.iterdir()]
+        total = size + sum(state.st_size for state, _ in files)
+        for state, file in sorted(files, key=lambda pair: pair[0].st_mtime):
+            if total <= _BOUND:
+                return
+            file.unlink(missing_ok=True)
+            total -= state.st_size
+
+
+_store: _Store | None = None
+
+
+def keep_programs(folder: Path | None) -> None:
+    """Keep traced programs in a folder from now on, or none."""
+    global _store
+    try:
+        import flatbuffers  # noqa: F401  # What `jax.export` writes with.
+    except ImportError:
+        folder = None
+    _store = None if folder is None else _Store(folder)
+
+
+def keeping() -> bool:
+    """Whether programs are kept in a folder."""
+    return _store is not None
+
+
+def _made(function: Callable[[Any], Any], structure: Any, leaves: list[_Abstract]) -> _Program:
+    from jax import export
+
+    results = []
+
+    def flat(*leaves):
+        found, shape = jax.tree.flatten(function(jax.tree.unflatten(structure, leaves)))
+        results.append(shape)
+        return found
+
+    exported = export.export(jax.jit(flat))(*(leaf.struct() for leaf in leaves))
+    return _Program(exported, results[0])
+
+
+def kept(function: Callable[[Any], Any], *what: Any) -> Callable[[Any], Any]:
+    """`function`, a map of pytrees, such that linearisation takes it whole where its argument is
+    known, instead of going through it operation by operation as it does with `jax.jit`; from the
+    folder of `keep_programs` if it is there.
+
+    `what` tells it from all others that this package's source makes, by values, strings and fields
+    of this package's classes. It is not differentiated.
+    """
+
+    def run(argument):
+        if _store is None:
+            return function(argument)
+        leaves, structure = jax.tree.flatten(argument)
+        try:
+            abstract = [_abstract(leaf) for leaf in leaves]
+            place = _store.place(what, structure, abstract)
+        except _UnknownError:
+            place = None
+        if place is None:
+            return function(argument)
+        program = _store.load(place)
+        if program is None:
+            program = _made(function, structure, abstract)
+            _store.save(place, program)
+        # The same program for whoever makes it and for all others, so that it compiles once.
+        return jax.tree.unflatten(program.results, program.exported.call(*leaves))
+
+    whole = jax.custom_batching.custom_vmap(run)
+
+    @whole.def_vmap
+    def _(size, in_batched, argument):
+        (batched,) = in_batched
+        axes = jax.tree.map(lambda b: 0 if b else None, batched)
+        lanes = jax.vmap(function, in_axes=(axes,), axis_size=size)
+        marks = tuple(jax.tree.leaves(batched))
+        if keeping():
+            lanes = kept(lanes, *what, "lanes", size, marks)
+        result = lanes(argument)
+        return result, jax.tree.map(lambda _: True, result)
+
+    return whole

@@ -1,0 +1,177 @@
+"""Traced programs kept in a folder: the same numbers in another process, nothing traced, and never
+those of other source."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import pytest
+
+import fencejax as fj
+from fencejax import _kept_programs as kept_programs
+from fencejax._forward_mode import by_columns
+
+PACKAGE = Path(fj.__file__).parent
+# Value, derivative, and a batch of derivatives, of a scene in one coordinate; then a drive law that
+# is known by no name.
+SCRIPT = """
+import sys
+import jax, jax.numpy as jnp, numpy as np
+jax.config.update("jax_enable_x64", True)
+import fencejax as fj
+fj.tune_compiler()
+if sys.argv[1:]:
+    fj.cache_programs(sys.argv[1])
+
+def peak(speed):
+    scene = fj.scenes.rigid_wall(speed=speed, duration=0.03)
+    return fj.simulate(scene, fidelity=fj.Fidelity.fast(), only="peak_force").peak_force
+
+traced = []
+run = sys.modules["fencejax.simulate"]._run
+sys.modules["fencejax.simulate"]._run = lambda *given: (traced.append(1), run(*given))[1]
+result = fj.simulate(fj.scenes.rigid_wall(duration=0.03), fidelity=fj.Fidelity.fast())
+found = [result.peak_force, result.energy.residual, *result.history.time[-2:]]
+found += [jax.grad(peak)(1.3), jax.jit(peak)(1.3)]
+found += list(jax.jit(jax.vmap(jax.grad(peak)))(jnp.array([1.0, 1.3])))
+print(len(traced), result.status, *(float(x).hex() for x in found))
+"""
+
+
+def run(*arguments, package=PACKAGE):
+    """How often something was traced, and the numbers."""
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, *map(str, arguments)], capture_output=True, text=True,
+        env=os.environ | {"PYTHONPATH": str(package.parent)}, cwd=package.parent,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    count, *numbers = done.stdout.split()
+    return int(count), numbers
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("programs")
+
+
+@pytest.fixture(scope="module")
+def first(folder):
+    return run(folder)
+
+
+def test_another_process_traces_nothing_and_finds_the_same(folder, first):
+    assert first[0] == 3
+    assert run(folder) == (0, first[1])
+    # The result, the value, the derivative and that of two lanes.
+    assert len(list((folder / "traced").iterdir())) == 4
+    # As one that is not kept.
+    scene = fj.scenes.rigid_wall(duration=0.03)
+    result = fj.simulate(scene, fidelity=fj.Fidelity.fast())
+    expected = [result.peak_force, result.energy.residual, *result.history.time[-2:]]
+    found = [float.fromhex(x) for x in first[1][1:5]]
+    assert found == pytest.approx([float(x) for x in expected], rel=1e-12, abs=1e-9)
+
+
+def test_other_source_finds_nothing(folder, first, tmp_path):
+    copy = tmp_path / "fencejax"
+    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    with (copy / "model" / "friction.py").open("a") as file:
+        file.write("\n# Another line.\n")
+    assert run(folder, package=copy)[0] == 3
+
+
+# --- In this process -------------------------------------------------------------------------
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch):
+    monkeypatch.setattr(kept_programs, "_store", None)
+    kept_programs.keep_programs(tmp_path)
+    return tmp_path
+
+
+def call(what, argument=1.0, function=jax.numpy.sin):
+    return kept_programs.kept(lambda x: {"result": function(x), "none": None}, what)(argument)
+
+
+def test_programs_differ_by_name_type_and_settings(store):
+    call("a")
+    assert len(list(store.iterdir())) == 1
+    call("a")
+    assert len(list(store.iterdir())) == 1
+    others = [("b", 1.0), ("a", 1), ("a", jax.numpy.ones(3)), (("a", None), 1.0)]
+    others += [(("a", fj.Fidelity()), 1.0), (("a", fj.Fidelity(modes=3)), 1.0)]
+    for count, (what, argument) in enumerate(others, 2):
+        assert call(what, argument)["none"] is None
+        assert len(list(store.iterdir())) == count
+    with jax.default_matmul_precision("highest"):
+        call("a")
+    assert len(list(store.iterdir())) == count + 1
+
+
+class Swing(fj.HarmonicDrive):
+    """Of another module than the package's."""
+
+
+@pytest.mark.parametrize("what", [Swing(), print, jax.numpy.ones(2)])
+def test_what_is_not_known_by_its_fields_is_not_kept(store, what):
+    assert float(call(what)["result"]) == pytest.approx(0.8414709848)
+    assert list(store.iterdir()) == []
+
+
+def test_source_that_changed_after_the_start_is_not_kept(store, monkeypatch):
+    monkeypatch.setattr(kept_programs, "_STARTED", 0.0)
+    kept_programs._source.cache_clear()
+    call("a")
+    kept_programs._source.cache_clear()
+    assert list(store.iterdir()) == []
+
+
+def test_a_file_that_is_not_whole_is_made_anew(store):
+    call("a")
+    (file,) = store.iterdir()
+    content = file.read_bytes()
+    file.write_bytes(content[: len(content) // 2])
+    assert float(call("a")["result"]) == pytest.approx(0.8414709848)
+    assert len(file.read_bytes()) == len(content)
+
+
+def test_the_folder_has_a_bound(store, monkeypatch):
+    call("first")
+    (first,) = store.iterdir()
+    os.utime(first, (0, 0))
+    call("second")
+    size = sum(file.stat().st_size for file in store.iterdir())
+    monkeypatch.setattr(kept_programs, "_BOUND", size)
+    call("third")
+    # The one used longest ago has made room.
+    assert len(list(store.iterdir())) == 2
+    assert not first.exists()
+
+
+def test_a_folder_that_cannot_be_written_is_done_without(tmp_path, monkeypatch):
+    file = tmp_path / "file"
+    file.touch()
+    monkeypatch.setattr(kept_programs, "_store", None)
+    kept_programs.keep_programs(file / "inner")
+    assert float(call("a")["result"]) == pytest.approx(0.8414709848)
+
+
+def test_second_derivatives_and_lanes_of_lanes_are_kept(store):
+    def cube(x):
+        return {"y": x**3}
+
+    def slope(x):
+        return jax.grad(lambda x: by_columns(cube, what=("cube",))(x)["y"])(x)
+
+    assert float(jax.grad(slope)(2.0)) == 12.0
+    many = jax.vmap(jax.vmap(slope))(jax.numpy.array([[1.0, 2.0], [3.0, 4.0]]))
+    assert many.tolist() == [[3.0, 12.0], [27.0, 48.0]]
+    count = len(list(store.iterdir()))
+    # Slope, curvature, and the slope of lanes and of lanes of lanes, which is made by way of it.
+    assert count == 4
+    assert float(jax.grad(slope)(2.0)) == 12.0
+    assert len(list(store.iterdir())) == count
