@@ -32,7 +32,8 @@ from . import (
     sorter as sorter,
     study as study,
 )
-from ._xla import cache_programs as cache_programs, tune_compiler as tune_compiler
+from ._kept_programs import cache_programs as cache_programs
+from ._xla import tune_compiler as tune_compiler
 from .design import (
     LIMITS as LIMITS,
     OBJECTIVES as OBJECTIVES,

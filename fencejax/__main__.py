@@ -7,7 +7,8 @@ import platform
 
 import jax
 
-from ._xla import cache_programs, compiler_flags, tune_compiler
+from ._kept_programs import cache_programs
+from ._xla import compiler_flags, tune_compiler
 from .printing import Table
 
 _NEXT = (

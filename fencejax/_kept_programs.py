@@ -1,4 +1,4 @@
-"""Traced programs kept in a folder, so that another process needs not trace them anew.
+"""Programs kept in a folder, so that another process needs not trace and compile them anew.
 
 To trace a scene and its derivative and to lower them takes longer than to load what was compiled.
 `jax.export` writes a lowered program; another process calls it as one operation. A program is found
@@ -15,6 +15,7 @@ import importlib.metadata
 import json
 import os
 import platform
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -23,7 +24,9 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.custom_batching
-from jax._src.config import trace_context
+from jax.experimental.compilation_cache import compilation_cache
+
+from ._xla import traced_settings
 
 _STARTED = time.time()
 _PACKAGE = Path(__file__).parent
@@ -118,13 +121,6 @@ def _source() -> str | None:
     return digest.hexdigest() if files else None
 
 
-def _settings() -> list[str]:
-    """JAX's settings, as far as they decide what is traced, and XLA's flags."""
-    told = [repr(value) for value in trace_context()]
-    # What stands for the axes of transformations around the program, which it knows nothing of.
-    return [*(text for text in told if " at 0x" not in text), os.environ.get("XLA_FLAGS", "")]
-
-
 class _Abstract(NamedTuple):
     """What is known of an array when a program is traced."""
 
@@ -164,7 +160,8 @@ class _Store:
         source = _source()
         if source is None or jax.default_backend() != "cpu" or jax.config.jax_default_device:  # pyright: ignore
             return None
-        made = json.dumps([source, _settings(), _written(what), _text(structure), leaves])
+        settings = [*traced_settings(), os.environ.get("XLA_FLAGS", "")]
+        made = json.dumps([source, settings, _written(what), _text(structure), leaves])
         return self.folder / f"{hashlib.sha256(made.encode()).hexdigest()}.program"
 
     def load(self, place: Path) -> _Program | None:
@@ -206,6 +203,75 @@ class _Store:
                 return
             file.unlink(missing_ok=True)
             total -= state.st_size
+
+
+# --- Where ----------------------------------------------------------------------------------
+
+
+def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
+    """Keep programs in a folder, so that a program is traced and compiled once for all processes
+    that run it: `fj.cache_programs()`, right after the imports.
+
+    What has compiled for longer than `jax_persistent_cache_min_compile_time_secs`, a second by
+    default, is kept. On a CPU traced simulations are kept too, 256 MiB of them at most. They are
+    found again by this package's source, all versions and settings, and the scene's parts. Those of
+    a scene with classes or functions from elsewhere are traced anew in each process, and all of
+    them where this package's files have changed since the process began. What replaces functions of
+    this package in a running process is not seen. The folder may be deleted at any time.
+
+    **Arguments:**
+
+    - `folder`: by default what JAX is told already (`JAX_COMPILATION_CACHE_DIR`), or else one in
+      the user's folder for caches, with a name of its own for each kind of processor: a program
+      compiled for one may not run on another.
+
+    Returns the folder; `None` where JAX's cache is switched off
+    (`JAX_ENABLE_COMPILATION_CACHE=false`), or where no folder is given and the user's own cannot be
+    written.
+
+    Raises `OSError` where a folder that is given cannot be made.
+
+    >>> folder = fj.cache_programs()
+    """
+    settings: Any = jax.config
+    if not settings.jax_enable_compilation_cache:
+        return None
+    told = settings.jax_compilation_cache_dir
+    given = told if folder is None else folder
+    found = Path(given) if given else _users_caches() / "fencejax" / _processor()
+    try:
+        found.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        if given:
+            raise
+        return None
+    if str(found) != told:
+        jax.config.update("jax_compilation_cache_dir", str(found))
+        # What has compiled before has settled that there is none.
+        compilation_cache.reset_cache()
+    keep_programs(found / "traced")
+    return found
+
+
+def _users_caches() -> Path:
+    """The folder in which programs keep what they can make again."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
+def _processor() -> str:
+    """A name for this kind of processor: folders of users are shared by machines of many kinds."""
+    known = [platform.machine(), platform.processor()]
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    known += dict.fromkeys(line for line in lines if line.startswith(("flags", "Features")))
+    digest = hashlib.sha256("\n".join(known).encode()).hexdigest()
+    return f"{platform.machine() or 'cpu'}-{digest[:12]}"
 
 
 _store: _Store | None = None

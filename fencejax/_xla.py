@@ -1,25 +1,19 @@
-"""What XLA is told: its settings for loops over a few small arrays, where compiled programs are
-kept, and a barrier to fusion."""
+"""What XLA is told: its settings for loops over a few small arrays, and a barrier to fusion; and
+what JAX is told, as far as it decides what is traced."""
 
 import functools
-import hashlib
 import os
-import platform
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import jaxlib.version
 from equinox.internal import unvmap_any
+from jax._src.config import trace_context
 from jax._src.xla_bridge import backends_are_initialized
-from jax.experimental.compilation_cache import compilation_cache
 from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array
-
-from ._kept_programs import keep_programs
 
 _LARGE = 10**9
 _DEVICES = "--xla_force_host_platform_device_count="
@@ -88,68 +82,6 @@ def tune_compiler(devices: int | None = None) -> None:
     os.environ["XLA_FLAGS"] = wanted
 
 
-def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
-    """Keep compiled programs in a folder, so that a program is compiled once for all processes that
-    run it: `fj.cache_programs()`, right after the imports.
-
-    What has compiled for longer than `jax_persistent_cache_min_compile_time_secs`, a second by
-    default, is kept. The folder may be deleted at any time.
-
-    **Arguments:**
-
-    - `folder`: by default what JAX is told already (`JAX_COMPILATION_CACHE_DIR`), or else one in
-      the user's folder for caches, with a name of its own for each kind of processor: a program
-      compiled for one may not run on another.
-
-    Returns the folder; `None` where JAX's cache is switched off
-    (`JAX_ENABLE_COMPILATION_CACHE=false`), or where no folder is given and the user's own cannot be
-    written.
-
-    Raises `OSError` where a folder that is given cannot be made.
-
-    >>> folder = fj.cache_programs()
-    """
-    settings: Any = jax.config
-    if not settings.jax_enable_compilation_cache:
-        return None
-    told = settings.jax_compilation_cache_dir
-    given = told if folder is None else folder
-    found = Path(given) if given else _users_caches() / "fencejax" / _processor()
-    try:
-        found.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        if given:
-            raise
-        return None
-    if str(found) != told:
-        jax.config.update("jax_compilation_cache_dir", str(found))
-        # What has compiled before has settled that there is none.
-        compilation_cache.reset_cache()
-    keep_programs(found / "traced")
-    return found
-
-
-def _users_caches() -> Path:
-    """The folder in which programs keep what they can make again."""
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-
-
-def _processor() -> str:
-    """A name for this kind of processor: folders of users are shared by machines of many kinds."""
-    known = [platform.machine(), platform.processor()]
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    known += dict.fromkeys(line for line in lines if line.startswith(("flags", "Features")))
-    digest = hashlib.sha256("\n".join(known).encode()).hexdigest()
-    return f"{platform.machine() or 'cpu'}-{digest[:12]}"
-
-
 def fusion_barrier(holds: Array, function: Callable[..., Any], *arguments: Any) -> Any:
     """`function(*arguments)`, worked out once and put in memory; not a number unless `holds`.
 
@@ -204,3 +136,10 @@ def adopt_flags(flags: str) -> None:
     given = os.environ.get("XLA_FLAGS", "").split()
     mine = [flag for flag in given if flag.startswith(_DEVICES)]
     os.environ["XLA_FLAGS"] = " ".join([flags, *mine])
+
+
+def traced_settings() -> list[str]:
+    """JAX's settings, as far as they decide what is traced."""
+    told = (repr(value) for value in trace_context())
+    # What stands for the axes of transformations around a program says nothing of the program.
+    return [text for text in told if " at 0x" not in text]

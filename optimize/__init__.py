@@ -4,6 +4,7 @@ import sys
 
 # Only where one of them is run, and before its long imports: then the first argument is still "-m".
 if sys.argv[:1] == ["-m"]:
-    from .common import interrupts
+    from .common import flags, interrupts
 
     interrupts.watch()
+    flags.answer(sys.orig_argv)

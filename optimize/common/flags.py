@@ -4,14 +4,14 @@ is asked of it; the parser and the checks are made of that."""
 import argparse
 import dataclasses
 import difflib
+import functools
+import json
 import operator
 import re
 import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
-
-import numpy as np
 
 _T = TypeVar("_T")
 FIDELITIES = ("coarse", "fast", "standard", "reference")
@@ -47,7 +47,7 @@ def check(configuration: Any) -> None:
                 one_of(each.name, one, tuple(asked["choices"]))
             for setting, (word, holds) in _CHECKED.items():
                 if setting in asked and not holds(one, asked[setting]):
-                    ends = np.atleast_1d(asked[setting])
+                    ends = asked[setting] if setting == "between" else (asked[setting],)
                     raise ValueError(
                         f"Argument `{each.name}` must be {word} "
                         f"{' and '.join(f'{end:g}' for end in ends)} [{unit[1] if unit else 1}], "
@@ -78,33 +78,49 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}{end} All flags: --help\n")
 
 
-def parser(
+def described(
     configuration: type, prog: str, description: str, **switches: str
-) -> argparse.ArgumentParser:
-    """A flag for each field of a configuration, and one for each switch, with its help."""
-    result = Parser(
-        prog=f"python -m {prog}",
-        description=description,
-    )
+) -> dict[str, Any]:
+    """What `parser` makes a parser of, as JSON has it: a flag for each field of a configuration,
+    and one for each switch, with its help."""
+    flags = []
     for each in dataclasses.fields(configuration):
         default = each.default
-        settings: dict[str, Any] = {"default": default}
+        settings: dict[str, Any] = {}
         if isinstance(default, bool):
-            settings["action"] = argparse.BooleanOptionalAction
+            settings["action"] = "yes or no"
         elif isinstance(default, tuple):
             settings["nargs"] = "+"
             if default:
-                settings["type"] = type(default[0])
+                settings["type"] = type(default[0]).__name__
         else:
-            settings["type"] = Path if isinstance(default, Path) else type(default)
+            settings["type"] = "Path" if isinstance(default, Path) else type(default).__name__
         settings |= {k: v for k, v in each.metadata.items() if k not in _CHECKED}
+        if isinstance(settings.get("type"), type):
+            settings["type"] = settings["type"].__name__
         if not (default == () and "by default" in settings["help"]):
             settings["help"] += _told(default)
-        result.add_argument("--" + each.name.replace("_", "-"), **settings)
+        flags.append(["--" + each.name.replace("_", "-"), settings])
     for name, text in switches.items():
-        result.add_argument(
-            "--" + name.replace("_", "-"), action="store_true", help=text + _told(False)
-        )
+        switch = {"action": "store_true", "help": text + _told(False)}
+        flags.append(["--" + name.replace("_", "-"), switch])
+    # Tuples become lists, as they do in a file.
+    return json.loads(json.dumps({"prog": prog, "description": description, "flags": flags}))
+
+
+_TYPES = {"int": int, "float": float, "str": str, "Path": Path}
+
+
+def parser(told: dict[str, Any]) -> argparse.ArgumentParser:
+    """The parser that is `described`. It sets no defaults."""
+    result = Parser(prog=f"python -m {told['prog']}", description=told["description"])
+    for flag, settings in told["flags"]:
+        made = dict(settings)
+        if made.get("action") == "yes or no":
+            made["action"] = argparse.BooleanOptionalAction
+        if "type" in made:
+            made["type"] = _TYPES[made["type"]]
+        result.add_argument(flag, **made)
     return result
 
 
@@ -114,6 +130,22 @@ def _told(default: Any) -> str:
         default = "yes" if default else "no"
     words = map(str, default or ("none",)) if isinstance(default, tuple) else (str(default),)
     return f" (default: {' '.join(words)})".replace("%", "%%")
+
+
+DESCRIPTION = "flags.json"
+"""The file in a job's folder with what `described` says of it, by `python tests/job_flags.py`."""
+
+
+def answer(command: Sequence[str]) -> None:
+    """Where a command line of Python asks a job for its help, print it and leave, before the job's
+    long imports."""
+    jobs = [k for k, word in enumerate(command) if word == "-m"][:1]
+    words = command[jobs[0] + 1 :] if jobs else []
+    if not {"-h", "--help"} & set(words[1:]):
+        return
+    file = Path(__file__).parents[1] / words[0].rpartition(".")[2] / DESCRIPTION
+    if file.exists():
+        parser(json.loads(file.read_text())).parse_args(["--help"])
 
 
 _ABSENT = object()
@@ -142,8 +174,10 @@ def reader(
     where a number is out of range.
     """
 
+    text = functools.partial(described, configuration, prog, description, **switches)
+
     def configure(arguments: Sequence[str] | None = None) -> _T:
-        said = given(parser(configuration, prog, description, **switches), arguments)
+        said = given(parser(text()), arguments)
         wanted = [name for name in switches if said.pop(name, False)]
         # Nothing is checked before it is complete.
         made = object.__new__(configuration)
@@ -153,6 +187,7 @@ def reader(
             made = getattr(made, name)()
         return configuration(**(vars(made) | said))
 
+    configure.described = text  # pyright: ignore
     return configure
 
 

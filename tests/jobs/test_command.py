@@ -11,6 +11,7 @@ import sys
 import time
 import types
 
+import job_flags
 import pytest
 
 from optimize.common import assignments, command, flags
@@ -250,3 +251,18 @@ def test_texts_that_cannot_be_read(read, text):
     said = re.escape(f"Argument `field` must be so, but holds {text!r}.")
     with pytest.raises(ValueError, match=said):
         read("field", text, "be so")
+
+
+def test_help_on_file_is_what_the_jobs_say():
+    known = {file: file.read_text() for file in job_flags.JOBS.glob(f"*/{flags.DESCRIPTION}")}
+    assert known == job_flags.described(), "python tests/job_flags.py --write"
+
+
+def test_help_needs_no_long_imports():
+    command = [sys.executable, "-X", "importtime", "-m", "optimize.design", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("usage: python -m optimize.design [-h] [--out OUT]")
+    lines = done.stderr.splitlines()
+    imported = {line.rpartition("|")[2].strip().partition(".")[0] for line in lines}
+    assert "argparse" in imported
+    assert not {"jax", "numpy", "fencejax"} & imported
