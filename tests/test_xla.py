@@ -12,8 +12,10 @@ import fencejax as fj
 QUIET = """
 import fencejax, optimize
 from jax._src.xla_bridge import backends_are_initialized
-import os
+import os, sys
 assert not backends_are_initialized()
+# What takes long to import waits until it is needed.
+assert not {"diffrax", "scipy", "matplotlib", "pint", "jinja2", "ezdxf"} & set(sys.modules)
 assert os.environ.get("XLA_FLAGS") == given
 """
 

@@ -4,7 +4,6 @@ Forces follow from the state alone."""
 
 from typing import Any
 
-import diffrax
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -22,7 +21,6 @@ from ..parts import DriveMotion
 from ..scenes import Body
 from .observer import Observer
 from .step_size import Clock
-from .time_loop import adjoint
 
 
 def foot(
@@ -124,6 +122,8 @@ def run(
             return moved, None
         return moved, Vibration(vibration.rate, link.acceleration(vibration, fence.modal_force))
 
+    import diffrax
+
     times = clock.step * jnp.arange(steps + 1, dtype=body.x.dtype)
     tolerance = fidelity.tolerance
     solver = fidelity.integrator
@@ -135,6 +135,10 @@ def run(
         first_step, controller = 1e-6, diffrax.PIDController(
             rtol=tolerance, atol=1e-3 * tolerance, dtmin=1e-12, force_dtmin=False
         )
+    if fidelity.gradient == "reverse":
+        adjoint = diffrax.RecursiveCheckpointAdjoint()
+    else:
+        adjoint = diffrax.ForwardMode()
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field),
         solver,
@@ -144,7 +148,7 @@ def run(
         y0=(body, vibration),
         saveat=diffrax.SaveAt(ts=times),
         stepsize_controller=controller,
-        adjoint=adjoint(fidelity),
+        adjoint=adjoint,
         max_steps=500_000,
         throw=False,
     )

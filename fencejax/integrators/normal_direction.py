@@ -121,7 +121,7 @@ def run(
     _, like, _, _ = jax.eval_shape(advance_one, given, begin, zero, zero)
     body = Body(reach, *(zero,) * 5)
     (memory, record), samples = time_loop.run_steps(
-        time_loop.Stepper(advance),
+        advance,
         (begin, observer.begin(like, body)),
         given,
         (lambda y: observer.saved(y[1])) if history else None,

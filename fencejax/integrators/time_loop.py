@@ -1,4 +1,4 @@
-"""Integration by this package's own solver: a solver of diffrax, stepped by hand.
+"""Integration by this package's own solver: a step that diffrax could take too, stepped by hand.
 
 Its clock counts steps, so that it is exact and the same for every lane of a batch whatever the
 lane's own start time. Where all steps are of one length their number is known beforehand, and a
@@ -11,7 +11,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, ClassVar
 
-import diffrax
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
@@ -26,47 +25,42 @@ from .observer import Observer
 from .step_size import Clock
 
 
-class Scene(diffrax.AbstractTerm):
-    """The scene as a whole. The solver knows its structure and asks for no vector field: what
-    diffrax wants to see of one is the state itself."""
+def as_diffrax(advance: Callable[[Any, Any, Any, Any], Any]) -> tuple[Any, Any]:
+    """A one-step map `advance(args, y, t0, t1) -> y` as a term and a solver of second order for
+    `diffrax.diffeqsolve`; times are counted in steps."""
+    import diffrax
 
-    def vf(self, t, y, args):
-        return y
+    class Scene(diffrax.AbstractTerm):
+        """The scene as a whole. The solver knows its structure and asks for no vector field: what
+        diffrax wants to see of one is the state itself."""
 
-    def contr(self, t0, t1, **kwargs):
-        return t1 - t0
+        def vf(self, t, y, args):
+            return y
 
-    def prod(self, vf, control):
-        return vf
+        def contr(self, t0, t1, **kwargs):
+            return t1 - t0
 
+        def prod(self, vf, control):
+            return vf
 
-class Stepper(diffrax.AbstractSolver):
-    """Wraps a one-step map `advance(args, y, t0, t1) -> y` as a diffrax solver of second order;
-    times are counted in steps."""
+    class Stepper(diffrax.AbstractSolver):
+        term_structure: ClassVar = Scene
+        interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
 
-    advance: Callable[[Any, Any, Any, Any], Any]
-    term_structure: ClassVar = Scene
-    interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
+        def order(self, terms):
+            return 2
 
-    def order(self, terms):
-        return 2
+        def init(self, terms, t0, t1, y0, args):
+            return None
 
-    def init(self, terms, t0, t1, y0, args):
-        return None
+        def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+            y1 = advance(args, y0, t0, t1)
+            return y1, None, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
 
-    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
-        y1 = self.advance(args, y0, t0, t1)
-        return y1, None, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
+        def func(self, terms, t0, y0, args):
+            return terms.vf(t0, y0, args)
 
-    def func(self, terms, t0, y0, args):
-        return terms.vf(t0, y0, args)
-
-
-def adjoint(fidelity: Fidelity) -> diffrax.AbstractAdjoint:
-    """How diffrax's own loop is to be differentiated."""
-    if fidelity.gradient == "reverse":
-        return diffrax.RecursiveCheckpointAdjoint()
-    return diffrax.ForwardMode()
+    return Scene(), Stepper()
 
 
 def count_steps(duration: float, step: float) -> int:
@@ -75,12 +69,19 @@ def count_steps(duration: float, step: float) -> int:
 
 
 def run_steps(
-    solver: Stepper, begin, args, sample, steps: int, fidelity: Fidelity, clock: Clock | None = None
+    advance: Callable[[Any, Any, Any, Any], Any],
+    begin,
+    args,
+    sample,
+    steps: int,
+    fidelity: Fidelity,
+    clock: Clock | None = None,
 ):
-    """Run a solver over `steps` steps, from a first one of no length.
+    """Run over `steps` steps, from a first one of no length.
 
     **Arguments:**
 
+    - `advance`: the one-step map `(args, y, t0, t1) -> y`; times are counted in steps.
     - `begin`: the state before anything; all its leaves are floating-point scalars or vectors.
     - `sample`: what of a state to keep at each step, or `None`.
     - `clock`: where its steps are of several lengths, the state is a pair of a memory and a record,
@@ -96,7 +97,7 @@ def run_steps(
 
     def trip(y, given):
         begins, ends, args = given
-        return strict(solver.step(Scene(), begins, ends, y, args, None, False)[0])
+        return strict(advance(args, y, begins, ends))
 
     def step(y, begins, ends):
         return trip(y, (begins, ends, args))
@@ -113,12 +114,12 @@ def run_steps(
     if clock is None or clock.counts[-1] == 1:
         ends = jnp.arange(steps + 1, dtype=precision)
 
-        def advance(y, end):
+        def next_step(y, end):
             y = step(y, jnp.maximum(end - 1, 0.0), end)
             return y, row(y)
 
         scan = partial(eqxi.scan, kind="checkpointed") if reverse else jax.lax.scan
-        y, rows = scan(advance, begin, ends)
+        y, rows = scan(next_step, begin, ends)
     else:
         y, rows = _run_adaptively(step, begin, clock, row, steps, reverse)
     if sample is None or rows is None:
@@ -223,7 +224,7 @@ def modal(
     zero = jnp.zeros_like(clock.start)
     _, like, _, _ = jax.eval_shape(step, mechanics, clock, begin, zero, zero)
     (memory, record), samples = run_steps(
-        Stepper(advance),
+        advance,
         (begin, observer.begin(like, begin.body)),
         (mechanics, clock),
         (lambda y: observer.saved(y[1])) if history else None,

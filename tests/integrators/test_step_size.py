@@ -144,7 +144,7 @@ def test_stepper_runs_a_whole_scene_under_diffeqsolve():
 
         zero = jnp.zeros(())
         return diffrax.diffeqsolve(
-            integrate.Scene(), integrate.Stepper(advance), t0=0.0, t1=steps, dt0=1.0,
+            *integrate.as_diffrax(advance), t0=0.0, t1=steps, dt0=1.0,
             y0=advance((mechanics, clock), memory, zero, zero), args=(mechanics, clock),
             saveat=diffrax.SaveAt(
                 ts=jnp.arange(steps + 1.0), fn=lambda t, y, args: (y.body, y.normals[0])
