@@ -1,6 +1,8 @@
 """Random scenes by the hundred thousand: finite or flagged, in value and in gradient.
 
-    python tests/offline_fuzz.py --scenes 100000 --seed 20260101 --out fuzz.json
+From the folder `tests`:
+
+    python -m robustness.offline_fuzz --scenes 100000 --seed 20260101 --out fuzz.json
 
 Half of them from end to end of what a sweep may ask for, half as real designs may be. A sample is
 compared with `Fidelity.reference` (steps of 25 us, friction smoothed over 0.02 mm/s), in the peak
@@ -21,11 +23,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from robustness.extreme_scenes import USUAL, WIDE, draw, impact, riding
-from robustness.peaks import DURATION, VARIED, gradient_error, peaks
+from robustness.peaks import gradient_error, peaks
+from robustness.searched_scenes import KINDS
 
 import fencejax as fj
 
-LANES = 128
+LANES, DURATION, VARIED = 128, 0.1, KINDS["impact"].varied
 HALVES = {"wide": WIDE, "usual": USUAL}
 PROMISE = {"coarse": (0.025, 0.5), "fast": (0.025, 0.3), "standard": (0.025, 0.15)}
 """What a good status promises: of the peak force, and of its gradient."""
