@@ -27,6 +27,7 @@ os.environ["JAX_COMPILATION_CACHE_DIR"] = os.environ["FENCEJAX_TEST_CACHE"]
 import jax  # noqa: E402
 
 import fencejax as fj  # noqa: E402
+from fencejax._kept_programs import keep_programs  # noqa: E402
 
 fj.tune_compiler()
 
@@ -70,6 +71,14 @@ def _few_programs_are_kept():
     if _MAPPED.exists() and _MAPPED.read_bytes().count(b"\n") > _MANY:
         jax.clear_caches()
         gc.collect()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _traced_programs_are_not_kept():
+    """What a file has switched on, by running a job, say, holds for no other: some count what is
+    traced."""
+    yield
+    keep_programs(None)
 
 
 @pytest.fixture

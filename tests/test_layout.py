@@ -38,6 +38,7 @@ FLOORS = {
 TOOLS = {"fidelity", "printing", "_check", "_xla", "_forward_mode", "_loop_carry", "_kept_programs"}
 # Private tools have no face; the tests of a tool import its file, and nobody else outside does.
 TESTED_TOOLS = {
+    "tests/conftest.py",
     "tests/scenes/test_checks.py",
     "tests/test_forward_mode.py",
     "tests/test_kept_programs.py",
