@@ -87,7 +87,9 @@ def _read(text: Any) -> Any:
     module, name, *values = rest
     if module.partition(".")[0] != __package__:
         raise _UnknownError(module)
-    found = functools.reduce(getattr, name.split("."), importlib.import_module(module))
+    found: Any = importlib.import_module(module)
+    for part in name.split("."):
+        found = getattr(found, part)
     if kind == "named":
         return found(*map(_read, values))
     made = object.__new__(found)
@@ -319,6 +321,7 @@ def kept(function: Callable[[Any], Any], *what: Any) -> Callable[[Any], Any]:
         if _store is None:
             return function(argument)
         leaves, structure = jax.tree.flatten(argument)
+        abstract = []
         try:
             abstract = [_abstract(leaf) for leaf in leaves]
             place = _store.place(what, structure, abstract)
