@@ -13,9 +13,10 @@ from ..parts import AbstractDrive, DriveMotion, Fence
 from . import beam
 from .fence_geometry import Arc, FencePoint, arc, arc_point, chain, small_point
 from .hinge import ClampedLink, Hinge
-from .mode_shapes import Blocks, ShapeTable
+from .mode_shapes import Blocks, ShapeTable, arc_modes
 from .pad import Cover
 from .propagation import Propagator, propagator
+from .rest_shape import Rest, RestTable
 from .vibration import Vibration, blocks, dot, propagate
 
 SWING_STEPS = 64
@@ -26,8 +27,8 @@ class Shape(NamedTuple):
     rigid link, as blocks; `load` [1], the share of a force there that each mode gets; of the modes
     left out (`None` where there are none) the compliance G at the place itself [m/N], deflection
     sqrt(G) [m/J^0.5] and slope [rad/J^0.5] of the residual mode, and the compliance at the tip
-    [m/N]; the `arc` integrals
-    (`None` unless the geometry needs them)."""
+    [m/N]; the `arc` integrals (`None` unless the geometry needs them); and the link's rest shape
+    (`None` where it is straight)."""
 
     deflection: Blocks
     slope: Blocks
@@ -37,6 +38,14 @@ class Shape(NamedTuple):
     residual_tip: Array | None
     arc: tuple[tuple[Array, ...], Array] | None
     place: Array
+    rest: Rest | None = None
+
+    def from_line(self, bending: Array, rate: Array, slope: Array) -> tuple[Array, Array, Array]:
+        """Deflection [m] from the rigid link's line, its rate [m/s] and slope, by that of the
+        `bending` [m]."""
+        if self.rest is None:
+            return bending, rate, slope
+        return bending + self.rest.line.deflection, rate, slope + self.rest.line.slope
 
 
 class FlexibleLink(eqx.Module):
@@ -68,6 +77,7 @@ class FlexibleLink(eqx.Module):
     root_inertia: Array
     cover: Cover | None
     hinge: Hinge | None
+    rest_table: RestTable | None
     elements: int = eqx.field(static=True)
     geometry: str = eqx.field(static=True)
 
@@ -93,6 +103,9 @@ class FlexibleLink(eqx.Module):
         )
         rigid_mass = fence.material.density * fence.width * fence.thickness * arm
         self.root_inertia = rigid_mass * arm**2 / 3
+        self.rest_table = None
+        if fence.rest_shape is not None:
+            self.rest_table = RestTable(fence, tables, arc_modes(fidelity))
         self.hinge = None
         if fence.shaft is not None:
             self.root_inertia = self.root_inertia + fence.shaft.inertia
@@ -242,12 +255,15 @@ class FlexibleLink(eqx.Module):
         if sampled.pairs is not None and sampled.cube is not None:
             pairs = tuple(pair / self.length for pair in sampled.pairs)
             arc = (pairs, sampled.cube / self.length**2)
+        rest = None
+        if self.rest_table is not None:
+            rest = self.rest_table.at((place - self.rigid_length) / self.length, index, s)
         load = sampled.load if self.table.shared else deflection
         if self.hinge is not None:
             turn = blocks(self.hinge.turn)
             load = tuple(v + place * a for v, a in zip(load, turn, strict=True))
         return Shape(
-            deflection, slope, load, residual, residual_mode, residual_tip, arc, place
+            deflection, slope, load, residual, residual_mode, residual_tip, arc, place, rest
         )
 
     def _element(self, place):
@@ -292,15 +308,15 @@ class FlexibleLink(eqx.Module):
         """The same from the line of the rigid link."""
         zero = jnp.zeros_like(shape.place)
         if not self.frequency_squared:
-            return small_point(shape.place, zero, zero, zero)
+            return small_point(shape.place, *shape.from_line(zero, zero, zero))
         if self.geometry == "chord":
             return self.chord_point(shape, state, zero, zero, zero)
         deflection = dot(shape.deflection, state.amplitude)
         rate = dot(shape.deflection, state.rate)
-        slope = dot(shape.slope, state.amplitude)
+        bent = shape.from_line(deflection, rate, dot(shape.slope, state.amplitude))
         if self.geometry == "arc":
-            return arc_point(shape.place, self.arc(shape, state), deflection, rate, slope)
-        return small_point(shape.place, deflection, rate, slope)
+            return arc_point(shape.place, self.arc(shape, state), *bent)
+        return small_point(shape.place, *bent)
 
     def arc(self, shape: Shape, state: Vibration) -> Arc:
         """What an arc takes off the place of a point, from the first modes."""
@@ -308,8 +324,10 @@ class FlexibleLink(eqx.Module):
         modes = self.table.arc_modes
         if self.hinge is not None:
             q, v = (self.hinge.first_clamped(part, modes) for part in state)
-            return arc(*shape.arc, q, v)
-        return arc(*shape.arc, _flat(state.amplitude)[:modes], _flat(state.rate)[:modes])
+        else:
+            q, v = (_flat(part)[:modes] for part in state)
+        bent = arc(*shape.arc, q, v)
+        return bent if shape.rest is None else shape.rest.bent(bent, q, v)
 
     def chord_point(
         self, shape: Shape, state: Vibration, extra: Array, extra_rate: Array, turn: Array
@@ -325,16 +343,17 @@ class FlexibleLink(eqx.Module):
             (state.rate,),
         )
         slope = dot(shape.slope, state.amplitude) + turn
+        if shape.rest is not None:
+            slope = slope + shape.rest.line.slope
         return FencePoint(x, y + extra, x_rate, y_rate + extra_rate, slope)
 
     def _chain(self, place, amplitude):
         """Position in the turning frame of the point at `place` on the chain of chords."""
+        nodes = _combined(self.deflection, amplitude), _combined(self.slope, amplitude)
+        if self.rest_table is not None:
+            nodes = nodes[0] + self.rest_table.deflection, nodes[1] + self.rest_table.slope
         return chain(
-            place,
-            *self._element(place),
-            (self.rigid_length, self.length),
-            _combined(self.deflection, amplitude),
-            _combined(self.slope, amplitude),
+            place, *self._element(place), (self.rigid_length, self.length), *nodes
         )
 
     def bending_stress(self, amplitude: Blocks, loads, shapes) -> Array:

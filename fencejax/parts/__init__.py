@@ -1,7 +1,7 @@
-"""What a scene is made of, as a designer writes it: fence, with its material, taper, pad and shaft,
-drive, parcel, contact law, belt, still surfaces, friction law, and units. Parts know no scene and
-no instant: a contact law here is a function of a gap and its rate, a friction law one of a speed, a
-surface one of a point, and what acts when is the model's.
+"""What a scene is made of, as a designer writes it: fence, with its material, taper, pad, shaft and
+rest shape, drive, parcel, contact law, belt, still surfaces, friction law, and units. Parts know no
+scene and no instant: a contact law here is a function of a gap and its rate, a friction law one of
+a speed, a surface one of a point, and what acts when is the model's.
 
 May import: `_check` alone. A new taper, drive, contact law, friction law or surface is a subclass
 of `AbstractTaper`, `AbstractDrive`, `AbstractContactLaw`, `AbstractFriction` or `AbstractSurface`
@@ -65,6 +65,10 @@ from .pad import (
 from .parcel import (
     SIDES as SIDES,
     Parcel as Parcel,
+)
+from .rest_shape import (
+    RestLine as RestLine,
+    RestShape as RestShape,
 )
 from .rotation import (
     turned as turned,

@@ -9,6 +9,7 @@ from .._check import Bounds
 from ..printing import Part
 from .material import Material
 from .pad import Pad
+from .rest_shape import RestShape
 from .shaft import Shaft
 from .taper import AbstractTaper, ConstantStrength
 
@@ -45,6 +46,7 @@ class Fence(Part):
     taper: AbstractTaper
     pad: Pad | None
     shaft: Shaft | None
+    rest_shape: RestShape | None
 
     bounds: ClassVar[dict[str, Bounds]] = {
         "rigid_length": Bounds("m", least=0, size=1.0),
@@ -63,6 +65,7 @@ class Fence(Part):
         taper: AbstractTaper | None = None,
         pad: Pad | None = None,
         shaft: Shaft | None = None,
+        rest_shape: RestShape | None = None,
     ):
         """**Arguments:**
 
@@ -75,6 +78,8 @@ class Fence(Part):
         - `pad`: an elastic cover, where the parcel meets it; by default none.
         - `shaft`: what the fence hangs on and gives way between motor and hinge; by default nothing
           gives way there.
+        - `rest_shape`: the curve of the flexible link at rest, at most
+          `RestShape.steepest` steep; by default it is straight.
         """
         _check.fields(
             self, rigid_length=rigid_length, flexible_length=flexible_length, width=width,
@@ -89,6 +94,15 @@ class Fence(Part):
         if shaft is not None:
             self.shaft = _check.part("shaft", shaft, Shaft, "shaft=fj.Shaft(stiffness=1e5)")
         self.pad = None if pad is None else _check.part("pad", pad, Pad, "pad=fj.Pad(0.01)")
+        self.rest_shape = None
+        if rest_shape is not None:
+            example = "rest_shape=fj.RestShape(tip=0.05)"
+            self.rest_shape = _check.part("rest_shape", rest_shape, RestShape, example)
+            steep = self.rest_shape.steepness(self.flexible_length)
+            remedy = "Write fj.RestShape with a smaller tip and middle, or a longer link."
+            _check.scalar(
+                "rest_shape.steepness", steep, most=RestShape.steepest, unit="rad", remedy=remedy
+            )
 
     @classmethod
     def one_link(cls, **changes) -> "Fence":

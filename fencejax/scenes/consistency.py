@@ -55,6 +55,7 @@ def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> A
 
     - every field of parcel, belt, friction, fence, material, taper and drive, and the start's;
     - the centre of gravity inside the rectangle, the drive's stroke long enough;
+    - the fence's curve at rest no steeper than `RestShape.steepest`;
     - the place of the touch on the fence, and its angle one that the drive has at `start_time` [s];
     - a parcel between border and fence spans from one to the other.
 
@@ -86,6 +87,9 @@ def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> A
             bx, by = parcel.corner(scene.start.border_corner)
             rise = scene.start.place * jnp.sin(scene.start.drive_angle)
             checks.append(rise**2 <= ((ax - bx) ** 2 + (ay - by) ** 2) * (1 + _ROUNDING))
+    if scene.fence is not None and scene.fence.rest_shape is not None:
+        shape = scene.fence.rest_shape
+        checks.append(shape.steepness(scene.fence.flexible_length) <= shape.steepest)
     if place is not None and scene.fence is not None:
         checks.append(_within(place, 0.0, scene.fence.reach))
     every = checks[0]

@@ -20,6 +20,7 @@ from ..parts import (
     Material,
     Pad,
     Parcel,
+    RestShape,
     SCurveDrive,
     Shaft,
     SplineDrive,
@@ -104,6 +105,8 @@ FENCE = (
     _of(Shaft, "fence.shaft.slip_torque", "slip_torque", 50.0, 5e3),
     _of(Pad, "fence.pad.contact_length", "pad_contact_length"),
     _of(Pad, "fence.pad.retardation_time", "pad_retardation_time"),
+    _of(RestShape, "fence.rest_shape.tip", "rest_tip", -0.06, 0.06, _LINE),
+    _of(RestShape, "fence.rest_shape.middle", "rest_middle", -0.03, 0.03, _LINE),
 )
 # Of several drives with such a number, the one that asks for least.
 DRIVE = (

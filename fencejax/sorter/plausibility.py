@@ -22,6 +22,8 @@ _USUAL: Mapping[str, tuple[float, float]] = {
     "shaft.slip_torque": (0.05, 1e6),
     "shaft.inertia": (0.0, 100.0),
     "pad.thickness": (0.0, 0.3),
+    "rest_shape.tip": (-1.0, 1.0),
+    "rest_shape.middle": (-1.0, 1.0),
     "pad.modulus": (1e3, 1e10),
     "pad.contact_length": (1e-3, 1.0),
     "pad.retardation_time": (0.0, 1.0),

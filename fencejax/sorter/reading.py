@@ -23,6 +23,7 @@ from ..parts import (
     Fence,
     Material,
     Pad,
+    RestShape,
     Shaft,
     materials,
 )
@@ -171,11 +172,12 @@ def taper(raw: Any, reading: Reading) -> AbstractTaper:
     return _law("fence.taper", raw, AbstractTaper, TAPERS, "constant_strength", reading)
 
 
-_ON_FENCE: Mapping[str, type[Pad | Shaft]] = {"pad": Pad, "shaft": Shaft}
+_OnFence = Pad | Shaft | RestShape
+_ON_FENCE: Mapping[str, type[_OnFence]] = {"pad": Pad, "shaft": Shaft, "rest_shape": RestShape}
 
 
-def _on_fence(name: str, raw: Any, reading: Reading) -> Pad | Shaft | None:
-    """The fence's cover, or the shaft that it hangs on; `False` for none."""
+def _on_fence(name: str, raw: Any, reading: Reading) -> _OnFence | None:
+    """The fence's cover, the shaft that it hangs on, or its curve at rest; `False` for none."""
     kind, path = _ON_FENCE[name], f"fence.{name}"
     if raw is False or isinstance(raw, kind):
         return raw or None
