@@ -193,7 +193,11 @@ class FenceEnd(eqx.Module):
         force at another place there, as the fence moves along itself. To the first order in the
         bending, and not of chords: for Newton's method alone."""
         give, give_rate = self.compliance(k, other, self.expected[other])
-        rate = slope * give_rate - self.drive.speed * give
+        speed = self.drive.speed
+        if self.hinge is not None and self.hinge.hinge.driven:
+            turn, speed = self.hinge.free
+            slope = slope - turn
+        rate = slope * give_rate - speed * give
         if self.arcs:
             along = self.arcs[k][1][other].short_rate
             rate = rate + (along * self.shares[other] if self.shares else along)

@@ -157,7 +157,9 @@ class Mechanics(eqx.Module):
             weight = parcel.mass * belt.gravity
             self.belt = BeltContact(belt.speed, belt.friction, weight, parcel.mean_distance)
         self.size = jnp.sqrt(self.inertia / self.mass)
-        self.link = None if scene.fence is None else FlexibleLink(scene.fence, fidelity)
+        self.link = None
+        if scene.fence is not None:
+            self.link = FlexibleLink(scene.fence, fidelity, scene.drive)
         self.drive = scene.drive
         self.fence_friction = scene.fence_friction
         self.border, self.surfaces = scene.border, scene.surfaces

@@ -30,12 +30,15 @@ from .drives import (
     CYCLE_TIME as CYCLE_TIME,
     DRIVES as DRIVES,
     AbstractDrive as AbstractDrive,
+    AbstractTorqueDrive as AbstractTorqueDrive,
     ConstantSpeedDrive as ConstantSpeedDrive,
     DriveMotion as DriveMotion,
     HarmonicDrive as HarmonicDrive,
     HeldDrive as HeldDrive,
+    PneumaticDrive as PneumaticDrive,
     SCurveDrive as SCurveDrive,
     SplineDrive as SplineDrive,
+    TorqueDrive as TorqueDrive,
     TrapezoidDrive as TrapezoidDrive,
 )
 from .fence import (

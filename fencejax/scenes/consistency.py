@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._check import Bounds
+from ..parts import AbstractTorqueDrive
 from .scene import NormalScene, Scene
 from .start import AsGiven, AtTouch, BetweenBorderAndFence, OnBelt
 
@@ -77,7 +78,11 @@ def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> A
             feasible = scene.drive.feasible
             checks += [] if feasible is None else [feasible]
             if wanted is not None and start_time is not None:
-                reached = scene.drive.angle(start_time)
+                if isinstance(scene.drive, AbstractTorqueDrive):
+                    assert scene.fence is not None
+                    reached = scene.drive.unloaded(start_time, scene.fence.inertia).angle
+                else:
+                    reached = scene.drive.angle(start_time)
                 checks.append(jnp.abs(reached - wanted) <= _ROUNDING * (1 + jnp.abs(wanted)))
         if isinstance(scene.start, AtTouch) and scene.start.parcel_angle is None:
             x, y = parcel.corner(scene.start.corner)

@@ -20,10 +20,12 @@ from ..parts import (
     Material,
     Pad,
     Parcel,
+    PneumaticDrive,
     RestShape,
     SCurveDrive,
     Shaft,
     SplineDrive,
+    TorqueDrive,
     TrapezoidDrive,
 )
 
@@ -121,6 +123,15 @@ DRIVE = (
     _of(SplineDrive, "drive.control_angles", "control_angles", -0.2, 1.2, _LINE),
     _of(HeldDrive, "drive.hold_time", "hold_time"),
     _of(SplineDrive, "drive.turn", "turn"),
+    _of(TorqueDrive, "drive.torques", "torques", -1e3, 1e3, _LINE),
+    _of(PneumaticDrive, "drive.pressure", "pressure", 0.0, 1e6, _LINE),
+    _of(PneumaticDrive, "drive.area", "piston_area", 3e-4, 2e-2),
+    _of(PneumaticDrive, "drive.lever", "lever", 0.03, 0.3),
+    _of(PneumaticDrive, "drive.fill_time", "fill_time", 0.01, 0.5),
+    _of(PneumaticDrive, "drive.open_time", "open_time", 0.1, 2.0),
+    _of(TorqueDrive, "drive.inertia", "drive_inertia", 0.01, 100.0),
+    _of(TorqueDrive, "drive.damping", "drive_damping", 0.0, 300.0, _LINE),
+    _of(TorqueDrive, "drive.stiffness", "drive_stiffness", 0.0, 1e3, _LINE),
 )
 # Parcels as a sorter meets them.
 PARCEL = (

@@ -31,7 +31,7 @@ from .amounts import amount, nearest, refuse_unknown
 
 _P = TypeVar("_P")
 Table = Mapping[str, Any]
-VECTORS = ("control_angles", "ratios")
+VECTORS = ("control_angles", "ratios", "torques")
 _SPAN = ("lower", "upper", "start", "scaling")
 
 

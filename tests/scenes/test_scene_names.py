@@ -16,6 +16,8 @@ DRIVES = {
     "trapezoid": fj.TrapezoidDrive(),
     "s_curve": fj.SCurveDrive(),
     "spline": fj.SplineDrive([0.2, 0.5, 0.2]),
+    "torque": fj.TorqueDrive([60.0, -60.0]),
+    "pneumatic": fj.PneumaticDrive(),
 }
 
 
