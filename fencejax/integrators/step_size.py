@@ -214,4 +214,5 @@ def _span(mechanics: Mechanics, k: int) -> tuple[float, Array]:
     assert mechanics.link is not None
     fade = mechanics.fidelity.tip_fade
     side = mechanics.sides.get(mechanics.fence_corners[k], 0.0)
-    return -fade, mechanics.link.reach + fade + side
+    far = mechanics.link.reach + fade + side
+    return -fade, far if mechanics.edge_radius is None else far + mechanics.edge_radius

@@ -50,12 +50,14 @@ class Fence(Part):
     pad: Pad | None
     shaft: Shaft | None
     rest_shape: RestShape | None
+    edge_radius: Array | None
 
     bounds: ClassVar[dict[str, Bounds]] = {
         "rigid_length": Bounds("m", least=0, size=1.0),
         "flexible_length": Bounds("m", above=0, size=1.0),
         "width": Bounds("m", above=0, size=0.1),
         "thickness": Bounds("m", above=0, size=0.05),
+        "edge_radius": Bounds("m", least=0, size=0.01),
     }
 
     def __init__(
@@ -69,6 +71,7 @@ class Fence(Part):
         pad: Pad | None = None,
         shaft: Shaft | None = None,
         rest_shape: RestShape | None = None,
+        edge_radius: ArrayLike | None = None,
     ):
         """**Arguments:**
 
@@ -83,6 +86,9 @@ class Fence(Part):
           gives way there.
         - `rest_shape`: the curve of the flexible link at rest, at most
           `RestShape.steepest` steep; by default it is straight.
+        - `edge_radius`: r [m] of the tip's edge, at least 0: an arc about the point r behind the
+          end of the face, where the tip carries a contact on the parcel's side
+          (`fencejax.model.tip`); by default the tip is sharp. It has no mass of its own.
         """
         _check.fields(
             self, rigid_length=rigid_length, flexible_length=flexible_length, width=width,
@@ -93,6 +99,9 @@ class Fence(Part):
         example = "material=fj.materials.named('POM').material"
         self.material = _check.part("material", material, Material, example)
         self.taper = _check.part("taper", taper, AbstractTaper, "taper=fj.Uniform()")
+        self.edge_radius = None
+        if edge_radius is not None:
+            self.edge_radius = _check.field(self, "edge_radius", edge_radius)
         self.shaft = None
         if shaft is not None:
             self.shaft = _check.part("shaft", shaft, Shaft, "shaft=fj.Shaft(stiffness=1e5)")

@@ -126,6 +126,10 @@ class _Sheet:
         if tip > 0:
             end = _HINGE + self.reach / self.scale
             self._down("tip", end, end + 6, face - tip / self.scale, face, tip)
+        if self.fence.edge_radius is not None:
+            radius = _number(1e3 * float(self.fence.edge_radius), 2)
+            end = _HINGE + self.reach / self.scale
+            self._text(end + 1, face + 2, f"edge R{radius}", "edge", va="bottom")
         return face - deep - 8
 
     def _profile(self, top: float) -> None:

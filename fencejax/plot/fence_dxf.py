@@ -62,6 +62,8 @@ def write_dxf(path: Path | str, fence: Fence, title: str = "") -> FenceOutline:
         f"{shape.area * float(fence.width) * float(fence.material.density):.6g} kg\\P"
         "seen from above, millimetres, upper edge: the face"
     )
+    if fence.edge_radius is not None:
+        note += f"\\Pedge of the tip: radius {_MM * float(fence.edge_radius):.6g} mm, not drawn"
     if fence.rest_shape is not None:
         tip, middle = _MM * float(fence.rest_shape.tip), _MM * float(fence.rest_shape.middle)
         note += f"\\Pcurved: Bezier ordinates 0, 0, {middle:.6g}, {tip:.6g} mm over the link"

@@ -107,6 +107,7 @@ FENCE = (
     _of(Shaft, "fence.shaft.slip_torque", "slip_torque", 50.0, 5e3),
     _of(Pad, "fence.pad.contact_length", "pad_contact_length"),
     _of(Pad, "fence.pad.retardation_time", "pad_retardation_time"),
+    _of(Fence, "fence.edge_radius", "edge_radius", 0.0, 0.03, _LINE),
     _of(RestShape, "fence.rest_shape.tip", "rest_tip", -0.06, 0.06, _LINE),
     _of(RestShape, "fence.rest_shape.middle", "rest_middle", -0.03, 0.03, _LINE),
 )

@@ -17,6 +17,7 @@ _USUAL: Mapping[str, tuple[float, float]] = {
     "reach": (0.1, 6.0),
     "fence.width": (3e-3, 1.5),
     "fence.thickness": (2e-4, 0.3),
+    "fence.edge_radius": (0.0, 0.2),
     "shaft.stiffness": (10.0, 1e12),
     "shaft.damping": (0.0, 1e7),
     "shaft.slip_torque": (0.05, 1e6),

@@ -215,7 +215,7 @@ def fence(raw: Any, reading: Reading) -> tuple[Fence, tuple[DataSheet, ...]]:
     if isinstance(raw, Fence):
         return raw, (DataSheet("as given", raw.material),)
     table = dict(_a_table("fence", raw, "fence=fj.Fence(thickness=0.045)"))
-    known = ("width", "thickness", "material", "taper", *_ON_FENCE, *_LENGTHS)
+    known = ("width", "thickness", "material", "taper", "edge_radius", *_ON_FENCE, *_LENGTHS)
     refuse_unknown("fence", table, known)
     sheets = _materials(table.pop("material", "PA6 dry"), reading)
     inner: dict[str, Any] = {"material": sheets[0].material}

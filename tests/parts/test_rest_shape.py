@@ -121,8 +121,11 @@ def test_it_is_cut_along_its_line(tmp_path):
 
 
 def test_it_is_described_named_and_refused():
-    sorter = fj.Sorter(fence={"rest_shape": {"tip": "50 mm"}})
+    sorter = fj.Sorter(fence={"rest_shape": {"tip": "50 mm"}, "edge_radius": "6 mm"})
     assert float(sorter.fence.rest_shape.tip) == pytest.approx(0.05)
+    changed = sorter.replace(set={"fence.rest_shape.middle": "9 mm", "edge_radius": "4 mm"}).fence
+    assert float(changed.rest_shape.middle) == pytest.approx(0.009)
+    assert float(changed.edge_radius) == pytest.approx(0.004)
     sort = sorter.replace(free={"rest_tip": ("-50 mm", "80 mm")}).scene()
     assert fj.scene_numbers.resolve(sort, "rest_middle") == "fence.rest_shape.middle"
     assert fj.scene_numbers.number(sort, "rest_tip").unit == "m"

@@ -1,5 +1,7 @@
 """A fence that a torque drives: closed forms, and an impact against the independent version."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -92,6 +94,24 @@ def unloaded(drive, time, inertia):
     return angle, drive.time_at(angle, inertia)
 
 
+@functools.partial(jax.jit, static_argnums=1)
+def swung(numbers, time):
+    """The angle of a rigid fence that a torque of 300 N m has swung, and its slopes in damping and
+    stiffness."""
+
+    def last(numbers):
+        drive = fj.TorqueDrive([300.0], inertia=2.0, damping=numbers[0], stiffness=numbers[1])
+        result = fj.simulate(
+            fj.scenes.free_motion(fence=fj.Fence(), drive=drive, duration=time),
+            fidelity=fj.Fidelity(modes=0, static_correction=False), only=["history"],
+        )  # fmt: skip
+        angle = result.history.drive.angle[-1]
+        return angle, angle
+
+    slopes, angle = jax.jacfwd(last, has_aux=True)(numbers)
+    return angle, slopes
+
+
 def test_closed_forms():
     # phi = T t^2 / (2 J) of a rigid fence, also with its first touch; T / c (t - J / c (1 -
     # exp(-c t / J))) with damping, and (1 - cos(w t)) T / k on a spring.
@@ -107,14 +127,16 @@ def test_closed_forms():
         # Runge's and Kutta's method in 64 steps: (c h / J)^4 / 120 = 2e-7 at most.
         assert float(angle) == pytest.approx(exact, rel=2e-7)
         assert float(found) == pytest.approx(time, rel=1e-9)
-    # The simulation's own: exact in the spring, of the second order in the damping.
+    # The simulation's own: exact but in the damping, of the second order there; and its slopes
+    # where neither is, -T t^3 / (6 J^2) in the damping, -T t^4 / (24 J^2) in the stiffness.
     drive = fj.TorqueDrive([300.0], inertia=2.0, damping=90.0, stiffness=500.0)
-    result = fj.simulate(
-        fj.scenes.free_motion(fence=fence, drive=drive, duration=time),
-        fidelity=fj.Fidelity(modes=0, static_correction=False), only=["history"],
-    )  # fmt: skip
     exact, _ = unloaded(drive, time, fence.inertia)
-    assert float(result.history.drive.angle[-1]) == pytest.approx(float(exact), rel=1e-5)
+    angle, _ = swung(jnp.array([90.0, 500.0]), time)
+    assert float(angle) == pytest.approx(float(exact), rel=1e-5)
+    angle, slopes = swung(jnp.zeros(2), time)
+    assert float(angle) == pytest.approx(300 * time**2 / (2 * inertia), rel=1e-12)
+    expected = [-300 * time**3 / (6 * inertia**2), -300 * time**4 / (24 * inertia**2)]
+    np.testing.assert_allclose(slopes, expected, rtol=1e-5)
 
 
 def test_a_cylinder_fills_and_empties():

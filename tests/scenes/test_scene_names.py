@@ -28,7 +28,8 @@ def scenes():
     found["turned"] = fj.scenes.oblique_impact(parcel_angle=0.1, velocity=(2.0, 0.0, 0.0))
     found["free"] = fj.scenes.free_motion()
     fence = fj.Fence(
-        pad=fj.Pad(), shaft=fj.Shaft(slip_torque=500.0), rest_shape=fj.RestShape(0.03)
+        pad=fj.Pad(), shaft=fj.Shaft(slip_torque=500.0), rest_shape=fj.RestShape(0.03),
+        edge_radius=0.005,
     )
     found["normal"] = fj.scenes.normal_impact(fence=fence)
     return found
