@@ -127,6 +127,14 @@ class Fence(Part):
         """R_z = l_s + l_p [m], from the hinge to the tip."""
         return self.rigid_length + self.flexible_length
 
+    def rise(self, place: ArrayLike) -> Array:
+        """How far the face at rest is ahead of the rigid link's line [m], at an arc coordinate
+        [m]."""
+        if self.rest_shape is None:
+            return jnp.zeros_like(self.rigid_length + place)
+        share = (place - self.rigid_length) / self.flexible_length
+        return self.rest_shape.at(share, self.flexible_length).deflection
+
     def _mean(self, weight: Callable[[Array], Array]) -> Array:
         """Mean over the flexible link of g times a `weight` of x / l_p [1], by Gauss-Legendre
         quadrature.

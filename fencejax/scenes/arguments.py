@@ -154,7 +154,7 @@ def traced(*parts) -> bool:
 
 
 def check_clear_of_fence(parcel: Parcel, position, angle, fence: Fence, tilt, remedy: str) -> None:
-    """Refuse a parcel of which a corner lies beyond the straight fence, at the angle `tilt` [rad],
+    """Refuse a parcel of which a corner lies beyond the fence at rest, at the angle `tilt` [rad],
     by more than rounding. `position` is that of C_s [m]."""
     if traced(parcel, position, angle, fence, tilt):
         return
@@ -163,7 +163,7 @@ def check_clear_of_fence(parcel: Parcel, position, angle, fence: Fence, tilt, re
         x, y = turned((np.cos(turn), np.sin(turn)), *map(np.asarray, parcel.corner(number)))
         place_x, place_y = position[0] + x, position[1] + y
         along = place_x * np.cos(tilt) + place_y * np.sin(tilt)
-        beyond = place_x * np.sin(tilt) - place_y * np.cos(tilt)
+        beyond = place_x * np.sin(tilt) - place_y * np.cos(tilt) + np.asarray(fence.rise(along))
         over = (along >= 0) & (along <= np.asarray(fence.reach))
         size = np.asarray(parcel.length + parcel.breadth)
         if np.any(over & (beyond > 1e-6 * size)):

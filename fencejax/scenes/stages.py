@@ -133,7 +133,8 @@ def _turned_clear(parcel: Parcel, start: AtTouch, fence: Fence) -> None:
         return
     turn, tilt = start.parcel_angle, start.drive_angle
     x, y = turned((jnp.cos(turn), jnp.sin(turn)), x, y)
-    position = start.place * jnp.cos(tilt) - x, start.place * jnp.sin(tilt) - y
+    foot = turned((jnp.cos(tilt), jnp.sin(tilt)), start.place, fence.rise(start.place))
+    position = foot[0] - x, foot[1] - y
     remedy = "Change `parcel_angle`, or name that corner in `corner`."
     check_clear_of_fence(parcel, position, turn, fence, tilt, remedy)
 

@@ -129,5 +129,8 @@ def test_it_is_described_named_and_refused():
     sort = sorter.replace(free={"rest_tip": ("-50 mm", "80 mm")}).scene()
     assert fj.scene_numbers.resolve(sort, "rest_middle") == "fence.rest_shape.middle"
     assert fj.scene_numbers.number(sort, "rest_tip").unit == "m"
+    curved = fj.Fence.one_link(rest_shape=fj.RestShape(tip=0.1))
+    with pytest.raises(ValueError, match="corner 1 is .* beyond it"):
+        fj.scenes.whole_sort(fence=curved, front=0.5)
     with pytest.raises(ValueError, match=r"`rest_shape.steepness` must be at most 0.5 \[rad\]"):
         fj.Fence(rest_shape=fj.RestShape(tip=0.2))
