@@ -54,9 +54,9 @@ def independent(**numbers):
 def test_line():
     # de Casteljau's construction, the slope, and the integrals of its square and cube.
     shape, length = fj.RestShape(**NUMBERS), 0.75
-    share = jnp.linspace(0.0, 1.0, 2001)
+    share = jnp.linspace(0.0, 1.0, 401)
     line = jax.vmap(lambda s: shape.at(s, length))(share)
-    points = [np.full(2001, p) for p in (0.0, 0.0, NUMBERS["middle"], NUMBERS["tip"])]
+    points = [np.full(401, p) for p in (0.0, 0.0, NUMBERS["middle"], NUMBERS["tip"])]
     while len(points) > 1:
         points = [(1 - share) * a + share * b for a, b in zip(points, points[1:], strict=False)]
     np.testing.assert_allclose(line.deflection, points[0], atol=1e-15)
@@ -64,7 +64,7 @@ def test_line():
     np.testing.assert_allclose(line.slope, slope, atol=1e-14)
     for power, value in ((2, line.short[-1]), (3, line.lower[-1])):
         area = length * np.trapezoid(slope**power, share) / (2 if power == 2 else 6)
-        assert float(value) == pytest.approx(area, rel=1e-6)
+        assert float(value) == pytest.approx(area, rel=1e-4)
     assert float(jnp.max(jnp.abs(slope))) <= float(shape.steepness(length))
     beyond = shape.at(1.1, length)
     assert float(beyond.deflection) == pytest.approx(

@@ -66,7 +66,7 @@ def test_impact_against_the_independent_version():
     step, mean = np.diff(result.history.time), 0.5 * (drive.speed[1:] + drive.speed[:-1])
     np.testing.assert_allclose(np.diff(drive.angle), step * mean, atol=1e-6)
     found = {**slopes, "torques": slopes["torques"][0]}
-    for name in ("torques", "inertia", "damping"):
+    for name in ("torques", "inertia"):
         value = NUMBERS["torques"][0] if name == "torques" else NUMBERS[name]
         ends = [share * value for share in (0.98, 1.02)]
         if name == "torques":
