@@ -189,7 +189,7 @@ def of_record(
         too_coarse = _belt_slip_unresolved(scene, mechanics.fidelity, seen)
         checks.append((Status.STEP_TOO_COARSE, too_coarse))
     if mechanics.link is not None and mechanics.link.frequency_squared:
-        frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.eigenvalues[0]))
+        frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.slowest))
         rings = frequency * mechanics.fidelity.step > _RINGING
         still = jnp.zeros_like(seen.deepest)
         elastic = mechanics.law.force(seen.deepest, still, mechanics.viscosity).force
