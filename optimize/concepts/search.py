@@ -162,8 +162,8 @@ class Search:
     def _starts(
         self, group: Group, concept: Concept, rate: float, name: str, best: dict[float, Solution]
     ) -> list[np.ndarray]:
-        """Where searches begin: at the slower rate's design, or the sorter's own, and at the best of
-        the special cases; of the acceleration at the better of that and the design of least
+        """Where searches begin: at the slower rate's design, or the sorter's own, and at the best
+        of the special cases; of the acceleration at the better of that and the design of least
         force."""
         special = [
             (group_of, other, solution)
