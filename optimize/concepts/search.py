@@ -111,7 +111,7 @@ class Search:
     def run(self) -> list[Point]:
         """The points of all concepts."""
         for group in self.groups:
-            several = ", ".join(concept.title for concept in group.concepts)
+            several = "; ".join(concept.title for concept in group.concepts)
             self.say(
                 f"\n{several}: {group.problem.machine.parcels.count} parcels and places, "
                 f"{len(group.problem.variable_names)} numbers; compiling (minutes, the first time, "

@@ -11,7 +11,8 @@ import report_pages
 from pictures import shows_data
 
 import fencejax as fj
-from fencejax.sorter import Look, Measured, Solution
+from fencejax.design import objectives
+from fencejax.sorter import Look, Measured, Objective, Solution, SorterProblem
 from optimize.concepts import job, main, quantities, search, words
 from optimize.concepts.configuration import ConceptsConfig, configure
 from optimize.concepts.means import Concept
@@ -102,6 +103,17 @@ def test_concepts_of_one_program_differ_in_data_alone(groups):
     force, load = rigid.problems.values()
     assert force.program._each is load.program._each
     assert load.machine.objective.quantity is quantities.LOAD
+
+
+def test_what_a_problem_does_not_have_is_refused(groups):
+    rigid, bends, _ = groups
+    problem, candidate = rigid.problem, rigid.candidate(rigid.concepts[0], 2400.0)
+    with pytest.raises(ValueError, match="`bounds` must name limits of the sorter, .*holds life"):
+        problem.limits(candidate._replace(bounds={"life": 1.0}))
+    with pytest.raises(ValueError, match="`held` must name free numbers"):
+        SorterProblem(bends.problem.machine, held=("fence.pad.thickness",))
+    with pytest.raises(ValueError, match="`objective` must be of a quantity that is read"):
+        problem.with_objective(Objective(objectives.IMPULSE))
 
 
 def test_a_design_of_another_group_at_another_rate(groups):
