@@ -39,7 +39,7 @@ class ConceptsConfig:
         metavar="CONCEPT",
     )  # fmt: skip
     rates: tuple[float, ...] = flags.field(
-        (2400.0, 2800.0, 3200.0, 3600.0), "parcels an hour", metavar="RATE"
+        (2400.0, 3000.0, 3600.0), "parcels an hour", metavar="RATE"
     )
     load: bool = flags.field(
         True, "minimise the largest acceleration in g, too, and not the peak force alone"
@@ -53,7 +53,8 @@ class ConceptsConfig:
         1e-3, "violation of a margin that counts as none [1]", above=0
     )
     rungs: int = flags.field(
-        2, "fidelities, each finer, at which the search computes sorts in doubt", least=1
+        1, "fidelities, each finer, at which the search computes sorts in doubt; what it ends with "
+        "is computed finer in any case", least=1,
     )
     budget: int = flags.field(40, "evaluations at most for each search", least=1)
     fidelity: str = flags.field("fast", "fidelity of the search", choices=flags.FIDELITIES)

@@ -67,6 +67,14 @@ class Group:
         wanted = (FORCE, LOAD) if self.config.load else (FORCE,)
         return {q.name: self.problem.with_objective(Objective(q)) for q in wanted}
 
+    def compile(self) -> None:
+        """Compile all that a search needs."""
+        problem, config = self.problem, self.config
+        candidate = self.candidate(self.concepts[0], config.paces[0])
+        problem.program(problem.start, *problem.data(candidate))
+        for name in dict.fromkeys((config.check, config.verify)):
+            problem.measure(problem.start, candidate, self.fidelity(name))
+
     def candidate(self, concept: Concept, rate: float) -> Candidate:
         """A concept at a rate [1/h]."""
         first, own = self.problem.candidates[0], {n.path for n in concept.numbers}

@@ -1,5 +1,6 @@
 """The front of every concept, rate by rate, each search begun at the designs that are near."""
 
+import concurrent.futures
 import dataclasses
 from collections.abc import Callable, Mapping
 
@@ -15,7 +16,7 @@ from .means import Concept
 from .problem import Group, period
 from .quantities import FORCE, LOAD
 
-_DECIDE = 3
+_AHEAD, _DECIDE = 2, 3
 # Designs whose objectives are nearer than this share are alike.
 _ALIKE = 1e-3
 
@@ -110,25 +111,36 @@ class Search:
 
     def run(self) -> list[Point]:
         """The points of all concepts."""
-        for group in self.groups:
-            several = "; ".join(concept.title for concept in group.concepts)
-            self.say(
-                f"\n{several}: {group.problem.machine.parcels.count} parcels and places, "
-                f"{len(group.problem.variable_names)} numbers; compiling (minutes, the first time, "
-                "and again where sorts are computed finer) ..."
-            )
-            journals = {}
-            for name, problem in group.problems.items():
-                journals[name] = evaluations.journal(
-                    self.config, self.say, f"evaluations-{group.name}-{name}",
-                    repr(vars(problem.fidelity)) + problem.machine.signature,
-                )  # fmt: skip
-            for concept in group.concepts:
-                for name, problem in group.problems.items():
-                    self._front(group, concept, name, problem, journals[name])
-                self.keep(self.points)
-            self.recalled += sum(journal.recalled for journal in journals.values())
+        # Compiling takes longer than searching, on one core: two groups at a time, ahead of the
+        # searches.
+        pool = concurrent.futures.ThreadPoolExecutor(_AHEAD)
+        try:
+            ready = [pool.submit(group.compile) for group in self.groups]
+            for group, compiled in zip(self.groups, ready, strict=True):
+                self._searched(group, compiled)
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
         return self.points
+
+    def _searched(self, group: Group, compiled: concurrent.futures.Future[None]) -> None:
+        """Search for the points of a group."""
+        several = "; ".join(concept.title for concept in group.concepts)
+        self.say(
+            f"\n{several}: {group.problem.machine.parcels.count} parcels and places, "
+            f"{len(group.problem.variable_names)} numbers; compiling (minutes, the first time) ..."
+        )
+        journals = {}
+        for name, problem in group.problems.items():
+            journals[name] = evaluations.journal(
+                self.config, self.say, f"evaluations-{group.name}-{name}",
+                repr(vars(problem.fidelity)) + problem.machine.signature,
+            )  # fmt: skip
+        compiled.result()
+        for concept in group.concepts:
+            for name, problem in group.problems.items():
+                self._front(group, concept, name, problem, journals[name])
+            self.keep(self.points)
+        self.recalled += sum(journal.recalled for journal in journals.values())
 
     def _front(
         self, group: Group, concept: Concept, name: str, problem: SorterProblem, journal: Journal

@@ -16,7 +16,7 @@ from fencejax.sorter import Look, Measured, Objective, Solution, SorterProblem
 from optimize.concepts import job, main, quantities, search, words
 from optimize.concepts.configuration import ConceptsConfig, configure
 from optimize.concepts.means import Concept
-from optimize.concepts.problem import grouped, period
+from optimize.concepts.problem import Group, grouped, period
 
 _SORTER = """
 title = "tiny"
@@ -194,6 +194,7 @@ def stubbed(config, groups):
         patch.setattr(search, "look", look)
         patch.setattr(search, "solve", solve)
         patch.setattr(job, "grouped", lambda *_: groups)
+        patch.setattr(Group, "compile", lambda _: None)
         return main(config, quiet=True), begun
 
 
