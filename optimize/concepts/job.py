@@ -97,7 +97,7 @@ def _write(outcome: Outcome, complete: bool) -> None:
         "recalled": outcome.recalled,
         "elapsed": outcome.elapsed,
         "least_force": _least(outcome) if complete else None,
-        "points": [
+        "designs": [
             _row(point) | {
                 "design": point.design,
                 "search": {

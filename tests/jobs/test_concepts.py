@@ -222,7 +222,7 @@ def test_files(stubbed, config):
     assert content["complete"] is True
     assert content["least_force"]["one_link"] == 300.0
     rows = list(csv.DictReader((config.out / "concepts.csv").read_text().splitlines()))
-    assert len(rows) == len(content["points"]) == 16
+    assert len(rows) == len(content["designs"]) == 16
     assert rows[0]["concept"] == "rigid"
     assert float(rows[0]["peak_force [N]"]) == pytest.approx(1200.0)
     assert shows_data(config.out / "concepts.png")
