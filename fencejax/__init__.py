@@ -100,6 +100,7 @@ from .simulate import simulate as simulate
 from .sorter import Sorter as Sorter
 from .study import (
     Choice as Choice,
+    Curvature as Curvature,
     NoFidelityError as NoFidelityError,
     Reliability as Reliability,
     Response as Response,
@@ -108,6 +109,7 @@ from .study import (
     SweepTable as SweepTable,
     Trial as Trial,
     choose_fidelity as choose_fidelity,
+    curvature as curvature,
     failure_probability as failure_probability,
     identify as identify,
     recording as recording,
@@ -127,6 +129,7 @@ __all__ = [
     "Belt",
     "Border",
     "Choice",
+    "Curvature",
     "ConstantSpeedDrive",
     "ConstantStrength",
     "DesignSpace",
@@ -178,6 +181,7 @@ __all__ = [
     "Verification",
     "cache_programs",
     "choose_fidelity",
+    "curvature",
     "contact_laws",
     "design",
     "estimate_gradient_error",

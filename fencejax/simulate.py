@@ -93,8 +93,7 @@ def simulate(
     columns beside the n of a gradient: it costs some n times as much, less what both share, and
     several times as long to compile. Second derivatives ask for `Fidelity.gradient = "forward"`.
     Where friction turns round within its smoothing, or a force just begins or ends, they are large
-    or jump: a difference of two gradients tells whether a Hessian holds over the distance that is
-    wanted.
+    or jump: `fencejax.curvature` tells over which distance a Hessian holds.
 
     Raises `TypeError` for arguments of the wrong kind and for second derivatives with
     `Fidelity.gradient = "reverse"`, `ValueError` for names in `only` that are

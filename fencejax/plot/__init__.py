@@ -4,7 +4,8 @@ them.
 - a scene from above at an instant, and as moving pictures: `draw_scene`, `animate`;
 - signals over time: `histories`, `energies`, `force`, `tip_deflection`;
 - a fence for the workshop: `fence_drawing` (a sheet to scale), `write_dxf`, `fence_outline`;
-- charts: `heat_map`, `front`, `convergence`, `gradient_bars`, `shock_spectrum`.
+- charts: `heat_map`, `front`, `convergence`, `gradient_bars`, `shock_spectrum`;
+- every output of a sweep: `sweep`.
 
 matplotlib and ezdxf are imported where they are first used, and matplotlib's global state is left
 alone: a figure is made where no axes are given, and belongs to them (`axes.figure`).
@@ -59,6 +60,9 @@ from .style import (
     legend_above as legend_above,
     panel as panel,
     prepared as prepared,
+)
+from .sweep_figures import (
+    sweep as sweep,
 )
 from .time_series import (
     SIGNALS as SIGNALS,

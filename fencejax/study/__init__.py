@@ -32,6 +32,10 @@ from .chunks import (
     CountProgress as CountProgress,
     in_chunks as in_chunks,
 )
+from .curvature import (
+    Curvature as Curvature,
+    curvature as curvature,
+)
 from .fit_judgement import (
     Fit as Fit,
 )

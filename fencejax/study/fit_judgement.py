@@ -38,6 +38,8 @@ class Fit(Readable):
       reached from each start.
     - `warnings`: what speaks against taking the numbers as they are.
     - `posterior`: with the model's curvature, if asked for.
+    - `rung`: place in `Fidelity.ladder()` of the fidelity that the numbers are from; above 0 where
+      one before it left them in doubt.
     """
 
     parameters: tuple[DesignVariable, ...]
@@ -60,6 +62,7 @@ class Fit(Readable):
     costs: list[float]
     warnings: tuple[str, ...]
     posterior: Posterior | None = None
+    rung: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -81,13 +84,15 @@ class Fit(Readable):
 
     def _printed(self) -> Table:
         told = [f"misfit {self.misfit:.3g}, condition {self.condition:.3g}: {self.stop}"]
+        if self.rung:
+            told.append(f"computed finer: rung {self.rung} of the fidelity's ladder")
         told += [f"warning: {warning}" for warning in self.warnings]
         return of_lines("Fit", "\n".join([str(self), *told]))
 
 
 def judged(
     problem: Problem, begin, shares, weights, converged, stop, costs, confidence: float,
-    posterior: bool = False,
+    posterior: bool = False, rung: int = 0,
 ) -> Fit:
     """The parameters at the best shares, with the covariance of the linearised problem."""
     from scipy import stats
@@ -157,6 +162,7 @@ def judged(
         costs=costs,
         warnings=tuple(left),
         posterior=bent,
+        rung=rung,
     )
 
 

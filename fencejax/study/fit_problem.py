@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..design import DesignVariable
+from ..results import Status
 from ..scenes import AnyScene, numbers as scene_numbers
 from . import sampling
 from .fit_signals import curvature_of, program_of
@@ -49,12 +50,12 @@ class Experiment(NamedTuple):
 class Problem:
     """Weighted residuals and their derivatives in the shares u of the parameters' ranges."""
 
-    def __init__(self, experiments, parameters, fidelity):
+    def __init__(self, experiments, parameters, fidelity, evaluations=0):
         self.experiments = experiments
         self.parameters = parameters
         self.chosen = tuple(p.name for p in parameters if not p.name.startswith(OFFSET))
         self.offsets = [k for k, p in enumerate(parameters) if p.name.startswith(OFFSET)]
-        self.evaluations = 0
+        self.evaluations = evaluations
         self.fidelity = fidelity
         self.programs = []
         for scene, recording in experiments:
@@ -143,6 +144,10 @@ class Problem:
         self.evaluations += 1
         self._at, self._found = shares.copy(), found
         return found
+
+    def in_doubt(self, shares) -> bool:
+        """Whether a finer fidelity may settle what the status of an experiment doubts."""
+        return any(Status(status).numerical for _, _, status in self.models(shares))
 
     def stacked(self, shares, noise: Mapping[str, float]):
         """Residuals (N,) and Jacobian (N, n) of all samples that there are, in units of the noise.

@@ -39,6 +39,7 @@ def fit(
     seed: int = 0,
     most: int = 100,
     posterior: bool = False,
+    refine: bool = True,
     progress: Callable[[int, float], None] | None = None,
 ) -> Fit:
     """Find parameters p such that scenes do what was recorded of them:
@@ -71,6 +72,9 @@ def fit(
       is kept.
     - `confidence`: of the intervals [1]. `seed`: of the starts. `most`: evaluations in a search.
     - `posterior`: also compute `Fit.posterior`: a program more, and two evaluations a parameter.
+    - `refine`: where a simulation at the parameters found is in numerical doubt
+      (`Status.numerical`), search on from there at the next finer rung of `Fidelity.ladder`, up to
+      the last one; `Fit.rung` says at which the numbers are.
     - `progress`: called with the evaluation's number and half the weighted sum of squares.
 
     Raises `ValueError` where names, bounds, times or sizes cannot be; a recording whose times or
@@ -114,8 +118,15 @@ def fit(
     # Each search has weights of its own: compared by what they make of the first ones.
     compared = [0.5 * float(np.sum(problem.stacked(x, first)[0] ** 2)) for x, *_ in found]
     shares, weights, converged, stop = found[int(np.argmin(compared))]
+    rung, rungs = 0, fidelity.ladder() if refine else (fidelity,)
+    while rung + 1 < len(rungs) and problem.in_doubt(shares):
+        rung += 1
+        problem = Problem(experiments, chosen, rungs[rung], problem.evaluations)
+        shares, weights, converged, stop = search(
+            problem, shares, weights, noise is None, most, progress
+        )
     return judged(
-        problem, begin, shares, weights, converged, stop, compared, confidence, posterior
+        problem, begin, shares, weights, converged, stop, compared, confidence, posterior, rung
     )
 
 

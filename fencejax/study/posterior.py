@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..printing import Readable, Table
-
-# The curvature over a standard error may differ by so much from that at the best parameters.
-_STEADY = 0.3
+from .curvature import STEADY, unsteadiness
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -44,7 +42,7 @@ class Posterior(Readable):
     @property
     def holds(self) -> bool:
         """Whether H is positive definite and holds over a standard error."""
-        return bool(np.all(np.isfinite(self.standard_errors))) and self.unsteadiness <= _STEADY
+        return bool(np.all(np.isfinite(self.standard_errors))) and self.unsteadiness <= STEADY
 
     def _printed(self) -> Table:
         rows = [
@@ -73,19 +71,14 @@ def laplace(
         deviation = np.sqrt(np.diag(spread))
         error = misfit * deviation / lengths * problem.spans
         correlation = spread / np.outer(deviation, deviation)
-        unsteady = _unsteadiness(problem, shares, weights, misfit, hessian, lengths)
+        # Over the standard error of each parameter, the others held.
+        steps = np.diag(np.maximum(misfit / lengths, 1e-6))
+        ends = np.stack([np.clip(shares + side * steps, 0.0, 1.0) for side in (-1, 1)], axis=1)
+
+        def slope_at(u):
+            left, rows = problem.stacked(u, weights)
+            return rows.T @ left
+
+        unsteady = float(np.max(unsteadiness(slope_at, ends, hessian, lengths)))
     with np.errstate(invalid="ignore"):
         return Posterior(names, error, correlation, error / plain, unsteady)
-
-
-def _unsteadiness(problem, shares, weights, misfit: float, hessian, lengths) -> float:
-    """How far H is from differences of gradients over the standard error of each parameter, the
-    others held."""
-    worst = 0.0
-    for k, length in enumerate(lengths):
-        unit = np.eye(len(shares))[k] * max(misfit / length, 1e-6)
-        ends = [np.clip(shares + side * unit, 0.0, 1.0) for side in (-1, 1)]
-        slopes = [rows.T @ left for left, rows in (problem.stacked(u, weights) for u in ends)]
-        column = (slopes[1] - slopes[0]) / (ends[1][k] - ends[0][k])
-        worst = max(worst, float(np.max(np.abs(column - hessian[k]) / (lengths * length))))
-    return worst

@@ -9,6 +9,10 @@ import numpy as np
 from jaxtyping import Array
 
 from .. import _check
+from .curvature import STEADY, unsteadiness
+
+# How far around the most probable point a limit's curvature is looked at [standard deviations].
+_NEAR = 0.5
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -24,6 +28,9 @@ class Reliability:
     - `point`: the numbers [SI] with which the limit is most probably broken, by name.
     - `importance`: the share [1] of each number in the scatter of the margin there; they sum to 1.
     - `curvatures`: of the limit at the point [1], n - 1, above 0 where it bends away.
+    - `unsteadiness` [1]: how far gradients half a standard deviation to both sides of the point are
+      from what the curvatures say, relative to these and to 1, in any number. Beyond some 0.3 the
+      limit has a kink there or bends otherwise, and `probability` is as good as `first_order`.
     - `evaluations`: of the margin with its gradient.
 
     >>> found = fj.failure_probability(lambda p: 3.0 - p["a"], {"a": lambda u: 2.0 * u})
@@ -37,7 +44,13 @@ class Reliability:
     point: dict[str, float]
     importance: dict[str, float]
     curvatures: np.ndarray
+    unsteadiness: float
     evaluations: int
+
+    @property
+    def holds(self) -> bool:
+        """Whether the curvatures hold half a standard deviation around the point."""
+        return self.unsteadiness <= STEADY
 
     def __str__(self) -> str:
         rows = [
@@ -47,6 +60,11 @@ class Reliability:
         ]
         for name, value in self.point.items():
             rows.append(f"{name:<24}{value:>14.4g}{100 * self.importance[name]:>10.1f} %")
+        if not self.holds:
+            rows.append(
+                "The limit's curvature does not hold around the most probable point (unsteadiness "
+                f"{self.unsteadiness:.2g}): a kink is near. Check the probability by samples."
+            )
         return "\n".join(rows)
 
 
@@ -173,6 +191,11 @@ def failure_probability(
             f"{curvatures}, reliability index {index:.3g}): it is broken in many places equally "
             "probably, and no single one tells how often. Draw samples instead."
         )
+    ends = np.stack([np.stack([point - d, point + d]) for d in _NEAR * np.eye(len(names))])
+    size = np.full(len(names), np.sqrt(max(1.0, float(np.max(np.abs(hessian))))))
+    off = unsteadiness(
+        lambda u: np.asarray(both(jnp.asarray(u))[1]) / steepness, ends, hessian, size
+    )
     return Reliability(
         probability=first * float(np.prod(factors**-0.5)),
         first_order=first,
@@ -180,6 +203,7 @@ def failure_probability(
         point={name: float(value) for name, value in values_at(point).items()},
         importance={name: float(a * a) for name, a in zip(names, outward, strict=True)},
         curvatures=curvatures,
+        unsteadiness=float(np.max(off)),
         evaluations=evaluations,
     )
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..plot import sweep as draw
 from ..printing import Readable, Table, numbers
 from ..results import Status
 from . import sweep_store
-from .sweep_figures import draw
 
 if TYPE_CHECKING:
     import pandas
@@ -238,8 +238,8 @@ class SweepTable(Readable):
         return self.dataset.reset_coords().to_dataframe()
 
     def plot(self) -> "dict[str, Figure]":
-        """A figure of every output by name, and of the `elasticities` where there is a gradient: a
-        map of two variables on a grid, a line of one, and else scatter and medians."""
+        """A figure of every output by name, and of the `elasticities` where there is a gradient:
+        see `fencejax.plot.sweep`."""
         return draw(self)
 
     def _printed(self) -> Table:

@@ -85,6 +85,9 @@ class IdentifyConfig:
         3, "searches, the first from the setting's own numbers, the others spread", least=1
     )
     confidence: float = flags.field(0.95, "of the intervals [1]", between=(0, 1))
+    refine: bool = flags.field(
+        True, "search on at the next finer fidelity where a status doubts the numbers"
+    )
     posterior: bool = flags.field(
         False, "standard errors with the model's curvature, too (Laplace)", action="store_true"
     )

@@ -118,6 +118,7 @@ def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
         seed=config.seed,
         most=config.budget,
         posterior=config.posterior,
+        refine=config.refine,
         progress=progress,
     )
     delays = _delays(found, aligned)
@@ -232,6 +233,7 @@ def _content(config: IdentifyConfig, outcome: Outcome) -> dict[str, Any]:
             for k, parameter in enumerate(found.parameters)
         },
         "correlation": found.correlation,
+        "rung": found.rung,
         "posterior": found.posterior and {
             "standard_errors": found.posterior.standard_errors,
             "ratios": found.posterior.ratios,

@@ -149,6 +149,37 @@ def knob_figure(report: "Report") -> "Figure | None":
     return figure
 
 
+def tolerance_figure(report: "Report") -> "Figure | None":
+    """Steps that follow their error: the tolerance asked for over the error got, of value and
+    gradient; lines are medians, bands reach to 95 % of the impacts."""
+    points = [(p, e) for p, e in report.knobs.get("step_tolerance", []) if p.size > 0]
+    if not points:
+        return None
+    figure = _figure(3.3)
+    asked = [point.size for point, _ in points]
+    for axes, kind in zip(figure.subplots(1, 2, sharey=True), ("value", "gradient"), strict=True):
+        panel(
+            axes, "tolerance asked for", "error got" if kind == "value" else "",
+            kind if kind == "value" else "gradient in eight variables",
+        )  # fmt: skip
+        for k, title in enumerate(TITLES):
+            rows = [spread(getattr(errors, kind)[:, k]) for _, errors in points]
+            middle = np.maximum([r["median"] for r in rows], _LEAST)
+            upper = np.maximum([r["95 %"] for r in rows], _LEAST)
+            axes.plot(
+                asked, middle, _MARKERS[k] + "-", color=_COLORS[k], markersize=3.5, linewidth=1.2,
+                label=title,
+            )  # fmt: skip
+            axes.fill_between(asked, middle, upper, color=_COLORS[k], alpha=0.15, linewidth=0)
+        axes.plot(
+            asked, asked, color="black", linewidth=0.7, linestyle=":", label="got what was asked"
+        )
+        _shares(axes, "x")
+        _shares(axes, "y")
+    legend_above(figure.axes[0], 4)
+    return figure
+
+
 def component_figure(report: "Report") -> "Figure | None":
     """Median error of each component of the peak force's gradient, relative to its norm, over
     modes, smoothing and step."""
@@ -256,6 +287,7 @@ def draw(report: "Report", out: Path) -> None:
     drawn = {
         "front": front_figure(report),
         "knobs": knob_figure(report),
+        "tolerance": tolerance_figure(report),
         "components": component_figure(report),
         "random_impacts": random_figure(report),
         "costs": cost_figure(report),

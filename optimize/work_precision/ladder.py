@@ -57,6 +57,16 @@ def _slips(base: fj.Fidelity, slips) -> tuple[Point, ...]:
     return _knob("slip_speed", base, [(f"{e:g} m/s", e, smoothed(e)) for e in slips])
 
 
+def _tolerances(base: fj.Fidelity, tolerances) -> tuple[Point, ...]:
+    """Steps that follow their error, of 1 ms and shorter ones, each twice as long where it may be;
+    the finest is fixed steps of a quarter of the base's."""
+    points = [
+        (f"{t:g}", t, {"step": 1e-3, "longest_stride": 2, "step_tolerance": t}) for t in tolerances
+    ]
+    finest = base.step / 4
+    return _knob("step_tolerance", base, [*points, (f"{1e3 * finest:g} ms", 0, {"step": finest})])
+
+
 def _modes(base: fj.Fidelity, counts, **changes) -> list[tuple[str, float, dict[str, Any]]]:
     every = 2 * base.elements
     return [
@@ -71,6 +81,7 @@ def full() -> Ladder:
         modes=(1, 2, 3, 4, 6, 8, None), bare_modes=(1, 4), elements=(10, 20),
         slips=(0.1, 0.02, 5e-3, 1e-3, 1e-4),
         steps=(2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5), fades=(5e-3, 1e-3),
+        tolerances=(3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4),
     )  # fmt: skip
 
 
@@ -80,11 +91,11 @@ def dense() -> Ladder:
         modes=(0, 1, 2, 3, 4, 6, 8, 12, None), bare_modes=(1, 2, 4, 8), elements=(10, 20, 40),
         slips=(0.1, 0.05, 0.02, 0.01, 5e-3, 1e-3, 1e-4),
         steps=(4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5, 3.125e-5),
-        fades=(2e-2, 5e-3, 1e-3),
+        fades=(2e-2, 5e-3, 1e-3), tolerances=(1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4),
     )  # fmt: skip
 
 
-def _ladder(modes, bare_modes, elements, slips, steps, fades) -> Ladder:
+def _ladder(modes, bare_modes, elements, slips, steps, fades, tolerances) -> Ladder:
     truth = fj.Fidelity(
         modes=12, geometry="chord", step=1.25e-5, longest_stride=1, iterations=20, **smoothed(1e-4)
     )
@@ -111,6 +122,7 @@ def _ladder(modes, bare_modes, elements, slips, steps, fades) -> Ladder:
         ),
         "slip_speed": _slips(base, slips),
         "step": _steps(base, steps),
+        "step_tolerance": _tolerances(base, tolerances),
         "longest_stride": _knob(
             "longest_stride", base,
             [(f"{n}", n * base.step, {"longest_stride": n}) for n in (32, 8, 1)],

@@ -7,6 +7,7 @@ from .findings import Report as Findings
 _FIGURES = {
     "front": "Time a lane over the error of the peak force and of its gradient.",
     "knobs": "Each knob by itself.",
+    "tolerance": "Steps that follow their error: the tolerance asked for, and the error got.",
     "components": "Errors of each component of the gradient.",
     "random_impacts": "Errors over the random impacts.",
     "costs": "Every cost of the rungs over their errors.",

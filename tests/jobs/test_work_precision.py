@@ -172,6 +172,7 @@ def test_full_ladder_moves_one_knob_at_a_time():
                 "slip_speed": {"slip_speed", "static_speed"},
                 "modes, no static correction": {"modes", "static_correction"},
                 "precision": {"precision", "step"},
+                "step_tolerance": {"step_tolerance", "step", "longest_stride"},
             }.get(name, {name})
             assert set(changed) <= allowed
     # Single precision refuses the others' step: both of this knob have a longer one.

@@ -21,11 +21,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from robustness.extreme_scenes import USUAL, WIDE, draw, impact, riding
-from robustness.peaks import DURATION, VARIED, gradient_error, peaks
+from robustness.peaks import gradient_error, peaks
+from robustness.searched_scenes import KINDS
 
 import fencejax as fj
 
-LANES = 128
+LANES, DURATION, VARIED = 128, 0.1, KINDS["impact"].varied
 HALVES = {"wide": WIDE, "usual": USUAL}
 PROMISE = {"coarse": (0.025, 0.5), "fast": (0.025, 0.3), "standard": (0.025, 0.15)}
 """What a good status promises: of the peak force, and of its gradient."""

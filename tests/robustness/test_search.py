@@ -1,6 +1,6 @@
 """What a short search for errors of the steps finds. `search.py` beside this file goes on."""
 
-from robustness.search import REALISTIC, search, true_to
+from robustness.search import search, true_to
 
 import fencejax as fj
 
@@ -11,6 +11,7 @@ def test_error_found_is_in_proportion_to_the_tolerance():
     # Over twenty-four generations of 128 it comes to two or three times the tolerance
     # (`search.json`); a step's defect counts once before the peak and once in its place.
     fidelity = COARSE.replace(step_tolerance=1e-2)
-    good, course, worst = search(fidelity, true_to(fidelity), REALISTIC, "value", 32, 3, seed=7)
+    truth = true_to(fidelity, 1.25e-5)
+    good, course, worst = search(fidelity, truth, "realistic", "value", 32, 3, seed=7)
     assert good > 0.4
     assert course[-1] < 4e-2, worst

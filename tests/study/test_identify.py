@@ -53,6 +53,21 @@ def noisy(signals, seed, share=1.0):
     )
 
 
+def test_what_is_in_doubt_is_fitted_finer():
+    # Steps of 4 ms are too long for a blow of 20 ms: its force is that of other parameters.
+    given = Experiment(impact(), Recording(_TIME, clean(impact(stiffness=1.2e9))))
+    rough = fj.Fidelity.coarse(step=4e-3)
+    plain = fit(given, ["stiffness"], fidelity=rough, refine=False)
+    assert plain.rung == 0
+    assert any("step" in warning for warning in plain.warnings)
+    found = fit(given, ["stiffness"], fidelity=rough)
+    assert found.rung > 0
+    assert found.evaluations > plain.evaluations
+    assert not any("step" in warning for warning in found.warnings)
+    misses = [abs(each.values[0] / 1.2e9 - 1) for each in (plain, found)]
+    assert misses[1] < min(0.01, 0.1 * misses[0])
+
+
 def test_without_noise_the_truth_comes_back(truth):
     found = fit(Experiment(impact(), Recording(_TIME, truth)), _NAMES)
     assert found.converged

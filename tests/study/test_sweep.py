@@ -273,6 +273,28 @@ def test_figures_fit_the_points():
     assert panels[0].get_ylabel() == "peak force [N]"
 
 
+def test_arrays_are_drawn_as_a_table_is():
+    table = table_of((4, 3), "grid")
+    forces = {"peak_force": table.grid("peak_force")}
+    status = table.grid("status")
+    units = {"mass": "kg", "distance": "m"}
+    drawn = fj.plot.sweep(table.axes, forces, status=status, units=units)["peak_force"]
+    expected = table.plot()["peak_force"]
+    for ours, other in zip(drawn.axes, expected.axes, strict=True):
+        assert ours.get_xlabel() == other.get_xlabel()
+        assert ours.get_ylabel() == other.get_ylabel()
+    np.testing.assert_array_equal(
+        drawn.axes[0].collections[0].get_array(), expected.axes[0].collections[0].get_array()
+    )
+    ratios = {"mass": np.geomspace(1, 50, 9)}
+    line = fj.plot.sweep(ratios, {"peak_force": np.arange(9.0)}, units=units)["peak_force"].axes[0]
+    assert line.get_xscale() == "log"
+    with pytest.raises(ValueError, match="`units` must say the unit of 'place'"):
+        fj.plot.sweep({"place": np.ones(3)}, {"peak_force": np.ones(3)})
+    with pytest.raises(ValueError, match=r"`outputs` must hold .*\(4, 3\), but 'status'"):
+        fj.plot.sweep(table.axes, forces, status=status.T, units=units)
+
+
 def test_script_writes_its_files_and_says_whether_it_succeeded(whole, tmp_path, capsys):
     outcome = main(small(tmp_path, plots=True))
     assert_same(outcome.table, whole)

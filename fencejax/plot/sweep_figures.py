@@ -1,13 +1,16 @@
 """Figures of a sweep: a map of two variables, a line of one, scatter and medians of more."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from jaxtyping import ArrayLike
 
-from ..plot import style
 from ..printing import multiple
-from ..results import Status
+from ..results import MEASURES, Status
+from ..scenes import numbers
+from . import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,8 +45,129 @@ class Lanes(Protocol):
     def grid(self, name: str) -> np.ndarray: ...
 
 
-def draw(table: Lanes) -> dict[str, "Figure"]:
-    """The figures of every output, and of the elasticities where there is a gradient, by name."""
+@dataclasses.dataclass(frozen=True)
+class _Columns:
+    """The columns of a sweep that is kept in no table; see `Lanes`."""
+
+    variables: Mapping[str, np.ndarray]
+    outputs: Mapping[str, np.ndarray]
+    units: Mapping[str, str]
+    scalings: Mapping[str, str]
+    shape: tuple[int, ...]
+    is_grid: bool
+    status: np.ndarray
+    gradient: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    gradient_of: str | None = None
+
+    @property
+    def good(self) -> np.ndarray:
+        return (self.status >= 0) & (self.status <= Status.LEFT_OVER_TIP)
+
+    def grid(self, name: str) -> np.ndarray:
+        columns = {**self.variables, **self.outputs, "status": self.status}
+        return columns[name].reshape(self.shape)
+
+
+def _units(names: list[str], given: Mapping[str, str]) -> dict[str, str]:
+    """The unit of each name: the one given, a measure's, or that of a scene's number."""
+    found = {name: measure.unit for name, measure in MEASURES.items()}
+    found.update(given)
+    for name in names:
+        if name not in found:
+            try:
+                found[name] = numbers.unit(name)
+            except ValueError:
+                raise ValueError(
+                    f"Argument `units` must say the unit of {name!r}, which is neither a measure "
+                    f'nor the path of a number of a scene. Write, for example, units={{"{name}": '
+                    '"kg"}.'
+                ) from None
+    return found
+
+
+def _logarithmic(values: np.ndarray) -> bool:
+    """Whether values are spaced by equal ratios and not by equal differences."""
+    distinct = np.unique(values)
+    if distinct.size < 3 or distinct[0] <= 0:
+        return False
+    ratios, steps = np.diff(np.log(distinct)), np.diff(distinct)
+    return bool(np.ptp(ratios) < 1e-6 * np.max(ratios) and np.ptp(steps) > 0.1 * np.max(steps))
+
+
+def _columns(
+    variables: Mapping[str, ArrayLike],
+    outputs: Mapping[str, ArrayLike],
+    status: ArrayLike | None,
+    units: Mapping[str, str],
+) -> _Columns:
+    if not variables or not outputs:
+        raise ValueError(
+            "Arguments `variables` and `outputs` must hold at least one array each by name."
+        )
+    given = {name: np.asarray(values, dtype=float) for name, values in variables.items()}
+    found = {name: np.asarray(values, dtype=float) for name, values in outputs.items()}
+    shape = next(iter(found.values())).shape
+    code = np.zeros(shape) if status is None else np.asarray(status)
+    is_grid = len(given) == len(shape) <= 2
+    if is_grid and all(values.ndim == 1 for values in given.values()):
+        mesh = np.meshgrid(*given.values(), indexing="ij")
+        given = dict(zip(given, mesh, strict=True))
+    for name, values in {**given, **found, "status": code}.items():
+        if values.shape != shape:
+            raise ValueError(
+                f"Argument `outputs` must hold arrays of one shape, with which `variables` and "
+                f"`status` agree, or axes of a grid of it: {shape}, but {name!r} has "
+                f"{values.shape}."
+            )
+    if is_grid and len(shape) == 1:
+        is_grid = bool(np.all(np.diff(next(iter(given.values()))) > 0))
+    return _Columns(
+        variables={name: values.ravel() for name, values in given.items()},
+        outputs={name: values.ravel() for name, values in found.items()},
+        units=_units([*given, *found], units),
+        scalings={n: "logarithmic" if _logarithmic(v) else "linear" for n, v in given.items()},
+        shape=shape,
+        is_grid=is_grid,
+        status=code.ravel(),
+    )
+
+
+def sweep(
+    variables: Lanes | Mapping[str, ArrayLike],
+    outputs: Mapping[str, ArrayLike] | None = None,
+    *,
+    status: ArrayLike | None = None,
+    units: Mapping[str, str] | None = None,
+) -> dict[str, "Figure"]:
+    """A figure of every output of a sweep, by name: a map of two variables on a grid, a line of
+    one, else scatter, medians and the middle 80 % over each variable. Where there is a gradient,
+    its `elasticities`, too. Lanes without good numbers are hatched or marked, and never drawn at 0.
+
+    **Arguments:**
+
+    - `variables`: a `fencejax.SweepTable`; or, of a sweep of one's own with `jax.vmap`, arrays [SI]
+      by name: one value a lane, (N,), or the axes (n,) and (m,) of a grid.
+    - `outputs`: arrays [SI] by name, (N,) or (n, m).
+    - `status`: codes of `fencejax.Status` of the same shape; by default all are good.
+    - `units`: the unit [SI] of each name that is neither a measure (`peak_force`) nor a path of
+      `fencejax.scene_numbers` (`parcel.mass`).
+
+    Raises `ValueError` where shapes differ or a unit is missing.
+
+    >>> places, masses = np.linspace(0.7, 1.0, 3), np.linspace(5.0, 15.0, 4)
+    >>> impact = lambda R, m: fj.scenes.normal_impact(distance=R, parcel=fj.Parcel(mass=m))
+    >>> force = lambda R, m: fj.simulate(impact(R, m), only="peak_force").peak_force
+    >>> grid = jax.vmap(jax.vmap(force, (None, 0)), (0, None))(places, masses)
+    >>> axes = {"R": places, "parcel.mass": masses}
+    >>> drawn = fj.plot.sweep(axes, {"peak_force": grid}, units={"R": "m"})
+    >>> drawn["peak_force"].savefig("map.png")
+    """
+    if isinstance(variables, Mapping):
+        return _drawn(_columns(variables, outputs or {}, status, units or {}))
+    return _drawn(variables)
+
+
+def _drawn(table: Lanes) -> dict[str, "Figure"]:
     if table.is_grid and len(table.shape) == 2:
         one = heat_map
     elif table.is_grid and len(table.shape) == 1:

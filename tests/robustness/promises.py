@@ -1,0 +1,158 @@
+"""How far every measure that can be an objective or a limit is off under a good status, in value
+and gradient, at each named fidelity.
+
+    python tests/robustness/promises.py                  # some minutes
+    python tests/robustness/promises.py --record         # the table of TRUST.md anew
+
+Designs are random: oblique impacts within what fences and parcels may really be (`USUAL` in
+`extreme_scenes`, the centre of gravity anywhere in the parcel) and whole sorts (`random_scenes`).
+The truth is the same model with twelve modes, fixed steps of 12.5 us (25 us in sorts) and a tenth
+of the friction's smoothing. An error is relative to the measure, that of the end of contact to the
+contact's length, that of the place where it ends to the fence's reach; one of a gradient (by eight
+numbers of the scene, each relative to itself) to its norm or, where that is less, to the same size.
+"""
+
+import argparse
+import time
+
+import figures
+import jax
+import jax.numpy as jnp
+import numpy as np
+from robustness import random_scenes
+from robustness.extreme_scenes import USUAL, draw, impact
+from robustness.peaks import gradient_error
+
+import fencejax as fj
+
+MEASURES = (
+    "peak_force", "impulse", "tip_deflection", "peak_stress", "peak_torque", "last_contact",
+    "leave_x", "leave_y",
+)  # fmt: skip
+NUMBERS = (
+    "fence.thickness", "fence.rigid_length", "fence.flexible_length",
+    "fence.material.youngs_modulus", "fence.material.density", "parcel.mass", "parcel.stiffness",
+    "drive.top_speed",
+)  # fmt: skip
+NAMES = ("coarse", "fast", "standard")
+_ENDS = ("last_contact", "leave_x", "leave_y")
+
+
+def scenes(kind, seed, count):
+    """Random scenes of a kind, stacked."""
+    if kind == "impacts":
+        return jax.vmap(lambda x: impact(x, 0.2))(draw(seed, count, USUAL))
+    return random_scenes.sorts(seed, count)
+
+
+def true_to(fidelity, kind):
+    """The same model, as fine as can be waited for."""
+    last = fj.Fidelity.reference()
+    return fidelity.replace(
+        modes=last.modes, step=1.25e-5 if kind == "impacts" else 2.5e-5,
+        longest_stride=1 if kind == "impacts" else None, slip_speed=last.slip_speed,
+        static_speed=last.static_speed,
+    )  # fmt: skip
+
+
+def _program(fidelity):
+    """Scenes -> statuses, the measures (lanes, 8), their slopes (lanes, 8, 8), the length of the
+    contact, the time of the peak."""
+
+    def one(scene):
+        def found(factors):
+            values = fj.scene_numbers.read(scene, NUMBERS)
+            scaled = fj.scene_numbers.replace(scene, NUMBERS, jnp.stack(values) * factors)
+            result = fj.simulate(
+                scaled, fidelity=fidelity,
+                only=(*MEASURES, "contact_time", "peak_time", "first_contact"),
+            )  # fmt: skip
+            rest = result.status, result.last_contact - result.first_contact, result.peak_time
+            values = jnp.stack([getattr(result, name) for name in MEASURES])
+            return values, (values, *rest)
+
+        slopes, (values, *rest) = jax.jacfwd(found, has_aux=True)(jnp.ones(len(NUMBERS)))
+        return values, slopes, *rest
+
+    return jax.jit(jax.vmap(one))
+
+
+def measured(fidelity, given, lanes=64):
+    """All of it, on the host, in batches."""
+    run, parts = _program(fidelity), []
+    count = len(jax.tree.leaves(given)[0])
+    for first in range(0, count, lanes):
+        chosen = np.minimum(np.arange(first, first + lanes), count - 1)
+        found = jax.device_get(run(jax.tree.map(lambda leaf, c=chosen: leaf[c], given)))
+        parts.append([part[: count - first] for part in found])
+    return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
+
+
+def errors(found, truth, reach):
+    """Of each measure the errors of value and gradient [1] of the lanes with a good status, and
+    the share of such lanes."""
+    values, slopes, status, _, when = found
+    true, true_slopes, true_status, lasts, true_when = truth
+    good = np.maximum(status, true_status) <= fj.Status.LEFT_OVER_TIP
+    good &= (status != fj.Status.NEVER_TOUCHED) & (true_status != fj.Status.NEVER_TOUCHED)
+    ended = good & (np.minimum(status, true_status) != fj.Status.IN_CONTACT_AT_END)
+    ended &= np.maximum(status, true_status) != fj.Status.IN_CONTACT_AT_END
+    sizes = {"last_contact": lasts, "leave_x": reach, "leave_y": reach}
+    told = {}
+    for k, name in enumerate(MEASURES):
+        some = ended if name in _ENDS else good
+        size = sizes.get(name, np.abs(true[:, k]))
+        off = np.abs(values[:, k] - true[:, k]) / size
+        bent = gradient_error(slopes[:, k], true_slopes[:, k], size)
+        # Of two peaks equally high either gradient is right.
+        same = np.abs(when - true_when) < 2e-3 if name == "peak_force" else True
+        told[name] = off[some], bent[some & same], np.flatnonzero(some)
+    return told, float(np.mean(good))
+
+
+def told_of(values):
+    """Median, 99 % and largest [%]."""
+    found = [100 * float(f(values)) for f in (np.median, lambda v: np.quantile(v, 0.99), np.max)]
+    return " / ".join(f"{number:.2g}" for number in found)
+
+
+def main():
+    flags = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    flags.add_argument("--impacts", type=int, default=512)
+    flags.add_argument("--sorts", type=int, default=96)
+    flags.add_argument("--seed", type=int, default=20261124)
+    flags.add_argument("--record", action="store_true", help="write the record anew")
+    given = flags.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    rows, began = {}, time.perf_counter()
+    counts = {"impacts": given.impacts, "sorts": given.sorts}
+    for kind, count in counts.items():
+        some = scenes(kind, given.seed, count)
+        reach = np.asarray(some.fence.rigid_length + some.fence.flexible_length)
+        truth = measured(true_to(fj.Fidelity.standard(), kind), some)
+        print(f"truth of {kind} ({time.perf_counter() - began:.0f} s)", flush=True)
+        by_rung = {}
+        for name in NAMES:
+            found = measured(getattr(fj.Fidelity, name)(), some)
+            by_rung[name], good = errors(found, truth, reach)
+            print(f"{kind} {name}: good {100 * good:.0f} %", flush=True)
+            for measure, (off, bent, where) in by_rung[name].items():
+                worst = where[np.argmax(off)]
+                print(f"  {measure:16} {told_of(off):>24} | {told_of(bent):>24}  lane {worst}")
+        for measure in MEASURES:
+            cells = [told_of(part) for name in NAMES for part in by_rung[name][measure][:2]]
+            rows[f"{kind}: {measure}"] = {"unit": "1", "values": cells}
+    if given.record:
+        known, command = figures.record(), "python tests/robustness/promises.py --record"
+        heads = [f"{kind}, `{name}`" for name in NAMES for kind in ("value", "gradient")]
+        known["every measure"] = {"command": command, "columns": ["measure", *heads], "rows": rows}
+        known["every measure's designs"] = {
+            "command": command,
+            "figures": {kind: {"value": count, "unit": "1"} for kind, count in counts.items()},
+        }
+        figures.write(known)
+
+
+if __name__ == "__main__":
+    fj.tune_compiler()
+    main()
