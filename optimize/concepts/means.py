@@ -33,8 +33,8 @@ class Means(NamedTuple):
 
 _THICKNESS = Number("fence.thickness", 0.01, 0.09, 0.045)
 _RATIO = Number("fence.length_ratio", 0.0, 2.0, 0.6, without=0.0)
-# At 1e9 N m/rad the tip of a fence of 1 m gives way by a micrometre under 1 kN; at 1e6 N m no clutch
-# of these fences slips.
+# At 1e9 N m/rad the tip of a fence of 1 m gives way by a micrometre under 1 kN; at 1e6 N m no
+# clutch of these fences slips.
 _STIFFNESS = Number("fence.shaft.stiffness", 1e4, 1e7, 1e5, without=1e9)
 _SLIP = Number("fence.shaft.slip_torque", 50.0, 2e3, 500.0, without=1e6)
 
@@ -110,6 +110,15 @@ class Concept(NamedTuple):
         freer = self.law != other.law and other.law == "harmonic"
         return self.bends == other.bends and (
             (fewer and (self.law == other.law or freer)) or (same and freer)
+        )
+
+    def stiffens_to(self, other: "Concept") -> bool:
+        """Whether another one, not only rigid, has a rigid fence where this one bends, and nothing
+        else that this one has not: close to it where this one is thick."""
+        softer = bool(other.numbers) or other.law != "harmonic"
+        return (
+            self.bends and not other.bends and softer and other.law in ("harmonic", self.law)
+            and set(other.numbers) <= set(self.numbers)
         )
 
 

@@ -34,9 +34,10 @@ def write(outcome: Outcome) -> None:
             Section("The winners' designs", [_designs(outcome)]),
             Section("Statuses and checks", _checks(outcome)),
             pages.assumptions(
-                "Every point is a local optimum, from the design at the next rate and from the "
-                "best of the concepts that are special cases of it: another start may lead lower, "
-                "and a concept may lose by its search alone.",
+                "Every point is a local optimum: the best of searches from the design at the next "
+                "rate, from the best of the concepts that are special cases of it, and from the "
+                "best with a rigid fence and the same means. Another start may lead lower, and a "
+                "concept may lose by its search alone.",
                 "A rate is reached where the drive is home, and the returning fence out of the "
                 "next parcel's way, within the period; the belt's speed is the sorter's.",
                 "The limit on the tip's deflection holds for all by which the tip gets behind "

@@ -174,18 +174,23 @@ class Search:
     def _starts(
         self, group: Group, concept: Concept, rate: float, name: str, best: dict[float, Solution]
     ) -> list[np.ndarray]:
-        """Where searches begin: at the slower rate's design, or the sorter's own, and at the best
-        of the special cases; of the acceleration at the better of that and the design of least
-        force."""
-        special = [
+        """Where searches begin: at the slower rate's design, or the sorter's own, at the best of
+        the special cases, and at the best with a rigid fence in place of this one; of the
+        acceleration at the better of the second and the design of least force."""
+        known = [
             (group_of, other, solution)
             for (of, other, at), (group_of, solution) in self._found.items()
-            if at == rate and of == name and concept.holds(other) and solution.feasible
+            if at == rate and of == name and solution.feasible
         ]
-        near = [
-            group.point(group_of.design(other, solution.after.point), rate)
-            for group_of, other, solution in sorted(special, key=lambda each: each[2].rank)[:1]
-        ]
+        special = [each for each in known if concept.holds(each[1])]
+        stiff = [each for each in known if concept.stiffens_to(each[1])]
+        near, stiffer = (
+            [
+                group.point(group_of.design(other, solution.after.point), rate)
+                for group_of, other, solution in sorted(several, key=lambda x: x[2].rank)[:1]
+            ]
+            for several in (special, stiff)
+        )
         if name == LOAD.name:
             least = self._found[FORCE.name, concept, rate][1].after
             better = [
@@ -194,7 +199,7 @@ class Search:
             ]
             return near if better else [np.asarray(least.point)]
         start = np.asarray(best[max(best)].after.point) if best else group.problem.start
-        return [group.point(group.design(concept, start), rate), *near]
+        return [group.point(group.design(concept, start), rate), *near, *stiffer]
 
     def _add(
         self, group: Group, concept: Concept, rate: float, name: str, problem: SorterProblem,

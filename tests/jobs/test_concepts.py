@@ -59,6 +59,11 @@ def test_concepts_are_read_and_ordered():
     assert not one.holds(two)
     assert not two.holds(Concept.read("rigid"))
     assert not Concept.read("rigid").holds(Concept.read("rigid"))
+    clutch = Concept.read("one_link+clutch")
+    assert clutch.stiffens_to(Concept.read("rigid+clutch"))
+    assert clutch.stiffens_to(Concept.read("rigid+shaft"))
+    for other in ("rigid", "rigid+pad", "rigid+motion", "one_link"):
+        assert not clutch.stiffens_to(Concept.read(other))
     # Special cases first, whatever order they are given in.
     read = ConceptsConfig(concepts=("two_link+motion", "two_link+pad", "one_link")).read
     assert [c.name for c in read] == ["one_link", "two_link+pad", "two_link+motion"]
