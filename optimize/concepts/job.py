@@ -50,15 +50,16 @@ def main(config: ConceptsConfig | None = None, *, quiet: bool = False) -> Outcom
             time.perf_counter() - begin,
         )  # fmt: skip
 
-    search = Search(config, groups, say, lambda points: _write(outcome(points), complete=False))
+    search = Search(config, groups, say, lambda points: _write(outcome(points)))
     found = outcome(search.run())
-    _write(found, complete=True)
+    wins = words.wins(found)
+    _write(found, wins, complete=True)
     if config.plots:
         figures.fronts(found, config.out)
-    page.write(found)
+    page.write(found, wins)
     for name in found.minimised:
         say("\n" + words.table(found, name))
-    say("\n" + words.wins(found))
+    say("\n" + wins)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return found
 
@@ -87,11 +88,12 @@ _UNITS = {
 }  # fmt: skip
 
 
-def _write(outcome: Outcome, complete: bool) -> None:
+def _write(outcome: Outcome, wins: str = "", complete: bool = False) -> None:
     config, points = outcome.config, outcome.points
     content = {
         "config": dataclasses.asdict(config),
         "complete": complete,
+        "wins": wins.splitlines(),
         "searches": outcome.searches,
         "evaluations": outcome.evaluations,
         "recalled": outcome.recalled,

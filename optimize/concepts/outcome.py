@@ -2,6 +2,10 @@
 
 import dataclasses
 
+import numpy as np
+
+from fencejax.sorter import constant_push
+
 from .configuration import ConceptsConfig
 from .problem import Group
 from .quantities import FORCE, LOAD
@@ -31,6 +35,15 @@ class Outcome:
         """The confirmed point with the least objective; `None` where there is none."""
         first = self.of(minimised, rate)[:1]
         return first[0] if first and first[0].confirmed else None
+
+    def group(self, point: Point) -> Group:
+        """The group of a point's concept."""
+        return next(group for group in self.groups if point.concept in group.concepts)
+
+    def push(self, point: Point) -> float:
+        """What a constant push of the hardest parcel would need [N] in the place of a point's
+        fence."""
+        return float(np.max(constant_push(self.group(point).problem, point.solution)))
 
     @property
     def minimised(self) -> tuple[str, ...]:

@@ -16,15 +16,15 @@ _FIGURES = {
 }
 
 
-def write(outcome: Outcome) -> None:
-    """Write the page."""
+def write(outcome: Outcome, wins: str) -> None:
+    """Write the page; `wins`: who wins, in words."""
     config, machine = outcome.config, outcome.groups[0].problem.machine
     title = machine.title or config.sorter
     Report(
         f"Concepts of softening: {title}",
         f"Which concept hits the {machine.parcels.count} parcels and places of {title} the least, "
         "at which rate, and for what torque and mass?",
-        pages.sentences(words.wins(outcome)),
+        pages.sentences(wins),
         outcome.succeeded,
         [
             Section("The machine", pages.machine_tables(machine)),
@@ -43,6 +43,9 @@ def write(outcome: Outcome) -> None:
                 "The limit on the tip's deflection holds for all by which the tip gets behind "
                 "where the motor holds it, a turn of the shaft and a slip of the clutch included; "
                 "the ringing is limited from when the drive is home.",
+                "A motion of any form may be as quick as what the sorter says of its motor allows: "
+                "of a motor whose torque alone is known, as quick as the fence's own inertia lets "
+                "it be. Give its rotor's inertia, gear and speed.",
                 "What a clutch has slipped is put back at no cost and in no time before the next "
                 "parcel.",
                 "A rigid fence has the sorter's own shape, and its mass; a cover weighs nothing.",

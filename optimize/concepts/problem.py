@@ -22,6 +22,7 @@ as a share of the period at the fastest rate."""
 FRONT = (0.0, 0.3)
 """Where the parcel's front may be when the drive starts [m], where the sorter does not free it."""
 _RIDES, _ANGLES = "parcels.front", (-1e-3, 1.2)
+_THICK = "fence.thickness"
 _TOP, _CYCLE, _FORM = "drive.top_speed", "drive.cycle_time", "drive.control_angles"
 
 Design = Mapping[str, float]
@@ -90,8 +91,8 @@ class Group:
 
     def point(self, design: Design, rate: float) -> np.ndarray:
         """z at a design, of this group or another, within the bounds; what it does not say is where
-        the search starts. A cycle that is too long for the rate is shortened, and the fence swung
-        as far."""
+        the search starts, but a fence that did not bend is as thick as may be. A cycle that is too
+        long for the rate is shortened, and the fence swung as far."""
         space, problem = self.problem.space, self.problem
         assert space is not None
         start = problem.values(problem.start)
@@ -100,6 +101,8 @@ class Group:
             drive = fj.HarmonicDrive(given[_TOP], given[_CYCLE])
             angles = spline(drive, given[_CYCLE], self.config.controls)
             given |= {f"{_FORM}[{k}]": float(angle) for k, angle in enumerate(angles)}
+        thickest = dict(zip(start, (v.upper for v in space.variables), strict=True))
+        given.setdefault(_THICK, thickest.get(_THICK, 0.0))
         given = {**start, **{name: given[name] for name in start if name in given}}
         share = min(1.0, _ROOM * period(rate) / given[_CYCLE])
         given[_CYCLE] *= share
@@ -145,7 +148,7 @@ def _machine(
         free[path] = _span(*ends, number.start if known is None else known)
     changed: dict[str, Any] = {"period": longest, "limits.clear_period": True}
     if not bends:
-        shape = ("fence.thickness", "fence.length_ratio")
+        shape = (_THICK, "fence.length_ratio")
         changed |= {path: _known(given, path) for path in shape if path in given.free}
     changed |= _limits(given)
     changed |= _drive(config, given, law, free)

@@ -56,6 +56,8 @@ def wins(outcome: Outcome) -> str:
                 continue
             others = [p for p in outcome.of(name, rate) if p.confirmed and p is not best]
             told = [f"{p.concept.title} {_value(p, unit)}" for p in _compared(others)]
+            if name == FORCE.name:
+                told.append(f"a constant push would need {shown(outcome.push(best), 'N', 3)}")
             lines.append(
                 f"At {rate:g}/h {best.concept.title} has the least {name.replace('_', ' ')}, "
                 f"{_value(best, unit)}" + (f" ({'; '.join(told)})." if told else ".")
@@ -75,7 +77,7 @@ def _value(point: Point, unit: str) -> str:
 
 def design_text(outcome: Outcome, point: Point) -> str:
     """The numbers of a design that its concept has, each with its unit."""
-    (group,) = (g for g in outcome.groups if point.concept in g.concepts)
+    group = outcome.group(point)
     own = {number.path for number in point.concept.numbers}
     told = [
         f"{path.rpartition('.')[2].replace('_', ' ')} "
