@@ -199,14 +199,18 @@ def friction_gain(mu, speed, impact):
     return gain, -gain / smooth - 2 * extra / (impact.stribeck**2 * sqrt(smooth))
 
 
-def solve(impact, rtol=1e-8, atol=None, method="LSODA", samples=401):
+def solve(impact, rtol=1e-8, atol=None, method="LSODA", samples=401, more=None):
     """Integrate one impact over its horizon: a `Solution`.
 
     rtol: relative tolerance. atol: absolute tolerance on every state, default rtol/1000.
     method: a stiff method of scipy.integrate.solve_ivp. samples: points of the uniform grid of
-    histories; peaks are refined on the integrator's dense output between them.
+    histories; peaks are refined on the integrator's dense output between them. more: loads that the
+    model leaves out, with a `derivative` and a `contact` of their own (see `second_order`).
     """
     count = impact.link.frequency.size
+    rates, touch_of, slopes = derivative, contact, jacobian
+    if more is not None:
+        rates, touch_of, slopes = more.derivative, more.contact, None
 
     def past_tip(time, state):
         ahead, gap = tip_clearance(impact, Fence(impact, time, state), state[2 * count :])
@@ -214,13 +218,13 @@ def solve(impact, rtol=1e-8, atol=None, method="LSODA", samples=401):
 
     past_tip.terminal = True
     result = solve_ivp(
-        lambda time, state: derivative(impact, time, state),
+        lambda time, state: rates(impact, time, state),
         (0.0, impact.horizon),
-        initial_state(impact),
+        initial_state(impact) if more is None else more.begin(impact),
         method=method,
         rtol=rtol,
         atol=rtol * 1e-3 if atol is None else atol,
-        jac=lambda time, state: jacobian(impact, time, state),
+        jac=None if slopes is None else lambda time, state: slopes(impact, time, state),
         events=past_tip,
         dense_output=True,
     )
@@ -230,6 +234,8 @@ def solve(impact, rtol=1e-8, atol=None, method="LSODA", samples=401):
 
     def contact_at(time):
         state = result.sol(time)
+        if more is not None:
+            return touch_of(impact, time, state)
         return contact(impact, Fence(impact, time, state), state[2 * count : 2 * count + 6])
 
     def tip_at(time):

@@ -1,9 +1,11 @@
 """What a status still means: how random real designs end at each fidelity, as they are and with
 those in doubt computed again (`fencejax.simulate_many`), and what that costs.
 
-    python tests/robustness/doubt.py                 # some minutes
-    python tests/robustness/doubt.py --designs 256
-    python tests/robustness/doubt.py --record        # the table of TRUST.md anew
+From the folder `tests`:
+
+    python -m robustness.doubt                 # some minutes
+    python -m robustness.doubt --designs 256
+    python -m robustness.doubt --record        # the table of TRUST.md anew
 
 Designs are oblique impacts, log-uniform within what fences and parcels may really be (`USUAL` in
 `extreme_scenes`), centre of gravity anywhere in the parcel, all in one batch. The cost is the
@@ -81,7 +83,7 @@ def main():
         found = [column[name] for column in columns_of.values()]
         rows[name] = {"unit": "%", "values": [told, *found]}
     if given.record:
-        known, command = figures.record(), "python tests/robustness/doubt.py --record"
+        known, command = figures.record(), "cd tests && python -m robustness.doubt --record"
         heads = ["status", "what it says", *columns_of]
         known["doubt"] = {"command": command, "columns": heads, "rows": rows}
         before, after = columns_of["`standard`"][_DOUBT], columns_of["standard, refined"][_DOUBT]

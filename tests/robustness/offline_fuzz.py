@@ -1,6 +1,8 @@
 """Random scenes by the hundred thousand: finite or flagged, in value and in gradient.
 
-    python tests/offline_fuzz.py --scenes 100000 --seed 20260101 --out fuzz.json
+From the folder `tests`:
+
+    python -m robustness.offline_fuzz --scenes 100000 --seed 20260101 --out fuzz.json
 
 Half of them from end to end of what a sweep may ask for, half as real designs may be. A sample is
 compared with `Fidelity.reference` (steps of 25 us, friction smoothed over 0.02 mm/s), in the peak

@@ -1,8 +1,10 @@
 """How far every measure that can be an objective or a limit is off under a good status, in value
 and gradient, at each named fidelity.
 
-    python tests/robustness/promises.py                  # some minutes
-    python tests/robustness/promises.py --record         # the table of TRUST.md anew
+From the folder `tests`:
+
+    python -m robustness.promises                  # some minutes
+    python -m robustness.promises --record         # the table of TRUST.md anew
 
 Designs are random: oblique impacts within what fences and parcels may really be (`USUAL` in
 `extreme_scenes`, the centre of gravity anywhere in the parcel) and whole sorts (`random_scenes`).
@@ -143,7 +145,7 @@ def main():
             cells = [told_of(part) for name in NAMES for part in by_rung[name][measure][:2]]
             rows[f"{kind}: {measure}"] = {"unit": "1", "values": cells}
     if given.record:
-        known, command = figures.record(), "python tests/robustness/promises.py --record"
+        known, command = figures.record(), "cd tests && python -m robustness.promises --record"
         heads = [f"{kind}, `{name}`" for name in NAMES for kind in ("value", "gradient")]
         known["every measure"] = {"command": command, "columns": ["measure", *heads], "rows": rows}
         known["every measure's designs"] = {

@@ -1,8 +1,10 @@
 """A search for large errors under a good status, as an optimiser may stumble upon them.
 
-    python tests/robustness/search.py --out search.json
-    python tests/robustness/search.py --kinds impact --tolerance 1e-2 --of gradient
-    python tests/robustness/search.py --record           # the table of TRUST.md, from search.json
+From the folder `tests`:
+
+    python -m robustness.search --out search.json
+    python -m robustness.search --kinds impact --tolerance 1e-2 --of gradient
+    python -m robustness.search --record           # the table of TRUST.md, from search.json
 
 Designs of each kind of scene (`searched_scenes`) are bred, by differential evolution, for the
 largest error of the peak force, or of its gradient, among those with a good status. The truth is
@@ -144,7 +146,8 @@ def _table():
     columns = [head for head in heads if any(head in row for row in rows.values())]
     known = figures.record()
     known["found by searching"] = {
-        "command": "python tests/robustness/search.py --out search.json, then --record",
+        "command": "cd tests && python -m robustness.search --out robustness/search.json; "
+        "cd tests && python -m robustness.search --record",
         "columns": ["scenes", *columns],
         "rows": {
             name: {"unit": "", "values": [row.get(head, "") for head in columns]}

@@ -1,9 +1,11 @@
 """What each constant of `fencejax.results.diagnostics` refuses and what it lets pass: of random
 designs, with all others as they are.
 
-    python tests/robustness/thresholds.py                # some minutes
-    python tests/robustness/thresholds.py --scenes 2048 --seed 7 --rungs standard
-    python tests/robustness/thresholds.py --record       # the table of TRUST.md anew
+From the folder `tests`:
+
+    python -m robustness.thresholds                # some minutes
+    python -m robustness.thresholds --scenes 2048 --seed 7 --rungs standard
+    python -m robustness.thresholds --record       # the table of TRUST.md anew
 
 Half of the designs are as real ones may be, half from end to end of what a sweep may ask for
 (`USUAL` and `WIDE` in `extreme_scenes`). Each is computed with its gradient at a named fidelity and
@@ -139,7 +141,7 @@ def main():
 
 
 def _record(rows, given):
-    known, command = figures.record(), "python tests/robustness/thresholds.py --record"
+    known, command = figures.record(), "cd tests && python -m robustness.thresholds --record"
     factors = [factor for factor in FACTORS if factor != 1]
     heads = [
         f"{name}, {'without it' if factor > 100 else f'{factor:g} times'}"
