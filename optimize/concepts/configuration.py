@@ -32,7 +32,7 @@ class ConceptsConfig:
         (
             "rigid", "rigid+pad", "rigid+shaft", "rigid+clutch", "rigid+motion", "one_link",
             "one_link+clutch", "two_link", "two_link+pad", "two_link+motion",
-            "two_link+pad+clutch+motion",
+            "two_link+pad+motion",
         ),
         f"what is compared: {' or '.join(LINKS)}, joined by + with any of "
         f"{', '.join(name for name in MEANS if name not in LINKS)}",
@@ -56,7 +56,7 @@ class ConceptsConfig:
         1, "fidelities, each finer, at which the search computes sorts in doubt; what it ends with "
         "is computed finer in any case", least=1,
     )
-    budget: int = flags.field(40, "evaluations at most for each search", least=1)
+    budget: int = flags.field(30, "evaluations at most for each search", least=1)
     fidelity: str = flags.field("fast", "fidelity of the search", choices=flags.FIDELITIES)
     check: str = flags.field(
         "fast", "fidelity at which designs are compared", choices=flags.FIDELITIES
