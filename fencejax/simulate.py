@@ -317,7 +317,7 @@ def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory
     steps = time_loop.count_steps(scene.duration, fidelity.step)
     step = scene.duration / (steps * units(fidelity))
     mechanics = fusion_barrier(good, lambda s: Mechanics(s, fidelity), scene)
-    begin = scene.start.time(scene.drive)
+    begin = scene.start.time(scene.drive, scene.fence)
     zero = jnp.zeros_like(scene.parcel.mass)
     time = zero if begin is None else begin + zero
     link = mechanics.link
@@ -335,7 +335,7 @@ def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory
             vibration = fusion_barrier(
                 good, FlexibleLink.swung, link, scene.drive, lengths[-1], of_swing
             )
-        drive = scene.drive.motion(time)
+        drive = link.motion(scene.drive.motion(time), vibration)
         distance = scene.start.distance()
         if distance is not None:
             pose = fusion_barrier(good, _pose, link, drive, vibration, distance)
@@ -353,7 +353,7 @@ def _pose(
     link: FlexibleLink, drive: DriveMotion, vibration: Vibration, distance: Array
 ) -> Pose:
     """The fence's point at an arc coordinate [m], in fixed axes."""
-    return fence_pose(link.point(link.shape(distance), vibration), drive)
+    return fence_pose(link.point_on(drive, link.shape(distance), vibration), drive)
 
 
 def _run(

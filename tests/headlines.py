@@ -68,6 +68,11 @@ RUNS = {
         "worst sort before": Figure(("worst_force_before",), "N", 1e-3),
         "worst sort": Figure(("worst_force_after",), "N", 0.02),
     }),
+    "co_design, honest": Run("co_design", ("--sorter", "honest"), "co_design.json", {
+        "worst sort before": Figure(("worst_force_before",), "N", 1e-3),
+        "worst sort": Figure(("worst_force_after",), "N", 0.02),
+        "constant push": Figure(("constant_push",), "N", 0.02),
+    }),
     "robust_design": Run("robust_design", (), "robust.json", {
         "severity, after over before": Figure(("ratio", "value"), "1", 0.03),
     }),
@@ -98,6 +103,16 @@ RUNS = {
             _paper("ringing", "share of the deflection, two-link", "1", 0.1),
         "ringing left, one-link":
             _paper("ringing", "share of the deflection, one-link", "1", 0.1),
+        "worst place, two-link": _paper("free end", "place of the largest N_max, two-link", "m"),
+        "worst place, one-link": _paper("free end", "place of the largest N_max, one-link", "m"),
+        "force at 0.8 m, two-link": _paper("rigid third", "N_max at R = 0.8 m, two-link", "N"),
+        "force at 0.8 m, one-link": _paper("rigid third", "N_max at R = 0.8 m, one-link", "N"),
+        "paths apart, impact":
+            _paper("paths", "largest distance of the paths, impact", "m", 0.05),
+        "restitution of 1 kg": _paper("restitution", "restitution, 1 kg"),
+        "restitution of 30 kg": _paper("restitution", "restitution, 30 kg"),
+        "speed at the corner": _paper("fall", "normal speed at the corner", "m/s"),
+        "speed at the tip": _paper("fall", "normal speed at the tip", "m/s"),
     }),
     "identify": Run("identify", ("--demo",), "result.json", {
         "modulus": Figure(("parameters", "youngs_modulus", "value"), "Pa", 5e-3),

@@ -12,7 +12,8 @@ i alpha'. All follow the time loop step by step: integrals by the trapezoidal ru
 between samples, signs changing where the line through two samples does.
 
 The motor is the scene's, its numbers differentiable as all others: `whole_sort(motor=...)`. Without
-one, or without a number, there is no inertia, no loss, and no gear. What is read of torques is at
+one, or without a number, there is no inertia, no loss, and no gear. Of a torque drive T_f is its
+torque, and its own inertia takes the place of the rotor's. What is read of torques is at
 the hinge, or at the shaft where the motor's own numbers are (`Motor.at_shaft`).
 """
 
@@ -37,7 +38,7 @@ def _hinge_torque(sample: Sample, motor: Motor | None) -> Array:
     if motor.efficiency is not None:
         drives = torque * sample.drive.speed > 0
         torque = torque * jnp.where(drives, 1 / motor.efficiency, motor.efficiency)
-    if motor.rotor_inertia is not None:
+    if motor.rotor_inertia is not None and sample.drive.torque is None:
         torque = torque + motor.reflected_inertia * sample.drive.acceleration
     return torque
 

@@ -10,12 +10,9 @@ import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from .. import _check
-from ..parts import Fence
 from ..printing import shown
 from ..results import MEASURES, Measure, Result
 from ..scenes import NormalScene, Scene
@@ -129,7 +126,7 @@ RING_ENERGY = Quantity(
 )  # fmt: skip
 FENCE_MASS = Quantity(
     "fence_mass", "kg", "mass of the rigid and the flexible link",
-    lambda result, scene: _fence_mass(scene.fence),
+    lambda result, scene: scene.fence.mass,
     needs=("fence",),
     fields=(),
 )  # fmt: skip
@@ -139,23 +136,6 @@ CYCLE_TIME = Quantity(
     needs=("drive",),
     fields=(),
 )  # fmt: skip
-
-
-def _fence_mass(fence: Fence) -> Array:
-    """rho z h_1 (l_s + l_p mean of g) [kg], with the taper's mean by Gauss-Legendre quadrature.
-
-    In u, tip_distance = u^2, piece by piece between the taper's breaks: exact for uniform,
-    constant-strength, stepped and piecewise linear links.
-    """
-    node, weight = np.polynomial.legendre.leggauss(24)
-    edges = np.sqrt(1.0 - np.array([0.0, *fence.taper.breaks, 1.0]))
-    half = 0.5 * (edges[:-1, None] - edges[1:, None])
-    root = edges[1:, None] + half * (1 + node)
-    material = fence.material
-    section = material.density * fence.width * fence.thickness
-    relative = jnp.asarray(fence.taper(1 - root**2, root**2)).astype(section.dtype)
-    mean = jnp.sum(relative * jnp.asarray(2 * half * weight * root, dtype=section.dtype))
-    return section * (fence.rigid_length + fence.flexible_length * mean)
 
 
 OBJECTIVES: Mapping[str, Quantity] = {

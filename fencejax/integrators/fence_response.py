@@ -193,7 +193,11 @@ class FenceEnd(eqx.Module):
         force at another place there, as the fence moves along itself. To the first order in the
         bending, and not of chords: for Newton's method alone."""
         give, give_rate = self.compliance(k, other, self.expected[other])
-        rate = slope * give_rate - self.drive.speed * give
+        speed = self.drive.speed
+        if self.hinge is not None and self.hinge.hinge.driven:
+            turn, speed = self.hinge.free
+            slope = slope - turn
+        rate = slope * give_rate - speed * give
         if self.arcs:
             along = self.arcs[k][1][other].short_rate
             rate = rate + (along * self.shares[other] if self.shares else along)
@@ -203,7 +207,7 @@ class FenceEnd(eqx.Module):
         """The point of the fence under each corner, or where else it is loaded."""
         if not self.flexible:
             zero = jnp.zeros_like(self.drive.angle)
-            return tuple(FencePoint(s.place, zero, zero, zero, zero) for s in self.shapes)
+            return tuple(small_point(s.place, *s.from_line(zero, zero, zero)) for s in self.shapes)
         normals = self._every(self.loads(normals))
         return tuple(self._point(k, normals) for k in range(len(self.shapes)))
 
@@ -240,13 +244,14 @@ class FenceEnd(eqx.Module):
         link, shape = self.link, self.shapes[k]
         if not self.bends:
             zero = jnp.zeros_like(self.drive.angle)
-            return FencePoint(shape.place, zero, zero, zero, zero)
+            return small_point(shape.place, *shape.from_line(zero, zero, zero))
         if link.geometry == "chord":
             extra = self._residual(k, normals[k])
             return link.chord_point(shape, self._vibration(normals), *extra)
         if link.geometry == "arc":
-            return arc_point(shape.place, self._arc(k, normals), *self._bending(k, normals))
-        return small_point(shape.place, *self._bending(k, normals))
+            bent = shape.from_line(*self._bending(k, normals))
+            return arc_point(shape.place, self._arc(k, normals), *bent)
+        return small_point(shape.place, *shape.from_line(*self._bending(k, normals)))
 
     def _residual(self, k: int, normal):
         """Deflection [m] of the modes left out, its rate [m/s] and their slope."""

@@ -12,6 +12,7 @@ from jaxtyping import Array
 
 from ..fidelity import Fidelity
 from ..model import FlexibleLink, Forces, Mechanics, Propagator, blocks, relaxation
+from ..parts import AbstractTorqueDrive
 
 
 class Stride(NamedTuple):
@@ -182,6 +183,12 @@ def next_step_size(
         for now, before in zip(forces.fence, normals_before, strict=True)
     ]
     changes += [0.0 * meeting.contact.normal for meeting in forces.still]
+    rise = _CHANGE
+    if mechanics.link is not None and isinstance(mechanics.drive, AbstractTorqueDrive):
+        # The torque at the tip of a fence that nothing meets.
+        link = mechanics.link
+        inertia = link.root_inertia + link.swing_inertia
+        rise = rise + link.reach * mechanics.drive.largest / inertia
     for count in clock.counts:
         if count <= clock.unit:
             continue
@@ -189,7 +196,7 @@ def next_step_size(
         fine = (jump * ratio**2 <= tolerance) & (ratio <= 2)
         for k, change in enumerate(changes):
             corner = corners[k]
-            reach = corner.gap + 3 * jnp.abs(corner.gap_rate) * length + 0.5 * _CHANGE * length**2
+            reach = corner.gap + 3 * jnp.abs(corner.gap_rate) * length + 0.5 * rise * length**2
             free = reach < 0
             if k < len(forces.fence):
                 slide = 3 * jnp.abs(corner.sliding) * length
@@ -207,4 +214,5 @@ def _span(mechanics: Mechanics, k: int) -> tuple[float, Array]:
     assert mechanics.link is not None
     fade = mechanics.fidelity.tip_fade
     side = mechanics.sides.get(mechanics.fence_corners[k], 0.0)
-    return -fade, mechanics.link.reach + fade + side
+    far = mechanics.link.reach + fade + side
+    return -fade, far if mechanics.edge_radius is None else far + mechanics.edge_radius

@@ -34,7 +34,6 @@ from .fence_state import (
 from .flexible_link import (
     SWING_STEPS as SWING_STEPS,
     FlexibleLink as FlexibleLink,
-    Shape as Shape,
 )
 from .friction import (
     belt_grip as belt_grip,
@@ -71,6 +70,7 @@ from .propagation import (
     propagator as propagator,
     relaxation as relaxation,
 )
+from .shape import Shape as Shape
 from .state import NormalState as NormalState, SceneState as SceneState
 from .tip import (
     Side as Side,

@@ -174,10 +174,10 @@ def build_tables(
         residual_tip=xp.concatenate([np.zeros((1, 2)), tip]),
         moment=_moments(taper, elements, values, full, xp),
         relative_thickness=taper(stations[:-1], 1.0 - stations[:-1]) + 0.0 * values[:1].sum(),
-        shortening=_integrated(
+        shortening=integrated(
             lambda s: 0.5 * s[..., :, None] * s[..., None, :], full[:, :ARC_MODES], xp
         ),
-        cubed=_integrated(lambda s: s[..., :1].sum(-1) ** 3 / 6, full[:, :1], xp),
+        cubed=integrated(lambda s: s[..., :1].sum(-1) ** 3 / 6, full[:, :1], xp),
     )
 
 
@@ -203,7 +203,7 @@ def _within(compliance, cubics, xp):
     return xp.einsum("eij,ijk->ek", blocks, powers)
 
 
-def _integrated(function, full, xp):
+def integrated(function, full, xp):
     """Integral of a polynomial of the mode slopes from the root to each node, and its derivative
     there, in a new last axis. Exact up to the sixth degree of the element's coordinate."""
     elements = full.shape[0] // 2 - 1

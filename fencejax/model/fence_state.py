@@ -6,11 +6,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..parts import DriveMotion
-from .flexible_link import FlexibleLink, Shape
+from .flexible_link import FlexibleLink
 from .hinge import ClutchState
 from .mechanics import Forces
 from .mode_shapes import Blocks
 from .pad import PadState
+from .shape import Shape
 from .vibration import Vibration
 
 

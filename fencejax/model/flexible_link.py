@@ -1,7 +1,5 @@
 """The flexible link in clamped-root modes, in SI units, and the point of it that a corner meets."""
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,34 +7,18 @@ import numpy as np
 from jaxtyping import Array
 
 from ..fidelity import Fidelity
-from ..parts import AbstractDrive, DriveMotion, Fence
+from ..parts import AbstractDrive, AbstractTorqueDrive, DriveMotion, Fence
 from . import beam
 from .fence_geometry import Arc, FencePoint, arc, arc_point, chain, small_point
 from .hinge import ClampedLink, Hinge
-from .mode_shapes import Blocks, ShapeTable
+from .mode_shapes import Blocks, ShapeTable, arc_modes
 from .pad import Cover
 from .propagation import Propagator, propagator
-from .vibration import Vibration, blocks, dot, propagate
+from .rest_shape import RestTable
+from .shape import Shape
+from .vibration import Vibration, blocks, combined, dot, flat, one_by_one, propagate
 
 SWING_STEPS = 64
-
-
-class Shape(NamedTuple):
-    """The mode shapes at one arc coordinate: deflection [1] and slope [1/m] from the line of the
-    rigid link, as blocks; `load` [1], the share of a force there that each mode gets; of the modes
-    left out (`None` where there are none) the compliance G at the place itself [m/N], deflection
-    sqrt(G) [m/J^0.5] and slope [rad/J^0.5] of the residual mode, and the compliance at the tip
-    [m/N]; the `arc` integrals
-    (`None` unless the geometry needs them)."""
-
-    deflection: Blocks
-    slope: Blocks
-    load: Blocks
-    residual: Array | None
-    residual_mode: tuple[Array, Array] | None
-    residual_tip: Array | None
-    arc: tuple[tuple[Array, ...], Array] | None
-    place: Array
 
 
 class FlexibleLink(eqx.Module):
@@ -46,7 +28,8 @@ class FlexibleLink(eqx.Module):
     eta is in metres and f_i = phi_i(sigma) Q / m_0 - p_i alpha''.
 
     On a shaft that gives way the modes are those of fence and shaft together, with a rotation of
-    the rigid link each (`fencejax.model.hinge`), and alpha is the motor's angle.
+    the rigid link each (`fencejax.model.hinge`), and alpha is the motor's angle. So they are on a
+    torque drive, with alpha = 0.
     """
 
     rigid_length: Array
@@ -68,10 +51,11 @@ class FlexibleLink(eqx.Module):
     root_inertia: Array
     cover: Cover | None
     hinge: Hinge | None
+    rest_table: RestTable | None
     elements: int = eqx.field(static=True)
     geometry: str = eqx.field(static=True)
 
-    def __init__(self, fence: Fence, fidelity: Fidelity):
+    def __init__(self, fence: Fence, fidelity: Fidelity, drive: AbstractDrive | None = None):
         precision = fence.mass_scale.dtype
         tables = beam.tables(fence.taper, fidelity.elements, fidelity.mode_count)
         tables = jax.tree.map(lambda table: table.astype(precision), tables)
@@ -93,15 +77,19 @@ class FlexibleLink(eqx.Module):
         )
         rigid_mass = fence.material.density * fence.width * fence.thickness * arm
         self.root_inertia = rigid_mass * arm**2 / 3
-        self.hinge = None
-        if fence.shaft is not None:
-            self.root_inertia = self.root_inertia + fence.shaft.inertia
+        self.rest_table = None
+        if fence.rest_shape is not None:
+            self.rest_table = RestTable(fence, tables, arc_modes(fidelity))
+        self.hinge, clamped_moment = None, tables.moment
+        mount = drive if isinstance(drive, AbstractTorqueDrive) else fence.shaft
+        if mount is not None:
+            self.root_inertia = self.root_inertia + mount.inertia
             swing = arm * jnp.asarray(tables.swing_root) + self.length * jnp.asarray(
                 tables.swing_tip
             )
             inertia = self.root_inertia + self.swing_inertia
             clamped = ClampedLink(self.eigenvalues, swing, self.mass_scale, inertia, self.lag)
-            self.hinge = Hinge(fence.shaft, clamped)
+            self.hinge = Hinge(mount, clamped)
             tables = self.hinge.mixed(tables, rate, self.length)
             self.eigenvalues = self.hinge.eigenvalues
         self.frequency_squared = blocks(self.eigenvalues)
@@ -117,10 +105,18 @@ class FlexibleLink(eqx.Module):
         self.bending = tuple(
             fence.stiffness_scale * self.length * block for block in blocks(tables.moment)
         )
-        self.bending_flexibility = tuple(
-            block / (self.mass_scale * (value[None] if value.ndim else value))
-            for block, value in zip(self.bending, self.frequency_squared, strict=True)
-        )
+        if self.hinge is not None and self.hinge.driven:
+            # A load at rest turns the hinge away: what it bends is that of the clamped modes.
+            static = self.mass_scale * self.hinge.link.eigenvalues[None]
+            flexibility = self.hinge.clamped_loads(clamped_moment / static)
+            self.bending_flexibility = tuple(
+                fence.stiffness_scale * self.length * block for block in blocks(flexibility)
+            )
+        else:
+            self.bending_flexibility = tuple(
+                block / (self.mass_scale * (value[None] if value.ndim else value))
+                for block, value in zip(self.bending, self.frequency_squared, strict=True)
+            )
         thickness = fence.thickness * jnp.asarray(tables.relative_thickness)
         self.stress_scale = 6 / (fence.width * thickness**2)
         nodes = np.arange(self.elements) / self.elements
@@ -146,6 +142,23 @@ class FlexibleLink(eqx.Module):
         """omega_i^2 [1/s^2] of the fence clamped at its root."""
         return self.eigenvalues if self.hinge is None else self.hinge.link.eigenvalues
 
+    @property
+    def slowest(self) -> Array:
+        """Omega^2 [1/s^2] of the first mode that bends, or of the only one."""
+        free = self.hinge is not None and self.hinge.driven and self.eigenvalues.size > 1
+        return self.eigenvalues[int(free)]
+
+    def motion(self, drive: DriveMotion, state: Vibration, force: Blocks = ()) -> DriveMotion:
+        """The drive's motion, or, where it is the hinge's that a torque drives, that of the `state`
+        under the modal forces [m/s^2]; without these, but for its acceleration."""
+        if self.hinge is None or not self.hinge.driven:
+            return drive
+        angle, speed = self.hinge.twist(state)
+        turn, acceleration = blocks(self.hinge.turn), jnp.zeros_like(angle)
+        if force:
+            acceleration = dot(turn, self.acceleration(state, force))
+        return DriveMotion(angle, speed, acceleration, drive.torque)
+
     def rest(self) -> Vibration:
         """No deflection, no motion."""
         zero = tuple(jnp.zeros_like(value) for value in self.frequency_squared)
@@ -163,6 +176,8 @@ class FlexibleLink(eqx.Module):
 
     def inertia_force(self, drive: DriveMotion) -> Blocks:
         """-p_i alpha'' [m/s^2]: what the swing of the root does to each mode."""
+        if self.hinge is not None and drive.torque is not None:
+            return tuple(a * drive.torque for a in blocks(self.hinge.driving))
         return tuple(-p * drive.acceleration for p in self.swing)
 
     def loaded(self, inertia: Blocks, shapes: tuple["Shape", ...], normals) -> Blocks:
@@ -189,19 +204,26 @@ class FlexibleLink(eqx.Module):
 
         Each step takes the linear acceleration that has the drive's own change of speed and of
         angle over it, so that the error is of the fourth order and jumps of the acceleration do
-        no harm.
+        no harm. Of a torque it takes both integrals by Simpson's rule, to the same order.
         """
         if not self.swing:
             return self.rest()
-        swing = jnp.concatenate([jnp.atleast_1d(p) for p in self.swing])
+        swing = -flat(self.swing)
+        if self.hinge is not None and self.hinge.driven:
+            swing = self.hinge.driving
 
         def advance(carry, index):
             state, before = carry
             after = drive.motion((index + 1) * step)
             mean = (after.speed - before.speed) / step
             moment = (after.angle - before.angle - step * before.speed) / step**2
+            if before.torque is not None and after.torque is not None:
+                middle = drive.motion((index + 0.5) * step).torque
+                assert middle is not None
+                mean = (before.torque + 4 * middle + after.torque) / 6
+                moment = (before.torque + 2 * middle) / 6
             start, end = 6 * moment - 2 * mean, 4 * mean - 6 * moment
-            forces = (-swing * start,), (-swing * end,)
+            forces = (swing * start,), (swing * end,)
             if self.hinge is not None:
                 (coupling,) = self.hinge.coupling(state.rate)
                 forces = (forces[0][0] + coupling,), forces[1]
@@ -242,12 +264,15 @@ class FlexibleLink(eqx.Module):
         if sampled.pairs is not None and sampled.cube is not None:
             pairs = tuple(pair / self.length for pair in sampled.pairs)
             arc = (pairs, sampled.cube / self.length**2)
+        rest = None
+        if self.rest_table is not None:
+            rest = self.rest_table.at((place - self.rigid_length) / self.length, index, s)
         load = sampled.load if self.table.shared else deflection
         if self.hinge is not None:
             turn = blocks(self.hinge.turn)
             load = tuple(v + place * a for v, a in zip(load, turn, strict=True))
         return Shape(
-            deflection, slope, load, residual, residual_mode, residual_tip, arc, place
+            deflection, slope, load, residual, residual_mode, residual_tip, arc, place, rest
         )
 
     def _element(self, place):
@@ -288,19 +313,26 @@ class FlexibleLink(eqx.Module):
         point = self._bent_point(shape, state)
         return point if self.hinge is None else point.turned_by(*self.hinge.twist(state))
 
+    def point_on(self, drive: DriveMotion, shape: Shape, state: Vibration) -> FencePoint:
+        """The same in the frame of the `drive`, that of `motion`."""
+        point = self.point(shape, state)
+        if self.hinge is None or not self.hinge.driven:
+            return point
+        return point.turned_by(-drive.angle, -drive.speed)
+
     def _bent_point(self, shape: Shape, state: Vibration) -> FencePoint:
         """The same from the line of the rigid link."""
         zero = jnp.zeros_like(shape.place)
         if not self.frequency_squared:
-            return small_point(shape.place, zero, zero, zero)
+            return small_point(shape.place, *shape.from_line(zero, zero, zero))
         if self.geometry == "chord":
             return self.chord_point(shape, state, zero, zero, zero)
         deflection = dot(shape.deflection, state.amplitude)
         rate = dot(shape.deflection, state.rate)
-        slope = dot(shape.slope, state.amplitude)
+        bent = shape.from_line(deflection, rate, dot(shape.slope, state.amplitude))
         if self.geometry == "arc":
-            return arc_point(shape.place, self.arc(shape, state), deflection, rate, slope)
-        return small_point(shape.place, deflection, rate, slope)
+            return arc_point(shape.place, self.arc(shape, state), *bent)
+        return small_point(shape.place, *bent)
 
     def arc(self, shape: Shape, state: Vibration) -> Arc:
         """What an arc takes off the place of a point, from the first modes."""
@@ -308,8 +340,10 @@ class FlexibleLink(eqx.Module):
         modes = self.table.arc_modes
         if self.hinge is not None:
             q, v = (self.hinge.first_clamped(part, modes) for part in state)
-            return arc(*shape.arc, q, v)
-        return arc(*shape.arc, _flat(state.amplitude)[:modes], _flat(state.rate)[:modes])
+        else:
+            q, v = (one_by_one(part)[:modes] for part in state)
+        bent = arc(*shape.arc, q, v)
+        return bent if shape.rest is None else shape.rest.bent(bent, q, v)
 
     def chord_point(
         self, shape: Shape, state: Vibration, extra: Array, extra_rate: Array, turn: Array
@@ -325,16 +359,17 @@ class FlexibleLink(eqx.Module):
             (state.rate,),
         )
         slope = dot(shape.slope, state.amplitude) + turn
+        if shape.rest is not None:
+            slope = slope + shape.rest.line.slope
         return FencePoint(x, y + extra, x_rate, y_rate + extra_rate, slope)
 
     def _chain(self, place, amplitude):
         """Position in the turning frame of the point at `place` on the chain of chords."""
+        nodes = combined(self.deflection, amplitude), combined(self.slope, amplitude)
+        if self.rest_table is not None:
+            nodes = nodes[0] + self.rest_table.deflection, nodes[1] + self.rest_table.slope
         return chain(
-            place,
-            *self._element(place),
-            (self.rigid_length, self.length),
-            _combined(self.deflection, amplitude),
-            _combined(self.slope, amplitude),
+            place, *self._element(place), (self.rigid_length, self.length), *nodes
         )
 
     def bending_stress(self, amplitude: Blocks, loads, shapes) -> Array:
@@ -351,26 +386,9 @@ class FlexibleLink(eqx.Module):
         """
         if not self.bending:
             return jnp.zeros_like(self.stations)
-        moment = _combined(self.bending, amplitude)
+        moment = combined(self.bending, amplitude)
         for load, shape in zip(loads, shapes, strict=True):
             reached = jnp.minimum(shape.place, self.reach)
             moment = moment - load * jnp.maximum(reached - self.rigid_length - self.stations, 0.0)
-            moment = moment + load * _combined(self.bending_flexibility, shape.load)
+            moment = moment + load * combined(self.bending_flexibility, shape.load)
         return moment * self.stress_scale
-
-
-def _combined(tables: Blocks, values: Blocks) -> Array:
-    """Sum over the modes of a table over the nodes (first axis) times the modes' values."""
-    parts = [
-        jnp.sum(table * value[None], axis=-1) if jnp.ndim(value) else table * value
-        for table, value in zip(tables, values, strict=True)
-    ]
-    return sum(parts[1:], parts[0])
-
-
-def _flat(blocks: Blocks) -> list[Array]:
-    """The modes one by one."""
-    flat = []
-    for block in blocks:
-        flat.extend(block[i] for i in range(block.shape[0])) if block.ndim else flat.append(block)
-    return flat

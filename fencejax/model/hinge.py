@@ -1,4 +1,5 @@
-"""The fence on a shaft that gives way: its modes with the hinge free to turn against the shaft.
+"""The fence whose hinge is a state, on a shaft that gives way or driven by a torque: its modes with
+the hinge free to turn.
 
 With theta [rad] the hinge's angle ahead of the motor and eta [m] the clamped-root modes,
 
@@ -16,15 +17,21 @@ kappa = c_t - beta k_t,
         = (1 / m_0) (sum b_ij Q_i + a_j Q_theta - kappa a_j (theta' - a_j xi_j')),
 
 and the last term, linear over a step as all loads are, is found in closed form at its end.
+
+On a torque drive theta is the hinge's own angle and alpha_w = 0: T(t) takes the place of
+-J alpha_w'', J holds the drive's inertia, k_t and c_t are the drive's spring and damping. k_t may
+be 0, and one Omega_j with it. As c_t theta' may then be much to a mode that nothing else damps, all
+of kappa a_j theta' is in the last term, a_j xi_j' left in.
 """
 
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..parts import Shaft
+from ..parts import AbstractTorqueDrive, Shaft
 from .beam import BeamTables
 from .mode_shapes import Blocks
 from .propagation import Propagator
@@ -89,10 +96,11 @@ class Clutch(eqx.Module):
 
 
 class Hinge(eqx.Module):
-    """The modes of a fence on a shaft: `turn` a_j [rad/m], (m + 1,), and `clamped` b_ij [1],
-    (m, m + 1), of unit amplitude, with the `eigenvalues` Omega_j^2 [1/s^2]; kappa / m_0, the
-    shaft's damping in `excess` of the material's [1/s m^2]; its `stiffness` k_t [N m/rad]; the
-    clamped `link`; and the clutch, if there is one."""
+    """The modes of a fence on a shaft or a torque drive: `turn` a_j [rad/m], (m + 1,), and
+    `clamped` b_ij [1], (m, m + 1), of unit amplitude, with the `eigenvalues` Omega_j^2 [1/s^2];
+    kappa / m_0, the shaft's damping in `excess` of the material's [1/s m^2]; its `stiffness` k_t
+    [N m/rad]; the clamped `link`; the clutch, if there is one; and whether the hinge is `driven` by
+    a torque."""
 
     turn: Array
     clamped: Array
@@ -101,35 +109,34 @@ class Hinge(eqx.Module):
     stiffness: Array
     link: ClampedLink
     clutch: Clutch | None
+    driven: bool = eqx.field(static=True)
 
-    def __init__(self, shaft: Shaft, link: ClampedLink):
-        self.link, self.stiffness = link, shaft.stiffness
-        self.clutch = None if shaft.slip_torque is None else Clutch(shaft)
-        # A = K^-1/2 M K^-1/2, whose eigenvalues are 1 / Omega^2: for a stiff shaft the large ones,
-        # of the slow modes, are those of the clamped fence to round-off.
-        precision = link.eigenvalues.dtype
-        root_mass = jnp.sqrt(link.mass_scale)
-        turn_scale = 1 / jnp.sqrt(shaft.stiffness)
-        scale = 1 / jnp.sqrt(link.eigenvalues)
-        mixed = root_mass * turn_scale * link.swing * scale
-        matrix = jnp.block([
-            [(link.inertia / shaft.stiffness)[None, None], mixed[None]],
-            [mixed[:, None], jnp.diag(scale**2)],
-        ])  # fmt: skip
-        # In the widest precision that there is, as all eigen-solves here.
-        values, vectors = jnp.linalg.eigh(matrix.astype(float))
-        values, vectors = values[::-1].astype(precision), vectors[:, ::-1].astype(precision)
-        # Mass-normalised by m_0.
-        frequency = 1 / jnp.sqrt(values)
-        turn = root_mass * turn_scale * vectors[0] * frequency
-        clamped = scale[:, None] * vectors[1:] * frequency[None]
-        self.turn, self.clamped, self.eigenvalues = turn, clamped, frequency**2
-        self.excess = (shaft.damping - link.lag * shaft.stiffness) / link.mass_scale
+    def __init__(self, mount: Shaft | AbstractTorqueDrive, link: ClampedLink):
+        self.link, self.stiffness = link, mount.stiffness
+        self.driven = isinstance(mount, AbstractTorqueDrive)
+        self.excess = (mount.damping - link.lag * mount.stiffness) / link.mass_scale
+        self.clutch = None
+        if isinstance(mount, AbstractTorqueDrive):
+            self.turn, self.clamped, self.eigenvalues = _free(mount.stiffness, link)
+            return
+        self.clutch = None if mount.slip_torque is None else Clutch(mount)
+        self.turn, self.clamped, self.eigenvalues = _sprung(mount.stiffness, link)
 
     @property
     def damping(self) -> Array:
-        """kappa a_j^2 / m_0 [1/s], (m + 1,)."""
-        return self.excess * self.turn**2
+        """kappa a_j^2 / m_0 [1/s], (m + 1,), as far as it is the modes' own."""
+        return jnp.zeros_like(self.turn) if self.driven else self.excess * self.turn**2
+
+    @property
+    def driving(self) -> Array:
+        """a_j / m_0 [1/(kg m)]: what a torque on the hinge does to each mode."""
+        return self.turn / self.link.mass_scale
+
+    def clamped_loads(self, table: Array) -> Array:
+        """A `table` (n, m) over the clamped modes' shares of a load for those of these modes,
+        (n, m + 1): the shares are sigma a_j + sum_i b_ij phi_i(sigma), and by the modes'
+        orthogonality phi_i(sigma) = sum_j (p_i a_j + b_ij) of them."""
+        return table @ (self.link.swing[:, None] * self.turn[None] + self.clamped)
 
     def mixed(self, tables: BeamTables, rate: Array, length: Array) -> BeamTables:
         """The tables of the clamped modes for these: `eigenvalues` in units of `rate` [1/s^2], and
@@ -192,3 +199,50 @@ class Hinge(eqx.Module):
         rate = tuple(v - turning * g for v, g in zip(slowed, gain, strict=True))
         moved = zip(state.amplitude, maps, self.coupling(rate), strict=True)
         return Vibration(tuple(q + m.q_end * f for q, m, f in moved), rate)
+
+
+def _sprung(stiffness: Array, link: ClampedLink) -> tuple[Array, Array, Array]:
+    """Of modes with a spring in the hinge: `turn`, `clamped` and eigenvalues, slowest first."""
+    # A = K^-1/2 M K^-1/2, whose eigenvalues are 1 / Omega^2: for a stiff shaft the large ones,
+    # of the slow modes, are those of the clamped fence to round-off.
+    precision = link.eigenvalues.dtype
+    root_mass = jnp.sqrt(link.mass_scale)
+    turn_scale = 1 / jnp.sqrt(stiffness)
+    scale = 1 / jnp.sqrt(link.eigenvalues)
+    mixed = root_mass * turn_scale * link.swing * scale
+    matrix = jnp.block([
+        [(link.inertia / stiffness)[None, None], mixed[None]],
+        [mixed[:, None], jnp.diag(scale**2)],
+    ])  # fmt: skip
+    # In the widest precision that there is, as all eigen-solves here.
+    values, vectors = jnp.linalg.eigh(matrix.astype(float))
+    values, vectors = values[::-1].astype(precision), vectors[:, ::-1].astype(precision)
+    # Mass-normalised by m_0.
+    frequency = 1 / jnp.sqrt(values)
+    turn = root_mass * turn_scale * vectors[0] * frequency
+    return turn, scale[:, None] * vectors[1:] * frequency[None], frequency**2
+
+
+def _free(stiffness: Array, link: ClampedLink) -> tuple[Array, Array, Array]:
+    """The same of a hinge that is free, or as good as free: by L^-1 M L^-T with L L^T = K + s M,
+    whose eigenvalues are 1 / (Omega^2 + s). With s = omega_1^2 no Omega is lost beside another."""
+    precision = link.eigenvalues.dtype
+    modes = link.eigenvalues.size
+    # In units of m_0, and of theta sqrt(J / m_0): a mass matrix of ones on the diagonal.
+    scale = jnp.sqrt(link.mass_scale / link.inertia)
+    mixed, spring = scale * link.swing, stiffness / link.inertia
+    mass = jnp.block([[jnp.ones((1, 1), precision), mixed[None]],
+                      [mixed[:, None], jnp.eye(modes, dtype=precision)]])  # fmt: skip
+    squares = jnp.concatenate([spring[None], link.eigenvalues])
+    mass, squares = mass.astype(float), squares.astype(float)
+    shift = squares[1] if modes else squares[0] + 1
+    lower = jnp.linalg.cholesky(jnp.diag(squares) + shift * mass)
+    half = jax.scipy.linalg.solve_triangular(lower, mass, lower=True)
+    matrix = jax.scipy.linalg.solve_triangular(lower, half.T, lower=True)
+    values, vectors = jnp.linalg.eigh(0.5 * (matrix + matrix.T))
+    shapes = jax.scipy.linalg.solve_triangular(lower.T, vectors[:, ::-1], lower=False)
+    shapes = shapes / jnp.sqrt(values[::-1])[None]
+    # Rayleigh's quotients are at least 0, and exact where the hinge is free.
+    eigenvalues = jnp.sum(squares[:, None] * shapes**2, axis=0)
+    shapes, eigenvalues = shapes.astype(precision), eigenvalues.astype(precision)
+    return scale * shapes[0], shapes[1:], eigenvalues

@@ -28,7 +28,7 @@ from .fence_geometry import FencePoint
 from .flexible_link import FlexibleLink
 from .friction import corner_share
 from .kinematics import Acceleration, Lean, Touch, corner_from_arm, fence_touch, surface_touch
-from .tip import Side, around
+from .tip import UPRIGHT, Side, around
 
 
 class Contact(NamedTuple):
@@ -124,6 +124,7 @@ class Mechanics(eqx.Module):
     inertia: Array
     corners: dict[int, tuple[Array, Array]]
     sides: dict[int, Array]
+    edge_radius: Array | None
     law: AbstractContactLaw
     viscosity: Array
     belt: BeltContact | None
@@ -143,8 +144,9 @@ class Mechanics(eqx.Module):
         self.mass, self.inertia = parcel.mass, parcel.inertia
         self.fence_corners, self.border_corners = scene.fence_corners, scene.border_corners
         self.surface_corners = scene.surface_corners if scene.surfaces else ()
-        self.sides = {}
+        self.sides, self.edge_radius = {}, None
         if scene.tip_contact:
+            self.edge_radius = None if scene.fence is None else scene.fence.edge_radius
             self.sides = {number: parcel.side(number) for number in self.fence_corners}
         behind = {SIDES[number] for number in self.sides}
         still = {*self.border_corners, *self.surface_corners}
@@ -157,7 +159,9 @@ class Mechanics(eqx.Module):
             weight = parcel.mass * belt.gravity
             self.belt = BeltContact(belt.speed, belt.friction, weight, parcel.mean_distance)
         self.size = jnp.sqrt(self.inertia / self.mass)
-        self.link = None if scene.fence is None else FlexibleLink(scene.fence, fidelity)
+        self.link = None
+        if scene.fence is not None:
+            self.link = FlexibleLink(scene.fence, fidelity, scene.drive)
         self.drive = scene.drive
         self.fence_friction = scene.fence_friction
         self.border, self.surfaces = scene.border, scene.surfaces
@@ -218,7 +222,10 @@ class Mechanics(eqx.Module):
     def loaded(self, place: Array, lean: Lean) -> Array:
         """Arc coordinate [m] at which a contact loads the fence, of a corner's foot at `place`."""
         assert self.link is not None
-        return jnp.minimum(place + lean.shift, self.link.reach)
+        last = self.link.reach
+        if self.edge_radius is not None:
+            last = last + self.edge_radius / UPRIGHT
+        return jnp.minimum(place + lean.shift, last)
 
     def gone(self, before: Array, place: Array, touch: Touch) -> Array:
         """Whether a corner has left over the tip: from where its force has faded, until it is clear
@@ -311,7 +318,9 @@ class Mechanics(eqx.Module):
             share = frame.shares[k]
             if self.sides:
                 side, length = self._side(number, arms), self.fidelity.tip_fade
-                parts = around(parts, body.spin, side, frame.edges[k], length)
+                parts = around(
+                    parts, body.spin, side, frame.edges[k], length, self.edge_radius
+                )
                 share = parts.remaining(share)
             given = None if normals is None else normals[k]
             meeting = self._meeting(parts, self.fence_friction, frame.places[k], given, share)

@@ -51,20 +51,20 @@ class ShapeTable(eqx.Module):
     def __init__(self, tables: BeamTables, fidelity: Fidelity):
         n = fidelity.elements
         self.modes = tables.deflection.shape[1]
-        self.arc_modes = min(fidelity.mode_count, ARC_MODES) if fidelity.geometry == "arc" else 0
+        self.arc_modes = arc_modes(fidelity)
         self.shared = fidelity.load == "shared"
         self.corrected = fidelity.residual
-        parts = [_cubics(tables.deflection, tables.slope, n)]
+        parts = [cubics(tables.deflection, tables.slope, n)]
         if self.shared:
             parts.append(_lines(tables.deflection))
         if self.corrected:
-            parts.append(_cubics(tables.residual_tip[:, :1], tables.residual_tip[:, 1:], n))
+            parts.append(cubics(tables.residual_tip[:, :1], tables.residual_tip[:, 1:], n))
         for i in range(self.arc_modes):
             for j in range(i, self.arc_modes):
                 pair = tables.shortening[:, i, j] * (1.0 if i == j else 2.0)
-                parts.append(_cubics(pair[:, :1], pair[:, 1:], n))
+                parts.append(cubics(pair[:, :1], pair[:, 1:], n))
         if self.arc_modes:
-            parts.append(_cubics(tables.cubed[:, :1], tables.cubed[:, 1:], n))
+            parts.append(cubics(tables.cubed[:, :1], tables.cubed[:, 1:], n))
         self.cubics = tuple(
             tuple(jnp.asarray(coefficient[:, k]) for coefficient in part)
             for part in parts
@@ -78,7 +78,7 @@ class ShapeTable(eqx.Module):
         """The shapes in element `index` at its local coordinate `s` in [0, 1]."""
         values, slopes = [], []
         for table in self.cubics:
-            a, b, c, d = (_entry(column, index) for column in table)
+            a, b, c, d = (entry(column, index) for column in table)
             values.append(a + s * (b + s * (c + s * d)))
             slopes.append(b + s * (2 * c + 3 * s * d))
         m = len(_columns(self.modes))
@@ -89,11 +89,16 @@ class ShapeTable(eqx.Module):
         residual = rise = residual_tip = pairs = cube = None
         if self.residual is not None:
             residual_tip, at = values[at], at + 1
-            residual, rise = _polynomial([_entry(column, index) for column in self.residual], s)
+            residual, rise = _polynomial([entry(column, index) for column in self.residual], s)
         if self.arc_modes:
             *pairs, cube = values[at:]
             pairs = tuple(pairs)
         return Sampled(deflection, slope, load, residual, rise, residual_tip, pairs, cube)
+
+
+def arc_modes(fidelity: Fidelity) -> int:
+    """How many modes an arc takes; none in the other geometries."""
+    return min(fidelity.mode_count, ARC_MODES) if fidelity.geometry == "arc" else 0
 
 
 def _columns(modes: int) -> list:
@@ -101,7 +106,8 @@ def _columns(modes: int) -> list:
     return list(range(modes)) if modes <= MOST_SCALAR_MODES else [slice(0, modes)]
 
 
-def _entry(column: Array, index: Array) -> Array:
+def entry(column: Array, index: Array) -> Array:
+    """That of one element of an array over the elements."""
     return jax.lax.dynamic_index_in_dim(column, index, keepdims=False)
 
 
@@ -114,7 +120,7 @@ def _polynomial(coefficients, s: Array) -> tuple[Array, Array]:
     return value, slope
 
 
-def _cubics(value, slope, elements: int):
+def cubics(value, slope, elements: int):
     """The four coefficients (n, k) each, in the local coordinate, of the elements' cubics with the
     given values and slopes in x / l_p at the nodes, (n + 1, k) each."""
     a, c = value[:-1], value[1:]

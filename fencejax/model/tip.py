@@ -11,6 +11,18 @@ the contact, along m. Both are one gap,
 with psi(x) = 0 for x >= l, x for x <= -l and a smooth lesser of the two between them, so that the
 force is N times the gradient of g: it does work like a spring, and has a continuous derivative.
 
+A tip with an edge of the radius r ends in an arc about the point r behind the end of its face. Its
+foremost point against the side is r m from there, so that the tip is inside the side by r (1 -
+cos(theta)) more, and
+
+    x = s - (D - r) tan(theta / 2)
+
+where theta > 0; else the end of the face is foremost as before. The contact's line of action then
+goes through the arc's centre, and meets the fence's line r tan(theta) beyond the tip: there it
+loads the fence, continued along its tangent. A corner that is itself on the arc, less deep than r,
+is met by the arc's tangents at n and m, rounded as psi rounds them: without that by (1 / cos(theta
+/ 2) - 1) (r - D) too much.
+
 A side that stands upright on the fence, or faces away from it, is not met by the tip: what the tip
 carries ends between cos(theta) = 0.2 and 0.
 """
@@ -33,7 +45,8 @@ class Side(NamedTuple):
     length: Array
 
 
-_UPRIGHT = 0.2
+UPRIGHT = 0.2
+"""cos(theta) [1] from which on what the tip carries ends."""
 
 
 def _lesser(x: Array, length: float) -> tuple[Array, Array]:
@@ -43,13 +56,21 @@ def _lesser(x: Array, length: float) -> tuple[Array, Array]:
     return bend + jnp.minimum(x + length, 0.0), fade(x + length, 2 * length)
 
 
-def around(touch: Touch, spin: Array, side: Side, edge: Array, length: float) -> Touch:
+def around(
+    touch: Touch,
+    spin: Array,
+    side: Side,
+    edge: Array,
+    length: float,
+    radius: Array | None = None,
+) -> Touch:
     """A corner's `touch` as it is near the tip: under the corner, at the tip, or between the two.
 
     `touch` is that of the corner against the straight line through the fence's point U; `spin`
-    phidot [rad/s]; `edge` [m] the arc from U to the tip; `length` l [m] the smoothing. The contact
-    ends over l where the tip comes to the far end of the side. There the next corner takes over;
-    where the side stands upright, the one before it.
+    phidot [rad/s]; `edge` [m] the arc from U to the tip; `length` l [m] the smoothing; `radius`
+    r [m] that of the tip's edge, `None` for a sharp one. The contact ends over l where the tip
+    comes to the far end of the side. There the next corner takes over; where the side stands
+    upright, the one before it.
     """
     along_x, along_y, along_turn = touch.tangent
     up_x, up_y, up_turn = touch.normal
@@ -57,15 +78,16 @@ def around(touch: Touch, spin: Array, side: Side, edge: Array, length: float) ->
     sine = side.y * along_x - side.x * along_y
     cosine = side.y * up_x - side.x * up_y
     half = sine / jnp.maximum(1 + cosine, 0.1)
+    under = depth if radius is None else depth - jnp.where(sine > 0, radius, 0.0)
     before_tip = edge - touch.foot_offset
-    lesser, share = _lesser(before_tip - half * depth, length)
+    lesser, share = _lesser(before_tip - half * under, length)
     # Derivatives of g in D, s and theta.
     by_depth = 1 - share * sine * half
     by_place = share * sine
-    by_turn = cosine * lesser - share * half * depth
-    reached = depth * sine - before_tip * cosine
+    by_turn = cosine * lesser - share * half * under
+    reached = under * sine - before_tip * cosine
     on_side = 1 - share * (1 - fade(reached - side.length + length, length))
-    facing = 1 - share * fade(cosine, _UPRIGHT)
+    facing = 1 - share * fade(cosine, UPRIGHT)
     across, along = touch.rates
     return Touch(
         gap=depth + sine * lesser,

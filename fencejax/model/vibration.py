@@ -54,3 +54,20 @@ def propagate(maps, state: Vibration, start: Blocks, end: Blocks) -> Vibration:
 def flat(values: Blocks) -> Array:
     """Blocks as one array."""
     return jnp.concatenate([jnp.atleast_1d(value) for value in values])
+
+
+def one_by_one(values: Blocks) -> list[Array]:
+    """The modes of blocks one by one."""
+    found = []
+    for block in values:
+        found.extend(block[i] for i in range(block.shape[0])) if block.ndim else found.append(block)
+    return found
+
+
+def combined(tables: Blocks, values: Blocks) -> Array:
+    """Sum over the modes of a table over the nodes (first axis) times the modes' values."""
+    parts = [
+        jnp.sum(table * value[None], axis=-1) if jnp.ndim(value) else table * value
+        for table, value in zip(tables, values, strict=True)
+    ]
+    return sum(parts[1:], parts[0])

@@ -1,7 +1,7 @@
-"""What a scene is made of, as a designer writes it: fence, with its material, taper, pad and shaft,
-drive, parcel, contact law, belt, still surfaces, friction law, and units. Parts know no scene and
-no instant: a contact law here is a function of a gap and its rate, a friction law one of a speed, a
-surface one of a point, and what acts when is the model's.
+"""What a scene is made of, as a designer writes it: fence, with its material, taper, pad, shaft and
+rest shape, drive, parcel, contact law, belt, still surfaces, friction law, and units. Parts know no
+scene and no instant: a contact law here is a function of a gap and its rate, a friction law one of
+a speed, a surface one of a point, and what acts when is the model's.
 
 May import: `_check` alone. A new taper, drive, contact law, friction law or surface is a subclass
 of `AbstractTaper`, `AbstractDrive`, `AbstractContactLaw`, `AbstractFriction` or `AbstractSurface`
@@ -30,12 +30,15 @@ from .drives import (
     CYCLE_TIME as CYCLE_TIME,
     DRIVES as DRIVES,
     AbstractDrive as AbstractDrive,
+    AbstractTorqueDrive as AbstractTorqueDrive,
     ConstantSpeedDrive as ConstantSpeedDrive,
     DriveMotion as DriveMotion,
     HarmonicDrive as HarmonicDrive,
     HeldDrive as HeldDrive,
+    PneumaticDrive as PneumaticDrive,
     SCurveDrive as SCurveDrive,
     SplineDrive as SplineDrive,
+    TorqueDrive as TorqueDrive,
     TrapezoidDrive as TrapezoidDrive,
 )
 from .fence import (
@@ -65,6 +68,10 @@ from .pad import (
 from .parcel import (
     SIDES as SIDES,
     Parcel as Parcel,
+)
+from .rest_shape import (
+    RestLine as RestLine,
+    RestShape as RestShape,
 )
 from .rotation import (
     turned as turned,

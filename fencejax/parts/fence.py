@@ -1,7 +1,10 @@
 """The fence: a rigid link hinged to the border, followed by a flexible one."""
 
+from collections.abc import Callable
 from typing import ClassVar
 
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
@@ -9,6 +12,7 @@ from .._check import Bounds
 from ..printing import Part
 from .material import Material
 from .pad import Pad
+from .rest_shape import RestShape
 from .shaft import Shaft
 from .taper import AbstractTaper, ConstantStrength
 
@@ -45,12 +49,15 @@ class Fence(Part):
     taper: AbstractTaper
     pad: Pad | None
     shaft: Shaft | None
+    rest_shape: RestShape | None
+    edge_radius: Array | None
 
     bounds: ClassVar[dict[str, Bounds]] = {
         "rigid_length": Bounds("m", least=0, size=1.0),
         "flexible_length": Bounds("m", above=0, size=1.0),
         "width": Bounds("m", above=0, size=0.1),
         "thickness": Bounds("m", above=0, size=0.05),
+        "edge_radius": Bounds("m", least=0, size=0.01),
     }
 
     def __init__(
@@ -63,6 +70,8 @@ class Fence(Part):
         taper: AbstractTaper | None = None,
         pad: Pad | None = None,
         shaft: Shaft | None = None,
+        rest_shape: RestShape | None = None,
+        edge_radius: ArrayLike | None = None,
     ):
         """**Arguments:**
 
@@ -75,6 +84,11 @@ class Fence(Part):
         - `pad`: an elastic cover, where the parcel meets it; by default none.
         - `shaft`: what the fence hangs on and gives way between motor and hinge; by default nothing
           gives way there.
+        - `rest_shape`: the curve of the flexible link at rest, at most
+          `RestShape.steepest` steep; by default it is straight.
+        - `edge_radius`: r [m] of the tip's edge, at least 0: an arc about the point r behind the
+          end of the face, where the tip carries a contact on the parcel's side
+          (`fencejax.model.tip`); by default the tip is sharp. It has no mass of its own.
         """
         _check.fields(
             self, rigid_length=rigid_length, flexible_length=flexible_length, width=width,
@@ -85,10 +99,22 @@ class Fence(Part):
         example = "material=fj.materials.named('POM').material"
         self.material = _check.part("material", material, Material, example)
         self.taper = _check.part("taper", taper, AbstractTaper, "taper=fj.Uniform()")
+        self.edge_radius = None
+        if edge_radius is not None:
+            self.edge_radius = _check.field(self, "edge_radius", edge_radius)
         self.shaft = None
         if shaft is not None:
             self.shaft = _check.part("shaft", shaft, Shaft, "shaft=fj.Shaft(stiffness=1e5)")
         self.pad = None if pad is None else _check.part("pad", pad, Pad, "pad=fj.Pad(0.01)")
+        self.rest_shape = None
+        if rest_shape is not None:
+            example = "rest_shape=fj.RestShape(tip=0.05)"
+            self.rest_shape = _check.part("rest_shape", rest_shape, RestShape, example)
+            steep = self.rest_shape.steepness(self.flexible_length)
+            remedy = "Write fj.RestShape with a smaller tip and middle, or a longer link."
+            _check.scalar(
+                "rest_shape.steepness", steep, most=RestShape.steepest, unit="rad", remedy=remedy
+            )
 
     @classmethod
     def one_link(cls, **changes) -> "Fence":
@@ -100,6 +126,45 @@ class Fence(Part):
     def reach(self) -> Array:
         """R_z = l_s + l_p [m], from the hinge to the tip."""
         return self.rigid_length + self.flexible_length
+
+    def rise(self, place: ArrayLike) -> Array:
+        """How far the face at rest is ahead of the rigid link's line [m], at an arc coordinate
+        [m]."""
+        if self.rest_shape is None:
+            return jnp.zeros_like(self.rigid_length + place)
+        share = (place - self.rigid_length) / self.flexible_length
+        return self.rest_shape.at(share, self.flexible_length).deflection
+
+    def _mean(self, weight: Callable[[Array], Array]) -> Array:
+        """Mean over the flexible link of g times a `weight` of x / l_p [1], by Gauss-Legendre
+        quadrature.
+
+        In u, tip_distance = u^2, piece by piece between the taper's breaks: exact for uniform,
+        constant-strength, stepped and piecewise linear links.
+        """
+        node, weights = np.polynomial.legendre.leggauss(24)
+        edges = np.sqrt(1.0 - np.array([0.0, *self.taper.breaks, 1.0]))
+        half = 0.5 * (edges[:-1, None] - edges[1:, None])
+        root = edges[1:, None] + half * (1 + node)
+        precision = self.thickness.dtype
+        relative = jnp.asarray(self.taper(1 - root**2, root**2)).astype(precision)
+        relative = relative * weight(jnp.asarray(1 - root**2, dtype=precision))
+        return jnp.sum(relative * jnp.asarray(2 * half * weights * root, dtype=precision))
+
+    @property
+    def mass(self) -> Array:
+        """rho z h_1 (l_s + l_p mean of g) [kg]."""
+        section = self.material.density * self.width * self.thickness
+        mean = self._mean(jnp.ones_like)
+        return section * (self.rigid_length + self.flexible_length * mean)
+
+    @property
+    def inertia(self) -> Array:
+        """rho z h_1 (l_s^3 / 3 + l_p mean of g (l_s + x)^2) [kg m^2], of the straight fence about
+        its hinge."""
+        section = self.material.density * self.width * self.thickness
+        mean = self._mean(lambda x: (self.rigid_length + self.flexible_length * x) ** 2)
+        return section * (self.rigid_length**3 / 3 + self.flexible_length * mean)
 
     @property
     def mass_scale(self) -> Array:

@@ -1,5 +1,6 @@
 """The drawing sheet of a fence: views to scale with dimensions, the profile, a title block."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -65,7 +66,10 @@ class _Sheet:
     """The views of one fence, in millimetres of the sheet."""
 
     def __init__(self, axes: "Axes", fence: Fence):
-        self.axes, self.fence, self.shape = axes, fence, fence_outline(fence)
+        straight = fence
+        if fence.rest_shape is not None:
+            straight = dataclasses.replace(fence, rest_shape=None)
+        self.axes, self.fence, self.shape = axes, fence, fence_outline(straight)
         self.rigid, self.reach = 1e3 * self.shape.joint, 1e3 * float(fence.reach)
         self.width, self.thick = 1e3 * float(fence.width), 1e3 * float(fence.thickness)
         fits = (
@@ -122,6 +126,10 @@ class _Sheet:
         if tip > 0:
             end = _HINGE + self.reach / self.scale
             self._down("tip", end, end + 6, face - tip / self.scale, face, tip)
+        if self.fence.edge_radius is not None:
+            radius = _number(1e3 * float(self.fence.edge_radius), 2)
+            end = _HINGE + self.reach / self.scale
+            self._text(end + 1, face + 2, f"edge R{radius}", "edge", va="bottom")
         return face - deep - 8
 
     def _profile(self, top: float) -> None:
@@ -144,8 +152,25 @@ class _Sheet:
             self._line([place] * 2, [base + 1.5, end], 0.6 * _THIN)
             self._text(place, base + 2, _number(deep, 2), f"h[{k}]", ha="center", va="bottom")
             self._text(place, base - _PROFILE - 1.5, _number(at), f"x[{k}]", ha="center", va="top")
+        if self.fence.rest_shape is not None:
+            self._curve(base - _PROFILE - 6, shares)
         self._text(_HINGE - 8, base + 2, "h", ha="right", va="bottom", style="italic")
         self._text(_HINGE - 8, base - _PROFILE - 1.5, "x", ha="right", va="top", style="italic")
+
+    def _curve(self, low: float, shares: np.ndarray) -> None:
+        """How far the face is off the straight line at rest, below the profile's stations."""
+        assert self.fence.rest_shape is not None
+        flexible = self.reach - self.rigid
+        line = self.fence.rest_shape.at(shares, flexible / 1e3)
+        for k, (share, rise) in enumerate(zip(shares, np.asarray(line.deflection), strict=True)):
+            place = _HINGE + (self.rigid + share * flexible) / self.scale
+            text = _number(1e3 * float(rise), 2)
+            self._text(place, low, text, f"w[{k}]", ha="center", va="top")
+        self._text(_HINGE - 8, low, "$w_0$", ha="right", va="top", style="italic")
+        self._text(
+            _HINGE, low - 4, "drawn straight; $w_0$ [mm]: how far the face of the curved link is "
+            "ahead of the rigid link's line", va="top", size=5.2,
+        )  # fmt: skip
 
     def _joint(self, low: float, high: float) -> None:
         if self.rigid > 0:

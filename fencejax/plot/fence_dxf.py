@@ -26,7 +26,7 @@ def write_dxf(path: Path | str, fence: Fence, title: str = "") -> FenceOutline:
       area times width and density is the mass of the fence;
     - `JOINT`: the line across where the rigid link ends, if there is one;
     - `HINGE`: the axis of the hinge, a point with a cross: no hole, the model knows no bearing;
-    - `DIMENSIONS`: lengths, thickness at the root and the tip, and a note.
+    - `DIMENSIONS`: lengths, thickness at the root and, of a straight fence, at the tip, and a note.
 
     The same fence and title give the same file, byte by byte.
 
@@ -46,6 +46,8 @@ def write_dxf(path: Path | str, fence: Fence, title: str = "") -> FenceOutline:
     on = lambda layer: {"layer": layer}  # noqa: E731
     space.add_lwpolyline(list(vertices), format="xyb", close=True, dxfattribs=on("OUTLINE"))
     thick, reach = _MM * float(fence.thickness), _MM * float(fence.reach)
+    if fence.rest_shape is not None:
+        reach = _MM * float(shape.x.max())
     joint = _MM * shape.joint
     if joint > 0:
         space.add_line((joint, 0), (joint, -thick), dxfattribs=on("JOINT"))
@@ -60,6 +62,11 @@ def write_dxf(path: Path | str, fence: Fence, title: str = "") -> FenceOutline:
         f"{shape.area * float(fence.width) * float(fence.material.density):.6g} kg\\P"
         "seen from above, millimetres, upper edge: the face"
     )
+    if fence.edge_radius is not None:
+        note += f"\\Pedge of the tip: radius {_MM * float(fence.edge_radius):.6g} mm, not drawn"
+    if fence.rest_shape is not None:
+        tip, middle = _MM * float(fence.rest_shape.tip), _MM * float(fence.rest_shape.middle)
+        note += f"\\Pcurved: Bezier ordinates 0, 0, {middle:.6g}, {tip:.6g} mm over the link"
     text = space.add_mtext(note, dxfattribs={**on("DIMENSIONS"), "char_height": 0.012 * reach})
     text.set_location((0, -thick - 0.08 * reach))
     _save(drawing, Path(path))
@@ -72,7 +79,8 @@ def _dimensions(space: Any, shape: FenceOutline, thick: float, reach: float) -> 
     style = {"dimtxt": size, "dimasz": size, "dimexe": 0.4 * size, "dimexo": 0.4 * size,
              "dimgap": 0.4 * size, "dimdec": 2, "dimzin": 8, "dimlfac": 1.0}  # fmt: skip
     layer = {"layer": "DIMENSIONS"}
-    joint, tip = _MM * shape.joint, -_MM * float(shape.y[shape.x >= shape.x.max()].min())
+    joint, ends = _MM * shape.joint, shape.y[shape.x >= shape.x.max()]
+    tip = -_MM * float(ends.min()) if ends.max() == 0 else 0.0
 
     def across(first, last, height):
         space.add_linear_dim(

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from ..parts import AbstractTaper, Fence
+from ..parts import AbstractTaper, Fence, RestShape
 
 TOLERANCE = 1e-5
 """Largest distance [m] of an arc from the profile it stands for: a hundredth of a millimetre, finer
@@ -13,6 +13,7 @@ than plates are milled."""
 # Of the square root of the distance to the tip: what is narrower is a step of the profile.
 _NARROWEST = 1e-9
 _ARCS = 4
+_PER_ARC = 16
 _NO_LINK = 1e-8
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
@@ -73,7 +74,9 @@ def fence_outline(fence: Fence) -> FenceOutline:
 
     The profile is made of arcs whose ends lie on it and which enclose with their chords just the
     area that the profile does, so that the outline's area is the integral of the thickness; they
-    keep within `TOLERANCE` of the profile. A step of the profile is a line across.
+    keep within `TOLERANCE` of the profile. A step of the profile is a line across. A fence that is
+    curved at rest comes in short lines, as near to its own; the thickness is across its face, so
+    that the area is that of the straight one but for half the thickness over the curve's radius.
 
     >>> outline = fj.plot.fence_outline(fj.Fence(taper=fj.Uniform()))
     >>> float(outline.y.min())
@@ -105,7 +108,33 @@ def fence_outline(fence: Fence) -> FenceOutline:
     y = np.concatenate([[place for _, place in behind], y, [0]])
     bulge = np.concatenate([np.zeros(len(behind)), bulge, [0]])
     kept = ~_needless(x, y, bulge)
-    return FenceOutline(x[kept], y[kept], bulge[kept], rigid)
+    straight = FenceOutline(x[kept], y[kept], bulge[kept], rigid)
+    if fence.rest_shape is None:
+        return straight
+    return _curved(straight, fence.rest_shape, flexible)
+
+
+def _curved(straight: FenceOutline, shape: RestShape, length: float) -> FenceOutline:
+    """A straight fence's outline on the face's line of its rest shape."""
+    tip, middle = float(shape.tip), float(shape.middle)
+    # A piece of the length p is p^2 |w_0''| / 8 from its chord, and w_0'' is linear.
+    bend = 6 * max(abs(middle), abs(tip - 2 * middle)) / length**2
+    pieces = 1 + int(np.sqrt(bend * length**2 / (8 * TOLERANCE)))
+    around_x, around_y = straight.points(_PER_ARC)
+    x, y = [], []
+    for first in range(around_x.size - 1):
+        ends = around_x[first : first + 2], around_y[first : first + 2]
+        count = 1 + int(pieces * abs(ends[0][1] - ends[0][0]) / length)
+        share = np.arange(count) / count
+        x.append(ends[0][0] + share * (ends[0][1] - ends[0][0]))
+        y.append(ends[1][0] + share * (ends[1][1] - ends[1][0]))
+    x, y = np.concatenate(x), np.concatenate(y)
+    line = shape.at(np.maximum(x - straight.joint, 0.0) / length, length)
+    rise, angle, short, lower = (np.asarray(part, dtype=float) for part in line)
+    x, y = x - short - y * np.sin(angle), rise - lower + y * np.cos(angle)
+    bulge = np.zeros(x.size)
+    kept = ~_needless(x, y, bulge)
+    return FenceOutline(x[kept], y[kept], bulge[kept], straight.joint)
 
 
 def _needless(x: np.ndarray, y: np.ndarray, bulge: np.ndarray) -> np.ndarray:

@@ -56,7 +56,8 @@ def outline(
     """Fence, parcel and forces at `times` [s], by linear interpolation between the samples.
 
     The fence's line is bent by its modes and, as in the simulation, by what the modes left out
-    yield under the contact: w(x) = sum phi_i eta_i - sum_j r_j G(x, sigma_j). It keeps the
+    yield under the contact: w(x) = sum phi_i eta_i - sum_j r_j G(x, sigma_j), about its curve at
+    rest. It keeps the
     length: every element is a chord whose ends lie w off the rigid link's line.
 
     **Arguments:**
@@ -231,6 +232,9 @@ class _Bent:
         if history.carried:
             deflection, slope = self._left_out(fence, fidelity, history)
             self.deflection, self._slope = self.deflection - deflection, self._slope - slope
+        if link.rest_table is not None:
+            self.deflection = self.deflection + np.asarray(link.rest_table.deflection)
+            self._slope = self._slope + np.asarray(link.rest_table.slope)
         # Thickness at the hinge, the joint and the nodes, the tip included.
         stations = np.arange(nodes) / self._elements
         profile = np.asarray(fence.taper(stations, 1 - stations))

@@ -19,9 +19,9 @@ class Ledger(Part):
     parcel_kinetic: Array
     """Change of the parcel's kinetic energy."""
     fence_kinetic: Array
-    """Change of the fence's kinetic energy."""
+    """Change of the fence's kinetic energy, with that of a torque drive."""
     strain: Array
-    """Change of the energy of bending, and of the shaft."""
+    """Change of the energy of bending, and of the shaft or a torque drive's spring."""
     contact_stored: Array
     """Change of the elastic energy of the contacts, with the fence's cover."""
     drive_work: Array
@@ -39,7 +39,8 @@ class Ledger(Part):
     belt_friction_loss: Array
     """Dissipated between parcel and belt."""
     damping_loss: Array
-    """Dissipated in the fence's material, its shaft and its clutch."""
+    """Dissipated in the fence's material, its shaft and its clutch, or by a torque drive's
+    damping."""
 
     def _unit(self, name):
         return "J"

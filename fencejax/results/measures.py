@@ -125,7 +125,7 @@ _ROWS = (
         accumulators.CONTACT, _of_contact("y"), _USUAL, shown_unit="m", digits=3,
     ),
     Measure(
-        "tip_deflection", "m", "largest deflection of the tip from the rigid link's line",
+        "tip_deflection", "m", "largest deflection of the tip by bending",
         _POSITIVE, accumulators.TIP, _value, _USUAL,
         label="tip deflection", scale=1e3, shown_unit="mm", note="at {tip_time}",
     ),

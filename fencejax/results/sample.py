@@ -83,7 +83,8 @@ class Sample(NamedTuple):
     surfaces: tuple[tuple[Contact, ...], ...] = ()
     """For each of the scene's other surfaces: its corners."""
     twist: Array | None = None
-    """How far the hinge is ahead of the motor [rad]; `None` without a shaft that gives way."""
+    """How far the hinge is ahead of the motor [rad]; `None` without a shaft that gives way. On a
+    torque drive `drive` is the hinge's motion."""
     slip: Array | None = None
     """What of that its clutch has slipped [rad]; `None` without one."""
     stresses: Array | None = None
@@ -139,7 +140,7 @@ def describe(
         stored = stored + touch.remaining(share) * mechanics.law.stored_energy(c.gap)
         over_tip = jnp.where(mechanics.ends(k, c, touch), 1.0, over_tip)
     tip, stress, place, torque, stresses = zero, zero, zero, zero, None
-    vibration = twist = slip = None
+    vibration = twist = slip = drive = None
     energy = Energy(kinetic, zero, zero, stored)
     power = Power(
         drive=zero,
@@ -160,13 +161,17 @@ def describe(
         link = mechanics.link
         assert link is not None
         tip, stress, place, stresses = bent(link, fence)
+        assert fence.drive is not None
         vibration = link.clamped(fence.vibration)
-        twist = None if link.hinge is None else link.hinge.twist(fence.vibration)[0]
+        drive = link.motion(fence.drive, fence.vibration, fence.modal_force)
+        if link.hinge is not None and not link.hinge.driven:
+            twist = link.hinge.twist(fence.vibration)[0]
         if link.hinge is not None and link.hinge.clutch is not None and fence.clutch is not None:
             slip = link.hinge.clutch.slip(fence.clutch)
         torque = _torque(link, fence, forces)
         energy = _fence_energy(link, fence, energy)
-        power = _fence_power(link, fence, forces, torque, power)
+        power = _fence_power(link, fence, forces, power)
+        power = power._replace(drive=torque * drive.speed)
         if fence.pads:
             energy = energy._replace(contact=energy.contact + pad_energy(link, fence))
             taken = pad_power(link, fence, fence.loads(forces))
@@ -175,7 +180,7 @@ def describe(
         time=time,
         body=body,
         acceleration=forces.acceleration,
-        drive=None if fence is None else fence.drive,
+        drive=drive,
         vibration=vibration,
         fence=at_fence,
         border=at_border,
@@ -268,8 +273,11 @@ def pad_power(link: FlexibleLink, fence: FenceState, loads: tuple[Array, ...]) -
 
 def _torque(link: FlexibleLink, fence: FenceState, forces: Forces) -> Array:
     """Moment of the drive [N m]: the generalised force on alpha_w,
-    (I_root + Phi^T M Phi) alpha'' + Phi^T M u'' + sum N sigma over the loads of the fence."""
+    (I_root + Phi^T M Phi) alpha'' + Phi^T M u'' + sum N sigma over the loads of the fence; of a
+    torque drive its torque."""
     assert fence.drive is not None
+    if fence.drive.torque is not None:
+        return fence.drive.torque
     accelerations = link.acceleration(fence.vibration, fence.modal_force)
     torque = (link.root_inertia + link.swing_inertia) * fence.drive.acceleration
     torque = torque + link.mass_scale * dot(link.swing, accelerations)
@@ -289,10 +297,10 @@ def _fence_energy(link: FlexibleLink, fence: FenceState, energy: Energy) -> Ener
 
 
 def _fence_power(
-    link: FlexibleLink, fence: FenceState, forces: Forces, torque: Array, power: Power
+    link: FlexibleLink, fence: FenceState, forces: Forces, power: Power
 ) -> Power:
     assert fence.drive is not None
-    geometry = jnp.zeros_like(torque)
+    geometry = jnp.zeros_like(power.drive)
     loads = fence.loads(forces)
     for k, ((c, parts, _, _), load, shape) in enumerate(
         zip(forces.fence, loads, fence.shapes, strict=True)
@@ -305,7 +313,6 @@ def _fence_power(
         across, along = parts.rates
         geometry = geometry + c.normal * across - load * transverse + c.friction * along
     return power._replace(
-        drive=torque * fence.drive.speed,
         geometry=geometry,
         beam_damping=damping_power(link, fence),
     )

@@ -13,6 +13,7 @@ from ..parts import (
     AbstractDrive,
     AbstractFriction,
     AbstractSurface,
+    AbstractTorqueDrive,
     Belt,
     Border,
     Fence,
@@ -51,8 +52,14 @@ def fence_of(fence: Fence | None) -> Fence:
     return _check.part("fence", fence, Fence, "fence=fj.Fence(thickness=0.045)")
 
 
-def drive_of(drive: AbstractDrive | None) -> AbstractDrive:
+def drive_of(drive: AbstractDrive | None, fence: Fence) -> AbstractDrive:
     drive = HarmonicDrive() if drive is None else drive
+    if isinstance(drive, AbstractTorqueDrive) and fence.shaft is not None:
+        raise ValueError(
+            f"Argument `shaft` of the fence must be None on a {type(drive).__name__}, which turns "
+            "the hinge itself, but is one. Write fj.Fence() without it, its inertia with the "
+            "drive's."
+        )
     return _check.part("drive", drive, AbstractDrive, "drive=fj.HarmonicDrive(top_speed=1.53)")
 
 
@@ -88,11 +95,16 @@ def place_of(distance: ArrayLike, fence: Fence) -> Array:
     return place
 
 
-def drive_angle_of(angle: ArrayLike, drive: AbstractDrive) -> Array:
+def drive_angle_of(angle: ArrayLike, drive: AbstractDrive, fence: Fence) -> Array:
     checked = _check.scalar("drive_angle", angle, least=-1.5, most=1.5, unit="rad")
     check_motion(drive)
-    furthest = drive.angle(drive.turning_time)
-    nearest = drive.angle(jnp.zeros_like(drive.turning_time))
+    nearest = jnp.zeros_like(drive.turning_time)
+    if not isinstance(drive, AbstractTorqueDrive):
+        furthest, nearest = drive.angle(drive.turning_time), drive.angle(nearest)
+    elif traced(drive, fence, checked):
+        return checked
+    else:
+        furthest = _furthest(drive, fence.inertia, checked)
     if not isinstance(checked + furthest, Tracer):
         _check.scalar(
             "drive_angle",
@@ -111,16 +123,24 @@ def drive_angle_of(angle: ArrayLike, drive: AbstractDrive) -> Array:
     return checked
 
 
+@jax.jit
+def _furthest(drive: AbstractTorqueDrive, inertia: Array, wanted: Array) -> Array:
+    """The angle [rad] of a rigid fence where it is as `wanted`, or at the end of the way out."""
+    return drive.unloaded(drive.time_at(wanted, inertia), inertia).angle
+
+
 def check_motion(drive: AbstractDrive) -> None:
     """Refuse a drive whose speed or acceleration is not the derivative of its angle, where a class
     gives `motion` in its own way."""
-    if type(drive).motion is AbstractDrive.motion or traced(drive):
+    known = AbstractDrive.motion, AbstractTorqueDrive.motion
+    if type(drive).motion in known or traced(drive):
         return
     # Off the whole fractions of a cycle, at which laws have their kinks.
     for share in (0.137, 0.371, 0.613, 0.859):
         time = share * drive.cycle
         given, derived = drive.motion(time), AbstractDrive.motion(drive, time)
-        for name, a, b in zip(derived._fields, given, derived, strict=True):
+        for name in ("angle", "speed", "acceleration"):
+            a, b = getattr(given, name), getattr(derived, name)
             if not np.allclose(a, b, rtol=1e-6, atol=1e-9):
                 raise ValueError(
                     f"Argument `drive` must move by its own angle, but its {name} at "
@@ -134,7 +154,7 @@ def traced(*parts) -> bool:
 
 
 def check_clear_of_fence(parcel: Parcel, position, angle, fence: Fence, tilt, remedy: str) -> None:
-    """Refuse a parcel of which a corner lies beyond the straight fence, at the angle `tilt` [rad],
+    """Refuse a parcel of which a corner lies beyond the fence at rest, at the angle `tilt` [rad],
     by more than rounding. `position` is that of C_s [m]."""
     if traced(parcel, position, angle, fence, tilt):
         return
@@ -143,7 +163,7 @@ def check_clear_of_fence(parcel: Parcel, position, angle, fence: Fence, tilt, re
         x, y = turned((np.cos(turn), np.sin(turn)), *map(np.asarray, parcel.corner(number)))
         place_x, place_y = position[0] + x, position[1] + y
         along = place_x * np.cos(tilt) + place_y * np.sin(tilt)
-        beyond = place_x * np.sin(tilt) - place_y * np.cos(tilt)
+        beyond = place_x * np.sin(tilt) - place_y * np.cos(tilt) + np.asarray(fence.rise(along))
         over = (along >= 0) & (along <= np.asarray(fence.reach))
         size = np.asarray(parcel.length + parcel.breadth)
         if np.any(over & (beyond > 1e-6 * size)):

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._check import Bounds
+from ..parts import AbstractTorqueDrive
 from .scene import NormalScene, Scene
 from .start import AsGiven, AtTouch, BetweenBorderAndFence, OnBelt
 
@@ -55,6 +56,7 @@ def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> A
 
     - every field of parcel, belt, friction, fence, material, taper and drive, and the start's;
     - the centre of gravity inside the rectangle, the drive's stroke long enough;
+    - the fence's curve at rest no steeper than `RestShape.steepest`;
     - the place of the touch on the fence, and its angle one that the drive has at `start_time` [s];
     - a parcel between border and fence spans from one to the other.
 
@@ -76,7 +78,11 @@ def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> A
             feasible = scene.drive.feasible
             checks += [] if feasible is None else [feasible]
             if wanted is not None and start_time is not None:
-                reached = scene.drive.angle(start_time)
+                if isinstance(scene.drive, AbstractTorqueDrive):
+                    assert scene.fence is not None
+                    reached = scene.drive.unloaded(start_time, scene.fence.inertia).angle
+                else:
+                    reached = scene.drive.angle(start_time)
                 checks.append(jnp.abs(reached - wanted) <= _ROUNDING * (1 + jnp.abs(wanted)))
         if isinstance(scene.start, AtTouch) and scene.start.parcel_angle is None:
             x, y = parcel.corner(scene.start.corner)
@@ -86,6 +92,9 @@ def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> A
             bx, by = parcel.corner(scene.start.border_corner)
             rise = scene.start.place * jnp.sin(scene.start.drive_angle)
             checks.append(rise**2 <= ((ax - bx) ** 2 + (ay - by) ** 2) * (1 + _ROUNDING))
+    if scene.fence is not None and scene.fence.rest_shape is not None:
+        shape = scene.fence.rest_shape
+        checks.append(shape.steepness(scene.fence.flexible_length) <= shape.steepest)
     if place is not None and scene.fence is not None:
         checks.append(_within(place, 0.0, scene.fence.reach))
     every = checks[0]

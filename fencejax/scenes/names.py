@@ -20,9 +20,12 @@ from ..parts import (
     Material,
     Pad,
     Parcel,
+    PneumaticDrive,
+    RestShape,
     SCurveDrive,
     Shaft,
     SplineDrive,
+    TorqueDrive,
     TrapezoidDrive,
 )
 
@@ -104,6 +107,9 @@ FENCE = (
     _of(Shaft, "fence.shaft.slip_torque", "slip_torque", 50.0, 5e3),
     _of(Pad, "fence.pad.contact_length", "pad_contact_length"),
     _of(Pad, "fence.pad.retardation_time", "pad_retardation_time"),
+    _of(Fence, "fence.edge_radius", "edge_radius", 0.0, 0.03, _LINE),
+    _of(RestShape, "fence.rest_shape.tip", "rest_tip", -0.06, 0.06, _LINE),
+    _of(RestShape, "fence.rest_shape.middle", "rest_middle", -0.03, 0.03, _LINE),
 )
 # Of several drives with such a number, the one that asks for least.
 DRIVE = (
@@ -118,6 +124,15 @@ DRIVE = (
     _of(SplineDrive, "drive.control_angles", "control_angles", -0.2, 1.2, _LINE),
     _of(HeldDrive, "drive.hold_time", "hold_time"),
     _of(SplineDrive, "drive.turn", "turn"),
+    _of(TorqueDrive, "drive.torques", "torques", -1e3, 1e3, _LINE),
+    _of(PneumaticDrive, "drive.pressure", "pressure", 0.0, 1e6, _LINE),
+    _of(PneumaticDrive, "drive.area", "piston_area", 3e-4, 2e-2),
+    _of(PneumaticDrive, "drive.lever", "lever", 0.03, 0.3),
+    _of(PneumaticDrive, "drive.fill_time", "fill_time", 0.01, 0.5),
+    _of(PneumaticDrive, "drive.open_time", "open_time", 0.1, 2.0),
+    _of(TorqueDrive, "drive.inertia", "drive_inertia", 0.01, 100.0),
+    _of(TorqueDrive, "drive.damping", "drive_damping", 0.0, 300.0, _LINE),
+    _of(TorqueDrive, "drive.stiffness", "drive_stiffness", 0.0, 1e3, _LINE),
 )
 # Parcels as a sorter meets them.
 PARCEL = (

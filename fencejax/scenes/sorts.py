@@ -10,6 +10,7 @@ from ..parts import (
     AbstractDrive,
     AbstractFriction,
     AbstractSurface,
+    AbstractTorqueDrive,
     Belt,
     Border,
     Fence,
@@ -78,7 +79,8 @@ def free_motion(
         *(_check.scalar(k, value, size=10.0, unit=unit) for k, (value, unit) in numbers.items())
     )
     if fence is not None:
-        fence, drive = fence_of(fence), drive_of(drive)
+        fence = fence_of(fence)
+        drive = drive_of(drive, fence)
     parcel = parcel_of(parcel)
     surfaces = surfaces_of(surfaces)
     corners = corners_of("surface_corners", surface_corners) if surfaces else ()
@@ -152,7 +154,7 @@ def whole_sort(
         motor = _check.part("motor", motor, Motor, "motor=fj.Motor(torque=400.0)")
     if drive is None:
         drive, duration = HarmonicDrive(), CYCLE_TIME if duration is None else duration
-    drive = drive_of(drive)
+    drive = drive_of(drive, fence)
     start = _on_belt(front, offset, angle)
     border = border_of(border)
     parcel = parcel_of(parcel)
@@ -164,7 +166,9 @@ def whole_sort(
         check_clear_of_surfaces(
             parcel, body[:2], body.angle, surfaces, surface_corners, "Lower `front`."
         )
-        tilt = drive.angle(jnp.zeros_like(drive.turning_time))
+        tilt = jnp.zeros_like(drive.turning_time)
+        if not isinstance(drive, AbstractTorqueDrive):
+            tilt = drive.angle(tilt)
         remedy = "Raise `offset`, lower `front`, or begin with the fence at rest at 0 rad."
         check_clear_of_fence(parcel, body[:2], body.angle, fence, tilt, remedy)
     return Scene(

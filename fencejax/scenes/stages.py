@@ -87,7 +87,7 @@ def oblique_impact(
        energy residual  1.18e-03 J
     """
     fence = fence_of(fence)
-    drive = drive_of(drive)
+    drive = drive_of(drive, fence)
     if parcel_angle is not None:
         parcel_angle = _check.scalar("parcel_angle", parcel_angle, size=10.0, unit="rad")
     moving = None
@@ -97,8 +97,9 @@ def oblique_impact(
     (number,) = corners_of("corner", (corner,))
     parcel = parcel_of(parcel)
     start = AtTouch(
-        place_of(distance, fence), drive_angle_of(drive_angle, drive), parcel_angle, moving, number
-    )
+        place_of(distance, fence), drive_angle_of(drive_angle, drive, fence), parcel_angle, moving,
+        number,
+    )  # fmt: skip
     _turned_clear(parcel, start, fence)
     return Scene(
         parcel,
@@ -132,7 +133,8 @@ def _turned_clear(parcel: Parcel, start: AtTouch, fence: Fence) -> None:
         return
     turn, tilt = start.parcel_angle, start.drive_angle
     x, y = turned((jnp.cos(turn), jnp.sin(turn)), x, y)
-    position = start.place * jnp.cos(tilt) - x, start.place * jnp.sin(tilt) - y
+    foot = turned((jnp.cos(tilt), jnp.sin(tilt)), start.place, fence.rise(start.place))
+    position = foot[0] - x, foot[1] - y
     remedy = "Change `parcel_angle`, or name that corner in `corner`."
     check_clear_of_fence(parcel, position, turn, fence, tilt, remedy)
 
@@ -162,8 +164,8 @@ def along_fence(
     FlushOnFence(place=700 mm, drive_angle=0.2 rad)
     """
     fence = fence_of(fence)
-    drive = drive_of(drive)
-    start = FlushOnFence(place_of(distance, fence), drive_angle_of(drive_angle, drive))
+    drive = drive_of(drive, fence)
+    start = FlushOnFence(place_of(distance, fence), drive_angle_of(drive_angle, drive, fence))
     return Scene(
         parcel_of(parcel),
         start,
@@ -206,7 +208,7 @@ def border_and_fence(
     ((1,), (2,))
     """
     fence = fence_of(fence)
-    drive = drive_of(drive)
+    drive = drive_of(drive, fence)
     parcel = parcel_of(parcel)
     (first,) = corners_of("fence_corner", (fence_corner,))
     (second,) = corners_of("border_corner", (border_corner,))
@@ -215,7 +217,7 @@ def border_and_fence(
             f"Arguments `fence_corner` and `border_corner` must differ, but both are {first}."
         )
     place = place_of(distance, fence)
-    angle = drive_angle_of(drive_angle, drive)
+    angle = drive_angle_of(drive_angle, drive, fence)
     ax, ay = parcel.corner(first)
     bx, by = parcel.corner(second)
     _check.scalar(

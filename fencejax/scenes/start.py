@@ -7,7 +7,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..parts import AbstractDrive, Belt, DriveMotion, Parcel, turned
+from ..parts import (
+    AbstractDrive,
+    AbstractTorqueDrive,
+    Belt,
+    DriveMotion,
+    Fence,
+    Parcel,
+    turned,
+)
 from ..printing import Part
 from .body import Body
 from .names import BY_PATH
@@ -41,9 +49,10 @@ class AbstractStart(Part):
         found = BY_PATH.get(f"start.{name}")
         return super()._unit(name) if found is None else found.unit
 
-    def time(self, drive: AbstractDrive | None) -> Array | None:
-        """Time [s] on the drive's clock; `None` for 0, where the fence is at rest."""
-        del drive
+    def time(self, drive: AbstractDrive | None, fence: Fence | None = None) -> Array | None:
+        """Time [s] on the drive's clock; `None` for 0, where the fence is at rest. What a torque
+        does depends on the `fence`."""
+        del drive, fence
         return None
 
     def distance(self) -> Array | None:
@@ -103,13 +112,17 @@ class OnBelt(AbstractStart):
 
 class AbstractStartAtFence(AbstractStart):
     """A start with the parcel on the fence at the arc coordinate `place` [m], when the drive is at
-    `drive_angle` [rad] on its way out. The fence has swung free of contact since t = 0."""
+    `drive_angle` [rad] on its way out. The fence has swung free of contact since t = 0. On a torque
+    drive that is when a rigid fence would be at the angle."""
 
     place: eqx.AbstractVar[Array]
     drive_angle: eqx.AbstractVar[Array]
 
-    def time(self, drive):
+    def time(self, drive, fence=None):
         assert drive is not None
+        if isinstance(drive, AbstractTorqueDrive):
+            assert fence is not None
+            return drive.time_at(self.drive_angle, fence.inertia)
         return drive.time_at(self.drive_angle)
 
     def distance(self):

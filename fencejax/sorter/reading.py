@@ -23,6 +23,7 @@ from ..parts import (
     Fence,
     Material,
     Pad,
+    RestShape,
     Shaft,
     materials,
 )
@@ -30,7 +31,7 @@ from .amounts import amount, nearest, refuse_unknown
 
 _P = TypeVar("_P")
 Table = Mapping[str, Any]
-VECTORS = ("control_angles", "ratios")
+VECTORS = ("control_angles", "ratios", "torques")
 _SPAN = ("lower", "upper", "start", "scaling")
 
 
@@ -171,11 +172,12 @@ def taper(raw: Any, reading: Reading) -> AbstractTaper:
     return _law("fence.taper", raw, AbstractTaper, TAPERS, "constant_strength", reading)
 
 
-_ON_FENCE: Mapping[str, type[Pad | Shaft]] = {"pad": Pad, "shaft": Shaft}
+_OnFence = Pad | Shaft | RestShape
+_ON_FENCE: Mapping[str, type[_OnFence]] = {"pad": Pad, "shaft": Shaft, "rest_shape": RestShape}
 
 
-def _on_fence(name: str, raw: Any, reading: Reading) -> Pad | Shaft | None:
-    """The fence's cover, or the shaft that it hangs on; `False` for none."""
+def _on_fence(name: str, raw: Any, reading: Reading) -> _OnFence | None:
+    """The fence's cover, the shaft that it hangs on, or its curve at rest; `False` for none."""
     kind, path = _ON_FENCE[name], f"fence.{name}"
     if raw is False or isinstance(raw, kind):
         return raw or None
@@ -213,7 +215,7 @@ def fence(raw: Any, reading: Reading) -> tuple[Fence, tuple[DataSheet, ...]]:
     if isinstance(raw, Fence):
         return raw, (DataSheet("as given", raw.material),)
     table = dict(_a_table("fence", raw, "fence=fj.Fence(thickness=0.045)"))
-    known = ("width", "thickness", "material", "taper", *_ON_FENCE, *_LENGTHS)
+    known = ("width", "thickness", "material", "taper", "edge_radius", *_ON_FENCE, *_LENGTHS)
     refuse_unknown("fence", table, known)
     sheets = _materials(table.pop("material", "PA6 dry"), reading)
     inner: dict[str, Any] = {"material": sheets[0].material}

@@ -244,7 +244,7 @@ class SceneFamily:
     def possible(self, scene: Scene) -> Array:
         """Whether a scene can be, for traced numbers: `fencejax.scenes.consistent` at the drive's
         time at the start."""
-        return consistent(scene, scene.start.time(scene.drive))
+        return consistent(scene, scene.start.time(scene.drive, scene.fence))
 
     def check(self, variables: Sequence[DesignVariable]) -> None:
         """Refuse a bound at which there is no scene.

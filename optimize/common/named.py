@@ -12,8 +12,12 @@ from fencejax.design import LIMITS, OBJECTIVES, Limit, Quantity
 from . import flags
 
 _T = TypeVar("_T")
-# Those that can be made without arguments.
-DRIVES = {name: law for name, law in parts.DRIVES.items() if law is not fj.SplineDrive}
+# Given motions that can be made without arguments.
+DRIVES = {
+    name: law
+    for name, law in parts.DRIVES.items()
+    if law is not fj.SplineDrive and not issubclass(law, fj.AbstractTorqueDrive)
+}
 TAPERS = {name: parts.TAPERS[name] for name in ("constant_strength", "uniform")}
 OWN = "or your own as module:Name"
 

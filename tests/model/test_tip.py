@@ -17,7 +17,7 @@ REACH, FADE = 1.2, 5e-3
 PARCEL = fj.Parcel()
 
 
-def met(pose, number=1, tilt=0.3, length=FADE):
+def met(pose, number=1, tilt=0.3, length=FADE, radius=None):
     """The touch of a corner against a rigid straight fence at rest, at a pose (x, y, phi)."""
     x, y, angle = pose
     zero = jnp.zeros(())
@@ -35,7 +35,7 @@ def met(pose, number=1, tilt=0.3, length=FADE):
     )
     size = PARCEL.side(number)
     side = Side((far[0] - arm[0]) / size, (far[1] - arm[1]) / size, size)
-    return around(touch, zero, side, REACH - place, length), touch
+    return around(touch, zero, side, REACH - place, length, radius), touch
 
 
 def poses(number, count=400, tilt=0.3):
@@ -56,12 +56,37 @@ def poses(number, count=400, tilt=0.3):
     return theta, place, depth, np.stack([x, y, angle], axis=-1)
 
 
-@pytest.mark.parametrize("number", [1, 2, 3, 4])
-def test_force_is_the_gradient_of_the_gap(number):
+@pytest.mark.parametrize(("number", "radius"), [(1, None), (2, None), (3, None), (4, 0.008)])
+def test_force_is_the_gradient_of_the_gap(number, radius):
     *_, where = poses(number)
-    touch, _ = jax.vmap(lambda p: met(p, number))(where)
-    slopes = jax.vmap(jax.grad(lambda p: met(p, number)[0].gap))(where)
+    touch, _ = jax.vmap(lambda p: met(p, number, radius=radius))(where)
+    slopes = jax.vmap(jax.grad(lambda p: met(p, number, radius=radius)[0].gap))(where)
     np.testing.assert_allclose(np.stack(touch.normal, axis=-1), -slopes, atol=1e-12)
+
+
+def test_an_edge_of_a_radius():
+    """Where the smoothing is over, the arc's depth in the side: that of its centre, and the radius;
+    its force goes through the centre. One of no radius is a sharp one."""
+    radius, tilt, number = 0.008, 0.3, 1
+    theta, place, depth, where = poses(number)
+    touch, _ = jax.vmap(lambda p: met(p, number, length=1e-9, radius=radius))(where)
+    center = REACH * np.array([np.cos(tilt), np.sin(tilt)])
+    center = center + radius * np.array([np.sin(tilt), -np.cos(tilt)])
+    inward = np.stack([-np.sin(tilt - theta), np.cos(tilt - theta)], 1)
+    corner = np.stack([place * np.cos(tilt) + depth * np.sin(tilt),
+                       place * np.sin(tilt) - depth * np.cos(tilt)], 1)  # fmt: skip
+    inside = np.sum((center - corner) * inward, axis=1) + radius
+    on_arc = (theta > 0) & (np.cos(theta) > 0.2) & (inside < depth)
+    np.testing.assert_allclose(touch.gap[on_arc], inside[on_arc], atol=1e-8)
+    on_face = (theta > 0) & (np.cos(theta) > 0.2) & (inside > depth)
+    np.testing.assert_allclose(touch.gap[on_face], depth[on_face], atol=1e-8)
+    assert min(on_arc.sum(), on_face.sum()) > 50
+    x, y, moment = (np.asarray(part)[on_arc] for part in touch.normal)
+    arm = (center - where[:, :2])[on_arc]
+    np.testing.assert_allclose(moment, arm[:, 0] * y - arm[:, 1] * x, atol=1e-8)
+    sharp, none = (jax.vmap(lambda p, r=r: met(p, radius=r))(where)[0] for r in (0.0, None))
+    for ours, theirs in zip(jax.tree.leaves(sharp), jax.tree.leaves(none), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
@@ -103,15 +128,15 @@ def test_is_the_corner_far_from_the_tip():
 # --- A version of its own: rigid fence, no friction, a potential differenced numerically ---------
 
 
-def strike(distance=1.18, **changes):
-    fence = fj.Fence(0.45, 0.75)
+def strike(distance=1.18, edge_radius=None, duration=0.08, **changes):
+    fence = fj.Fence(0.45, 0.75, edge_radius=edge_radius)
     return fj.scenes.oblique_impact(
         fence=fence, distance=distance, fence_friction=None, belt=None,
-        velocity=(2.0, 0.0, 0.0), duration=0.08, tip_contact=True, **changes,
+        velocity=(2.0, 0.0, 0.0), duration=duration, tip_contact=True, **changes,
     )  # fmt: skip
 
 
-def independent(scene, times, fade=FADE):
+def independent(scene, times, fade=FADE, radius=0.0):
     """Position and angle (times, 3) of the parcel by LSODA. The gap is written down from the two
     depths, its force is -N grad g by central differences, and its rate as well."""
     parcel, drive = scene.parcel, scene.drive
@@ -131,11 +156,12 @@ def independent(scene, times, fade=FADE):
         edge = turn @ (far - own)
         inward = np.array([edge[1], -edge[0]]) / np.linalg.norm(edge)
         theta = np.arctan2(inward @ along, inward @ up)
-        x = before - depth * np.tan(theta / 2)
+        round_ = radius if theta > 0 else 0.0
+        x = before - (depth - round_) * np.tan(theta / 2)
         if x >= fade:
             return depth
         if x <= -fade:
-            return (reach * along - corner) @ inward
+            return (reach * along - round_ * up - corner) @ inward + round_
         # psi is minus the integral of the cubic fade from x to l.
         s = np.linspace((x / fade + 1) / 2, 1, 2001)
         weight = 1 - s**2 * (3 - 2 * s)
@@ -174,17 +200,36 @@ def _pose(reach, place, tilt, scene):
 
 
 def test_against_a_version_of_its_own():
-    scene = strike()
-    ours = fj.simulate(scene, fidelity=fj.Fidelity(modes=0, step=5e-5))
-    assert int(ours.status) == fj.Status.SUCCESSFUL
-    history = ours.history
-    pressed = np.asarray(history.fence[0].normal) > 0
-    # It runs over the tip and the force goes on.
-    assert np.asarray(history.fence[0].place)[pressed].max() > REACH + 0.02
-    theirs = independent(scene, np.asarray(history.time))
-    found = np.stack([history.body.x, history.body.y, history.body.angle], axis=-1)
-    # The step's h^2, and the differences' 1e-10 / 1e-6 relative in the force.
-    np.testing.assert_allclose(found, theirs, atol=2e-5)
+    """A sharp tip, and one with an edge of a radius; how the place at the end goes with it."""
+    scene = strike(duration=0.03)
+
+    @jax.jit
+    def run(radius):
+        def place(radius):
+            result = fj.simulate(
+                strike(duration=0.03, edge_radius=radius),
+                fidelity=fj.Fidelity(modes=0, step=1e-4), only=["final", "history"],
+            )  # fmt: skip
+            return jnp.stack(result.final[:3]), result
+
+        return jax.jacfwd(place, has_aux=True)(radius)
+
+    for radius in (0.0, 0.012):
+        slope, result = run(radius)
+        assert int(result.status) == fj.Status.SUCCESSFUL
+        history = result.history
+        pressed = np.asarray(history.fence[0].normal) > 0
+        # It runs over the tip and the force goes on.
+        assert np.asarray(history.fence[0].place)[pressed].max() > REACH + 0.02
+        theirs = independent(scene, np.asarray(history.time), radius=radius)
+        found = np.stack([history.body.x, history.body.y, history.body.angle], axis=-1)
+        # The step's h^2, and the differences' 1e-10 / 1e-6 relative in the force.
+        np.testing.assert_allclose(found, theirs, atol=2e-5)
+    low, high = (
+        independent(scene, np.asarray(history.time)[[0, -1]], radius=0.012 + change)[-1]
+        for change in (-5e-4, 5e-4)
+    )
+    np.testing.assert_allclose(slope, (high - low) / 1e-3, rtol=1e-2)
 
 
 # --- The flexible fence -------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """The fence of the independent oblique impact, and where the parcel touches it."""
 
-from math import cos, sin
+from math import comb, cos, sin
 
 import numpy as np
 
@@ -28,6 +28,11 @@ class Fence:
         reach = impact.l_s + size * np.arange(impact.elements + 1)
         self.bend, self.bend_rate = (link.displacement @ eta).T
         slope, slope_rate = (link.slope @ eta).T
+        if any(impact.rest):
+            share = np.linspace(0.0, 1.0, impact.elements + 1)
+            ordinates = np.array([0.0, 0.0, *impact.rest])
+            self.bend = self.bend + _bernstein(3, share) @ ordinates
+            slope = slope + _bernstein(2, share) @ np.diff(ordinates) * 3 / impact.l_p
         self.q5 = slope + self.angle
         self.q5_rate = slope_rate + self.speed
         self.q3 = self.bend + reach * self.angle
@@ -143,6 +148,13 @@ class Fence:
         back = -bend * self.speed
         cosine, sine = cos(self.angle), sin(self.angle)
         return back * cosine - across * sine, back * sine + across * cosine
+
+
+def _bernstein(degree, share):
+    """Bernstein polynomials at `share`, (len(share), degree + 1)."""
+    k = np.arange(degree + 1)
+    choose = np.array([comb(degree, i) for i in k])
+    return choose * share[:, None] ** k * (1 - share[:, None]) ** (degree - k)
 
 
 def turned_arm(impact, phi):

@@ -28,6 +28,8 @@ class Impact:
     after the first touch [s]. modes: modes kept (default all 2 `elements`).
     load: how N is shared between the nodes beside U, "linear" (2.8) or "cubic" (work-consistent).
     geometry: "chord" (2.14)-(2.17), or "small", U = sigma t_alpha + w(sigma) n_alpha.
+    rest: ordinates (d_2, d_3) [m] of the Bézier line of the flexible link at rest, control points
+    (0, 0), (l_p/3, 0), (2 l_p/3, d_2), (l_p, d_3).
     """
 
     l_s: float = 0.45
@@ -58,6 +60,7 @@ class Impact:
     modes: int | None = None
     load: str = "linear"
     geometry: str = "chord"
+    rest: tuple = (0.0, 0.0)
 
     @cached_property
     def link(self):

@@ -135,25 +135,35 @@ def sure(fidelity, truth, worst, of, kind, error):
 def _table():
     """The record as a table: the largest error found under a good status, by kind and rung."""
     found = json.loads(RECORD.read_text())
-    rows = {}
+    rows, most, judged = {}, {}, 0
     for key, told in found.items():
         kind, bounds, of, name = key.split(" | ")
-        row = rows.setdefault(f"{kind}, {bounds}", {})
+        column = f"{of}, `{name}`" if name in RUNGS else f"{of}, tolerance {name}"
+        lanes = told["lanes"] * (1 + told["generations"])
         unsure = "" if told["sure"] else ", truth unsure"
-        judged = told["lanes"] * (1 + told["generations"])
-        row[f"{of}, {name}"] = f"{100 * told['error, found']:.2g} % of {judged:,}{unsure}"
-    heads = [f"{of}, {name}" for name in RUNGS for of in ("value", "gradient")]
-    columns = [head for head in heads if any(head in row for row in rows.values())]
+        error = float(f"{100 * told['error, found']:.2g}")
+        rows.setdefault(f"{kind}, {bounds}", {})[column] = f"{error:g} % of {lanes:,}{unsure}"
+        most[f"{bounds}, {column}"] = max(error, most.get(f"{bounds}, {column}", 0.0))
+        judged += lanes
+    columns = sorted({c for row in rows.values() for c in row}, key=lambda c: ("toler" in c, c))
+    command = (
+        "cd tests && python -m robustness.search --out robustness/search.json; "
+        "cd tests && python -m robustness.search --record"
+    )
     known = figures.record()
     known["found by searching"] = {
-        "command": "cd tests && python -m robustness.search --out robustness/search.json; "
-        "cd tests && python -m robustness.search --record",
+        "command": command,
         "columns": ["scenes", *columns],
         "rows": {
-            name: {"unit": "", "values": [row.get(head, "") for head in columns]}
+            name: {"unit": "", "values": [row.get(column, "") for column in columns]}
             for name, row in rows.items()
         },
     }
+    found_most = {
+        "designs": {"value": judged, "unit": "1"},
+        **{name: {"value": error, "unit": "%"} for name, error in most.items()},
+    }
+    known["searched"] = {"command": command, "figures": found_most}
     figures.write(known)
 
 

@@ -16,6 +16,8 @@ DRIVES = {
     "trapezoid": fj.TrapezoidDrive(),
     "s_curve": fj.SCurveDrive(),
     "spline": fj.SplineDrive([0.2, 0.5, 0.2]),
+    "torque": fj.TorqueDrive([60.0, -60.0]),
+    "pneumatic": fj.PneumaticDrive(),
 }
 
 
@@ -25,7 +27,10 @@ def scenes():
     found["touch"] = fj.scenes.oblique_impact(parcel=fj.Parcel(inertia=0.3))
     found["turned"] = fj.scenes.oblique_impact(parcel_angle=0.1, velocity=(2.0, 0.0, 0.0))
     found["free"] = fj.scenes.free_motion()
-    fence = fj.Fence(pad=fj.Pad(), shaft=fj.Shaft(slip_torque=500.0))
+    fence = fj.Fence(
+        pad=fj.Pad(), shaft=fj.Shaft(slip_torque=500.0), rest_shape=fj.RestShape(0.03),
+        edge_radius=0.005,
+    )
     found["normal"] = fj.scenes.normal_impact(fence=fence)
     return found
 

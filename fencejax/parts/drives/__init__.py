@@ -1,4 +1,4 @@
-"""Drive laws, one a file: the angle of the rigid link over time, alpha_w(t)."""
+"""Drive laws, one a file: the rigid link's angle over time, alpha_w(t), or the torque on it."""
 
 from collections.abc import Mapping
 
@@ -10,8 +10,10 @@ from .abstract import (
 from .constant_speed import ConstantSpeedDrive as ConstantSpeedDrive
 from .harmonic import HarmonicDrive as HarmonicDrive
 from .held import HeldDrive as HeldDrive
+from .pneumatic import PneumaticDrive as PneumaticDrive
 from .s_curve import SCurveDrive as SCurveDrive
 from .spline import SplineDrive as SplineDrive
+from .torque import AbstractTorqueDrive as AbstractTorqueDrive, TorqueDrive as TorqueDrive
 from .trapezoid import TrapezoidDrive as TrapezoidDrive
 
 DRIVES: Mapping[str, type[AbstractDrive]] = {
@@ -21,5 +23,7 @@ DRIVES: Mapping[str, type[AbstractDrive]] = {
     "trapezoid": TrapezoidDrive,
     "s_curve": SCurveDrive,
     "spline": SplineDrive,
+    "torque": TorqueDrive,
+    "pneumatic": PneumaticDrive,
 }
 """The laws by name."""

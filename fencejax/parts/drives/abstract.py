@@ -18,11 +18,13 @@ CYCLE_TIME = 1.36
 
 
 class DriveMotion(NamedTuple):
-    """Angle [rad], angular speed [rad/s] and angular acceleration [rad/s^2] of the drive."""
+    """Angle [rad], angular speed [rad/s] and angular acceleration [rad/s^2] of the drive, and the
+    torque [N m] that it gives; `None` where the motion is given, and the torque follows."""
 
     angle: Array
     speed: Array
     acceleration: Array
+    torque: Array | None = None
 
 
 class AbstractDrive(Part):
