@@ -207,9 +207,9 @@ class Fidelity(Readable):
             return (self,)
 
         def with_modes(least: int) -> int | None:
-            """As many modes, or all that the elements have."""
-            if self.modes is None:
-                return None
+            """As many modes, or all that the elements have; none where the fence is rigid."""
+            if not self.modes:
+                return self.modes
             return max(self.modes, min(least, 2 * self.elements))
 
         finer = self.replace(

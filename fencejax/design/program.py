@@ -1,5 +1,6 @@
 """A design problem with its Jacobian, compiled; numbers in doubt are computed again, finer."""
 
+import copy
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -162,21 +163,16 @@ class LaneProgram:
 
             return both
 
-        def whole(z, numbers, rows, statuses, lanes, *data):
-            def of(z, numbers):
-                pair = combine(z, numbers, statuses, lanes, *data)
-                return tuple(jnp.atleast_1d(part) for part in pair)
-
-            def along(unit, change):
-                return jax.jvp(of, (z, numbers), (unit, change))[1]
-
-            columns = jax.vmap(along, in_axes=(0, -1), out_axes=-1)
-            slopes = columns(jnp.eye(z.size, dtype=z.dtype), rows)
-            return slopes, (of(z, numbers), _counted(statuses))
-
         self._each = [jax.jit(at(fidelity)) for fidelity in fidelities]
         self._many = jax.jit(jax.vmap(at(fidelities[0])))
-        self._whole = jax.jit(whole)
+        self._whole = _composed(combine)
+
+    def combining(self, combine: Callable[..., tuple[Array, Array]]) -> "LaneProgram":
+        """The same numbers of every lane, of the same compiled programs, made into other objectives
+        and margins."""
+        other = copy.copy(self)
+        other._whole = _composed(combine)
+        return other
 
     def __call__(
         self, point: Vector, *data: Any, least: np.ndarray | None = None
@@ -208,6 +204,24 @@ class LaneProgram:
         (numbers, rows), statuses, rungs = refined(compute, data[0], self._rungs, least)
         found = _hosted(self._whole(point, numbers, rows, statuses, *data))
         return Numbers(*found, rungs)
+
+
+def _composed(combine: Callable[..., tuple[Array, Array]]):
+    """Objectives and margins with their Jacobian in z, from the lanes' numbers and theirs."""
+
+    def whole(z, numbers, rows, statuses, lanes, *data):
+        def of(z, numbers):
+            pair = combine(z, numbers, statuses, lanes, *data)
+            return tuple(jnp.atleast_1d(part) for part in pair)
+
+        def along(unit, change):
+            return jax.jvp(of, (z, numbers), (unit, change))[1]
+
+        columns = jax.vmap(along, in_axes=(0, -1), out_axes=-1)
+        slopes = columns(jnp.eye(z.size, dtype=z.dtype), rows)
+        return slopes, (of(z, numbers), _counted(statuses))
+
+    return jax.jit(whole)
 
 
 def _counted(status) -> Array:

@@ -1,8 +1,10 @@
 """A sorter's design problem: one compiled program for all of its materials and choices."""
 
+import copy
 import dataclasses
 import itertools
-from collections.abc import Mapping
+import types
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -18,16 +20,20 @@ from ..results import Status, refined
 from ..scenes import consistent, numbers as scene_numbers
 from ..study import measured
 from . import limits as limit_table
-from .machine import Machine, scene_path
+from .machine import Machine, Objective, scene_path
 
+_HELD = "held "
 _MATERIAL = ("youngs_modulus", "density", "damping_ratio")
 
 
 class Candidate(NamedTuple):
-    """One of the choices: a material, and numbers [SI] by path, of those there are lists of."""
+    """One of the choices: a material, and numbers [SI] by path, of those there are lists of and of
+    the free ones that may be held. `bounds` [SI], by the limits' names, take the place of the
+    sorter's."""
 
     material: DataSheet
     numbers: Mapping[str, float]
+    bounds: Mapping[str, float] = types.MappingProxyType({})
 
     @property
     def name(self) -> str:
@@ -62,11 +68,14 @@ class SorterProblem:
     - `limit_names`: of the limits, in the order of their margins.
     - `program`: for `fencejax.minimize`.
     - `start`: z where the free numbers start.
+    - `quantities`: what is read of every sort: the objective, what is limited, and what else was
+      asked for.
     """
 
     def __init__(
         self, machine: Machine, fidelity: Fidelity | None = None, *, reserve: float = 0.005,
-        rungs: int = 2, chunk: int = 64,
+        rungs: int = 2, chunk: int = 64, held: Sequence[str] = (),
+        also: Sequence[Quantity] = (),
     ):
         """**Arguments:**
 
@@ -77,8 +86,11 @@ class SorterProblem:
           third, at the steps of `reference`, costs as much as all others together; what a search
           ends with is looked at again in any case (`measure`).
         - `chunk`: how many sorts at most go through one vectorised call.
+        - `held`: free numbers that a `Candidate` may hold at a value of its own, so that designs
+          with and without a part are found by one program.
+        - `also`: quantities that are read beside those that are needed.
 
-        Raises `ValueError` where a parcel's sort cannot be.
+        Raises `ValueError` where a parcel's sort cannot be, or where no number to be held is free.
         """
         self.machine, self.reserve = machine, _check.number("reserve", reserve)
         self.fidelity = Fidelity.fast() if fidelity is None else fidelity
@@ -89,11 +101,13 @@ class SorterProblem:
             for sheet in machine.materials
             for numbers in itertools.product(*machine.choices.values())
         )
-        self._limits = {c.name: self._limits_of(c) for c in self.candidates}
+        self._held = tuple(self._free_names.index(self._free(path)) for path in held)
         first = self.limits(self.candidates[0])
         self.limit_names = tuple(name for name, _ in first)
         self._quantities = {name: limit.quantity for name, limit in first}
         self._means = limit_table.means(machine.bounds)
+        wanted = (machine.objective.quantity, *self._quantities.values(), *also)
+        self.quantities = tuple({quantity.name: quantity for quantity in wanted}.values())
         self._signs = {name: 1.0 if x.sense == "at most" else -1.0 for name, x in first}
         self._columns = self._material_columns()
         taken = {*self._free_names, *self._columns}
@@ -130,6 +144,15 @@ class SorterProblem:
         paths = {scene_path(path): path for path in self.machine.free}
         return tuple(paths.get(name, name) for name in self._free_names)
 
+    def _free(self, path: str) -> str:
+        """The name of a free number in the space."""
+        if scene_path(path) not in self._free_names:
+            raise ValueError(
+                f"Argument `held` must name free numbers, of {', '.join(self.variable_names)}, but "
+                f"holds {path!r}."
+            )
+        return scene_path(path)
+
     def _material_columns(self) -> tuple[str, ...]:
         """Paths of what differs from candidate to candidate."""
         several = len(self.machine.materials) > 1
@@ -142,11 +165,21 @@ class SorterProblem:
         if chosen:
             parts = scene_numbers.replace(machine.parts, tuple(chosen), list(chosen.values()))
             machine = dataclasses.replace(machine, motor=parts.motor)
-        return limit_table.settled(machine.bounds, machine, candidate.material)
+        found = limit_table.settled(machine.bounds, machine, candidate.material)
+        unknown = set(candidate.bounds) - {name for name, _ in found}
+        if unknown:
+            raise ValueError(
+                "Argument `bounds` must name limits of the sorter, "
+                f"{', '.join(name for name, _ in found)}, but holds {', '.join(sorted(unknown))}."
+            )
+        return tuple(
+            (name, dataclasses.replace(x, bound=float(candidate.bounds.get(name, x.bound))))
+            for name, x in found
+        )
 
     def limits(self, candidate: Candidate) -> tuple[tuple[str, Limit], ...]:
         """The limits by name, with their bounds for a candidate."""
-        found, first = (self._limits[c.name] for c in (candidate, self.candidates[0]))
+        found, first = (self._limits_of(c) for c in (candidate, self.candidates[0]))
         names, expected = (", ".join(name for name, _ in each) for each in (found, first))
         if names != expected:
             raise ValueError(
@@ -168,7 +201,10 @@ class SorterProblem:
         return {
             **{path: np.asarray(v, dtype=float) for path, v in columns.items()},
             **{path: np.full(parcels.count, float(numbers[path])) for path in self._columns},
-        }
+            # What is not held is no number.
+            **{_HELD + path: np.full(parcels.count, float(numbers.get(path, np.nan)))
+               for path in (self._free_names[at] for at in self._held)},
+        }  # fmt: skip
 
     def data(self, candidate: Candidate) -> tuple[Any, ...]:
         """What a run of the program holds fixed: lanes, weights, bounds, units of the margins."""
@@ -194,6 +230,9 @@ class SorterProblem:
         return dict(zip(self.variable_names, values.tolist(), strict=True))
 
     def _scene(self, values: Array, lane: Mapping[str, Array]):
+        for at in self._held:
+            own = jnp.asarray(lane[_HELD + self._free_names[at]])
+            values = values.at[at].set(jnp.where(jnp.isnan(own), values[at], own))
         rest = [jnp.asarray(lane[name], dtype=float) for name in self._names[len(values) :]]
         return self._family.scene(jnp.concatenate([values, jnp.stack(rest)]))
 
@@ -230,12 +269,6 @@ class SorterProblem:
     def _base_values(self) -> Array:
         return jnp.zeros(0) if self.space is None else self.space.base
 
-    @property
-    def quantities(self) -> tuple[Quantity, ...]:
-        """What is read of every sort: the objective, and what is limited."""
-        found = (self.machine.objective.quantity, *self._quantities.values())
-        return tuple({quantity.name: quantity for quantity in found}.values())
-
     def _read(self, z: Array, lanes: Mapping[str, Array], fidelity: Fidelity):
         values = self._values(z)
         found = measured(
@@ -266,6 +299,23 @@ class SorterProblem:
             left = self._signs[name] * (bounds[index] - rows)
             margins.append(left / units[index] - kept)
         return wanted, jnp.concatenate(margins) if margins else jnp.zeros(0)
+
+    def with_objective(self, objective: Objective) -> "SorterProblem":
+        """The same with another objective, of a quantity that is read already: the compiled sorts
+        serve both.
+
+        Raises `ValueError` where it is not.
+        """
+        if objective.quantity not in self.quantities:
+            raise ValueError(
+                "Argument `objective` must be of a quantity that is read, of "
+                f"{', '.join(q.name for q in self.quantities)}, but is of "
+                f"{objective.quantity.name}. Write also=(...) where the problem is made."
+            )
+        other = copy.copy(self)
+        other.machine = dataclasses.replace(self.machine, objective=objective)
+        other.program = self.program.combining(other._combined)
+        return other
 
     # ---- looking at a design
 

@@ -124,6 +124,7 @@ def solve(
     problem: SorterProblem,
     candidate: Candidate,
     *,
+    start: np.ndarray | None = None,
     check: Fidelity | None = None,
     budget: int = 60,
     tolerance: float = 2e-3,
@@ -141,6 +142,7 @@ def solve(
 
     **Arguments:**
 
+    - `start`: z at the start, by default the problem's.
     - `check`: the fidelity at which both designs are looked at again, default
       `Fidelity.standard()`.
     - `budget`, `tolerance`, `journal`, `progress`: as of `fencejax.minimize`.
@@ -148,14 +150,15 @@ def solve(
     - `agreement` [1]: largest relative error of the objective that confirms the design.
     """
     check = Fidelity.standard() if check is None else check
-    before = look(problem, candidate, problem.start, check)
+    start = problem.start if start is None else start
+    before = look(problem, candidate, start, check)
     if problem.space is None:
         return _settled(problem, candidate, before, before, None, None, feasibility, 1)
     optimum, tried = None, 0
-    for start in _starts(problem.start):
+    for point in _starts(start):
         tried += 1
         optimum = minimize(
-            problem.program, start, data=problem.data(candidate), tolerance=tolerance,
+            problem.program, point, data=problem.data(candidate), tolerance=tolerance,
             feasibility=feasibility, budget=budget, journal=journal, progress=progress,
             worst_status=Status.DEEP_PENETRATION,
         )  # fmt: skip

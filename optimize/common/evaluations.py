@@ -20,12 +20,15 @@ def key(config: Any) -> str:
     return repr({name: getattr(config, name) for name in fields}) + repr(rungs) + said
 
 
-def journal(config: Any, say: Callable[..., None]) -> Journal:
-    """`evaluations.jsonl` in the folder of a job, with a line on what it holds already.
+def journal(
+    config: Any, say: Callable[..., None], name: str = "evaluations", more: str = ""
+) -> Journal:
+    """`evaluations.jsonl` in the folder of a job, with a line on what it holds already; of a job
+    that has several problems, one by `name`, with `more` that decides its numbers.
 
     Raises `ValueError` where it holds those of another problem.
     """
-    kept = Journal(config.out / "evaluations.jsonl", key(config))
+    kept = Journal(config.out / f"{name}.jsonl", key(config) + more)
     if len(kept) or kept.torn:
         say(str(kept))
     return kept

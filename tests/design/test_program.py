@@ -113,6 +113,8 @@ def test_ladder_settles_a_doubtful_sort():
     assert [rung.step for rung in ladder[1:]] == [1.25e-4, 2.5e-5]
     assert all(rung.geometry == coarse.geometry for rung in ladder)
     assert fj.Fidelity.reference().ladder() == (fj.Fidelity.reference(),)
+    # A fence that does not bend does not at a finer rung.
+    assert [rung.modes for rung in coarse.replace(modes=0).ladder()] == [0, 0, 0]
 
     def problem(z, fidelity):
         scene = fj.scenes.oblique_impact(parcel=fj.Parcel(mass=10 * z[0]), duration=0.05)

@@ -210,10 +210,10 @@ def as_flags(name, value):
 @pytest.mark.parametrize(
     ("job", "switch"),
     [
-        ("co_design", "quick"), ("design", "quick"), ("identify", "quick"), ("pareto", "quick"),
-        ("peak_force", "worst_case"), ("peak_force", "quick"), ("reproduce_paper", "quick"),
-        ("robust_design", "quick"), ("sensitivity", "quick"), ("stability_map", "quick"),
-        ("sweep", "quick"), ("work_precision", "quick"),
+        ("co_design", "quick"), ("concepts", "quick"), ("design", "quick"), ("identify", "quick"),
+        ("pareto", "quick"), ("peak_force", "worst_case"), ("peak_force", "quick"),
+        ("reproduce_paper", "quick"), ("robust_design", "quick"), ("sensitivity", "quick"),
+        ("stability_map", "quick"), ("sweep", "quick"), ("work_precision", "quick"),
     ],
 )  # fmt: skip
 def test_flags_of_every_job_win_over_its_switch(job, switch):

@@ -15,8 +15,8 @@ from optimize.common import flags, html_report, machine, pages
 from optimize.common.html_report import Figure, Report, Section, Table, Text, Verbatim
 
 JOBS = (
-    "co_design", "design", "identify", "pareto", "peak_force", "reproduce_paper", "robust_design",
-    "sensitivity", "stability_map", "sweep", "work_precision",
+    "co_design", "concepts", "design", "identify", "pareto", "peak_force", "reproduce_paper",
+    "robust_design", "sensitivity", "stability_map", "sweep", "work_precision",
 )  # fmt: skip
 
 

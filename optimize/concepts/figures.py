@@ -1,0 +1,63 @@
+"""The fronts of all concepts, and what they cost."""
+
+from pathlib import Path
+
+import numpy as np
+
+from fencejax.plot import COLORS, figure as new_figure, legend_above, panel
+
+from . import words
+from .outcome import Outcome
+from .problem import mass, torque
+from .quantities import FORCE, LOAD
+from .search import Point
+
+_MARKS = ("o-", "s--", "^:")
+
+
+def fronts(outcome: Outcome, out: Path) -> None:
+    """Force, acceleration, torque and mass over parcels an hour, a line a concept. What breaks a
+    limit is a cross, on no line; what is not confirmed is hollow."""
+    figure = new_figure(6.4)
+    places = figure.subplots(2, 2, sharex=True)
+    shown = [(FORCE.name, "worst peak force [N]", lambda p: p.worst(FORCE.name))]
+    if outcome.config.load:
+        load = "worst peak acceleration [g]"
+        shown.append((LOAD.name, load, lambda p: p.worst(LOAD.name)))
+    else:
+        places[0, 1].remove()
+    titles = ("least force", "least acceleration", "torque at least force", "mass at least force")
+    shown.append((FORCE.name, "largest drive torque [N m]", lambda p: torque(p.values)))
+    shown.append((FORCE.name, "mass of the fence [kg]", lambda p: mass(p.values)))
+    axes = [places[0, 0], *([places[0, 1]] if outcome.config.load else []), *places[1]]
+    named = [titles[0], *([titles[1]] if outcome.config.load else []), *titles[2:]]
+    for each, (minimised, label, read), title in zip(axes, shown, named, strict=True):
+        panel(each, "parcels an hour [1/h]" if each in places[1] else "", label, title)
+        for index, concept in enumerate(outcome.config.read):
+            color = COLORS[index % len(COLORS)]
+            mark = _MARKS[index // len(COLORS) % len(_MARKS)]
+            points = words.stacked(outcome, concept, minimised)
+            _line(each, points, read, color, mark, concept.title)
+        each.set_ylim(bottom=0)
+    legend_above(axes[0], columns=3)
+    figure.savefig(out / "concepts.png", dpi=150)
+
+
+def _line(axes, points: list[Point], read, color: str, mark: str, title: str) -> None:
+    """One concept: the line through what holds its limits, interrupted where nothing does."""
+    rates = np.array([p.rate for p in points])
+    values = np.array([read(p) for p in points])
+    held = np.array([p.feasible for p in points])
+    sure = np.array([p.confirmed for p in points])
+    axes.plot(
+        rates, np.where(held, values, np.nan), mark[1:], color=color, linewidth=1.3
+    )
+    # Named once, whatever of it is there to be drawn.
+    axes.plot([], [], mark, color=color, markersize=4, label=title)
+    drawn = (
+        (sure, mark[0], dict(color=color)),
+        (held & ~sure, mark[0], dict(markerfacecolor="white", markeredgecolor=color)),
+        (~held & np.isfinite(values), "x", dict(color=color)),
+    )
+    for which, kind, look in drawn:
+        axes.plot(rates[which], values[which], kind, linestyle="none", markersize=4, **look)

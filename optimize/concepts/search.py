@@ -1,0 +1,243 @@
+"""The front of every concept, rate by rate, each search begun at the designs that are near."""
+
+import concurrent.futures
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from fencejax.design import Journal
+from fencejax.results import Status
+from fencejax.sorter import Look, Solution, SorterProblem, look, solve
+
+from ..common import evaluations
+from .configuration import ConceptsConfig
+from .means import Concept
+from .problem import Group, period
+from .quantities import FORCE, LOAD
+
+_AHEAD, _DECIDE = 2, 3
+# Designs whose objectives are nearer than this share are alike.
+_ALIKE = 1e-3
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """The best design of a concept at a rate [1/h] for a quantity's name, as the search has it and
+    at the finer fidelity (`finer`)."""
+
+    concept: Concept
+    rate: float
+    minimised: str
+    solution: Solution
+    design: Mapping[str, float]
+    finer: Look
+    agreement: float
+    feasibility: float
+
+    @property
+    def values(self) -> Mapping[str, np.ndarray]:
+        """Every quantity at the finer fidelity, one number a sort."""
+        return self.finer.measured.values
+
+    def worst(self, name: str) -> float:
+        """A quantity at the finer fidelity, its largest of all sorts."""
+        return float(np.max(self.values[name]))
+
+    @property
+    def error(self) -> float:
+        """The search's objective over the finer one's, less 1 [1]."""
+        return self.solution.after.objective / self.finer.objective - 1
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the search's design holds every limit."""
+        return self.solution.feasible
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What the finer fidelity says against it."""
+        told = []
+        status = Status(int(np.max(self.finer.measured.statuses)))
+        if not self.finer.violation < np.inf:
+            told.append("a number is not finite")
+        elif self.feasible and self.finer.violation > self.feasibility:
+            told.append(f"a limit is broken by {100 * self.finer.violation:.2g} %")
+        if status > Status.LEFT_OVER_TIP:
+            told.append(f"{status.name}: {status.text}")
+        if not abs(self.error) <= self.agreement:
+            told.append(f"the objective differs by {100 * self.error:+.2g} %")
+        return tuple(told)
+
+    @property
+    def confirmed(self) -> bool:
+        """Feasible, and not contradicted by the finer fidelity."""
+        return self.feasible and not self.doubts
+
+    @property
+    def decides(self) -> tuple[str, ...]:
+        """The limits and bounds that decide it or, where it breaks limits, that fight; most
+        first."""
+        return tuple(price.name for price in self.solution.prices[:_DECIDE])
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        if not self.feasible:
+            violation = self.solution.after.violation
+            fight = " and ".join(name.replace("_", " ") for name in self.decides)
+            if not violation < np.inf:
+                return "cannot be evaluated"
+            return f"breaks a limit by {100 * violation:.2g} %" + (f": {fight}" if fight else "")
+        return "confirmed" if self.confirmed else "NOT confirmed: " + "; ".join(self.doubts)
+
+
+class Search:
+    """Searches the concepts' fronts; every evaluation goes through a journal of its group.
+
+    A front is searched from the slowest rate to the fastest, each from the design before and from
+    the best of the concepts that are special cases of this one, then back: what sorts faster with
+    less force is a design for the slower rate, too.
+    """
+
+    def __init__(
+        self, config: ConceptsConfig, groups: list[Group], say: Callable[..., None],
+        keep: Callable[[list[Point]], None],
+    ):  # fmt: skip
+        self.config, self.groups, self.say, self.keep = config, groups, say, keep
+        self.points: list[Point] = []
+        self.evaluations = self.recalled = self.searches = 0
+        self._found: dict[tuple[str, Concept, float], tuple[Group, Solution]] = {}
+
+    def run(self) -> list[Point]:
+        """The points of all concepts."""
+        # Compiling takes longer than searching, on one core: two groups at a time, ahead of the
+        # searches.
+        pool = concurrent.futures.ThreadPoolExecutor(_AHEAD)
+        try:
+            ready = [pool.submit(group.compile) for group in self.groups]
+            for group, compiled in zip(self.groups, ready, strict=True):
+                self._searched(group, compiled)
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+        return self.points
+
+    def _searched(self, group: Group, compiled: concurrent.futures.Future[None]) -> None:
+        """Search for the points of a group."""
+        several = "; ".join(concept.title for concept in group.concepts)
+        self.say(
+            f"\n{several}: {group.problem.machine.parcels.count} parcels and places, "
+            f"{len(group.problem.variable_names)} numbers; compiling (minutes, the first time) ..."
+        )
+        journals = {}
+        for name, problem in group.problems.items():
+            journals[name] = evaluations.journal(
+                self.config, self.say, f"evaluations-{group.name}-{name}",
+                repr(vars(problem.fidelity)) + problem.machine.signature,
+            )  # fmt: skip
+        compiled.result()
+        for concept in group.concepts:
+            for name, problem in group.problems.items():
+                self._front(group, concept, name, problem, journals[name])
+            self.keep(self.points)
+        self.recalled += sum(journal.recalled for journal in journals.values())
+
+    def _front(
+        self, group: Group, concept: Concept, name: str, problem: SorterProblem, journal: Journal
+    ) -> None:
+        paces = self.config.paces
+
+        def searched(rate: float, starts: list[np.ndarray], known: list[Solution]) -> Solution:
+            for start in _different(starts):
+                found = solve(
+                    problem, group.candidate(concept, rate), start=start,
+                    check=group.fidelity(self.config.check), budget=self.config.budget,
+                    tolerance=self.config.tolerance, feasibility=self.config.feasibility,
+                    agreement=self.config.agreement, journal=journal,
+                )  # fmt: skip
+                self.searches += 1
+                self.evaluations += 0 if found.optimum is None else len(found.optimum.history)
+                known = [*known, found]
+            return min(known, key=lambda one: one.rank)
+
+        best: dict[float, Solution] = {}
+        for rate in paces:
+            best[rate] = searched(rate, self._starts(group, concept, rate, name, best), [])
+        for slow, fast in zip(paces[-2::-1], paces[:0:-1], strict=True):
+            if _better(best[fast], best[slow]):
+                start = np.asarray(best[fast].after.point)
+                best[slow] = searched(slow, [start], [best[slow]])
+        for rate in paces:
+            self._found[name, concept, rate] = group, best[rate]
+            self._add(group, concept, rate, name, problem, best[rate])
+
+    def _starts(
+        self, group: Group, concept: Concept, rate: float, name: str, best: dict[float, Solution]
+    ) -> list[np.ndarray]:
+        """Where searches begin: at the slower rate's design, or the sorter's own, at the best of
+        the special cases, and at the best with a rigid fence in place of this one; of the
+        acceleration at the better of the second and the design of least force."""
+        known = [
+            (group_of, other, solution)
+            for (of, other, at), (group_of, solution) in self._found.items()
+            if at == rate and of == name and solution.feasible
+        ]
+        special = [each for each in known if concept.holds(each[1])]
+        stiff = [each for each in known if concept.stiffens_to(each[1])]
+        near, stiffer = (
+            [
+                group.point(group_of.design(other, solution.after.point), rate)
+                for group_of, other, solution in sorted(several, key=lambda x: x[2].rank)[:1]
+            ]
+            for several in (special, stiff)
+        )
+        if name == LOAD.name:
+            least = self._found[FORCE.name, concept, rate][1].after
+            better = [
+                each for each in special
+                if each[2].after.objective < np.max(least.measured.values[LOAD.name])
+            ]
+            return near if better else [np.asarray(least.point)]
+        start = np.asarray(best[max(best)].after.point) if best else group.problem.start
+        return [group.point(group.design(concept, start), rate), *near, *stiffer]
+
+    def _add(
+        self, group: Group, concept: Concept, rate: float, name: str, problem: SorterProblem,
+        solution: Solution,
+    ) -> None:
+        finer = look(
+            problem, solution.candidate, solution.after.point, group.fidelity(self.config.verify)
+        )
+        design = group.design(concept, solution.after.point)
+        self.points.append(Point(
+            concept, rate, name, solution, design, finer, self.config.agreement,
+            self.config.feasibility,
+        ))  # fmt: skip
+        self.say(self._told(self.points[-1]))
+
+    def _told(self, point: Point) -> str:
+        quantity = FORCE if point.minimised == FORCE.name else LOAD
+        unit = "g" if quantity is LOAD else quantity.unit
+        cells = (
+            f"{point.concept.title:<34}{point.rate:6.0f}/h {period(point.rate):6.3f} s  "
+            f"{quantity.name.replace('_', ' ')} {point.finer.objective:8.4g} {unit:<2}"
+        )
+        decides = ", ".join(name.replace("_", " ") for name in point.decides)
+        told = f"; {decides} decide" if point.feasible and decides else ""
+        return f"{cells}  {point.verdict}{told}"
+
+
+def _better(one: Solution, other: Solution) -> bool:
+    """Whether a design is better than another, by more than what makes them alike."""
+    if one.feasible and other.feasible:
+        return one.after.objective < (1 - _ALIKE) * other.after.objective
+    return one.feasible
+
+
+def _different(starts: list[np.ndarray]) -> list[np.ndarray]:
+    """Those that are not one another."""
+    kept: list[np.ndarray] = []
+    for start in starts:
+        if not any(np.max(np.abs(start - other)) < _ALIKE for other in kept):
+            kept.append(start)
+    return kept
