@@ -8,6 +8,7 @@ import pytest
 KNOWN = {
     "impact: value": {"operations": 1000, "calls": 0, gate.TIME: 2.0},
     "impact: gradient": {"operations": 2000, "calls": 0, gate.TIME: 4.0},
+    gate.ALL: {gate.TIME: 6.0},
 }
 
 
@@ -30,12 +31,27 @@ def test_what_grows_by_more_than_is_allowed_is_told():
     assert judged(kernels=1)[0][0].text == "impact: gradient: kernels is not on record"
 
 
-def test_times_are_allowed_three_standard_errors_more_and_measured_again():
-    slower = {gate.TIME: 4.0 * 1.3}
-    assert judged(error=0.0, **slower)[1] == ["impact: gradient"]
-    assert judged(error=0.051, **slower) == ([], [])
+def timed(total, error):
+    """What is grown, and what is to be measured again, where all times sum up to a total."""
+    programs = {**KNOWN, gate.ALL: {gate.TIME: total}}
+    found = gate.Measured(programs, dict.fromkeys(programs, error))
+    return [row.program for row in gate.grown(found, KNOWN)], gate.slow(found, KNOWN)
+
+
+def test_the_sum_of_times_is_allowed_three_standard_errors_more_and_measured_again():
+    assert timed(6.0 * 1.3, error=0.0) == ([gate.ALL], list(KNOWN))
+    assert timed(6.0 * 1.3, error=0.051) == ([], [])
+    # One program's time scatters too much to be judged by itself.
+    assert judged(**{gate.TIME: 40.0}) == ([], [])
     # Nothing of it for what is counted.
     assert len(judged(error=0.051, operations=2301)[0]) == 1
+
+
+def test_with_other_versions_what_xla_makes_is_not_judged():
+    changed = {**KNOWN["impact: gradient"], "operations": 2301, "instructions": 9}
+    found = gate.Measured({"impact: gradient": changed}, {"impact: gradient": 0.0})
+    assert [row.key for row in gate.grown(found, KNOWN)] == ["operations", "instructions"]
+    assert [row.key for row in gate.grown(found, KNOWN, ("operations",))] == ["operations"]
 
 
 def test_the_sum_of_all_times_has_a_smaller_error():
