@@ -31,7 +31,7 @@ class ConceptsConfig:
     concepts: tuple[str, ...] = flags.field(
         (
             "rigid", "rigid+pad", "rigid+shaft", "rigid+clutch", "rigid+motion", "one_link",
-            "one_link+clutch", "two_link", "two_link+pad", "two_link+motion",
+            "one_link+clutch", "two_link", "two_link+curved", "two_link+pad", "two_link+motion",
             "two_link+pad+motion",
         ),
         f"what is compared: {' or '.join(LINKS)}, joined by + with any of "

@@ -42,6 +42,10 @@ MEANS: Mapping[str, Means] = {
     "rigid": Means("a fence that does not bend, of the sorter's own shape"),
     "one_link": Means("a fence that bends all along", (_THICKNESS,), bends=True),
     "two_link": Means("a rigid link, then one that bends", (_THICKNESS, _RATIO), bends=True),
+    "curved": Means("a flexible link that is curved at rest", (
+        Number("fence.rest_shape.tip", -0.1, 0.1, 0.02, without=0.0),
+        Number("fence.rest_shape.middle", -0.05, 0.05, 0.0, without=0.0),
+    )),
     "pad": Means("an elastic cover on the fence", (
         Number("fence.pad.thickness", 0.0, 0.02, 0.01, without=0.0),
         Number("fence.pad.modulus", 5e4, 5e6, 1.9e5, without=1.9e5),
