@@ -99,8 +99,11 @@ def drive_angle_of(angle: ArrayLike, drive: AbstractDrive, fence: Fence) -> Arra
     checked = _check.scalar("drive_angle", angle, least=-1.5, most=1.5, unit="rad")
     check_motion(drive)
     torque = isinstance(drive, AbstractTorqueDrive)
-    if not traced(drive, checked) and not (torque and traced(fence)):
-        nearest, furthest = _ends(drive, fence.inertia, checked) if torque else _ends(drive)
+    if traced(drive, checked) or (torque and traced(fence)):
+        return checked
+    nearest, furthest = _ends(drive, fence.inertia, checked) if torque else _ends(drive)
+    # Inside a program that is traced they are so too, whatever they are made from.
+    if not traced(nearest, furthest):
         _check.scalar(
             "drive_angle",
             checked,

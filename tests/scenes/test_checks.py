@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import fencejax as fj
 from fencejax import (
     Belt,
     Fence,
@@ -228,3 +229,17 @@ def test_fidelity_is_checked(changes, error, text):
 def test_scenes_are_checked(build, text):
     with pytest.raises(ValueError, match=text):
         build()
+
+
+def test_a_scene_is_made_inside_a_program_with_parts_of_numbers():
+    def mass(value):
+        parcel = fj.Parcel(mass=value)
+        fence = fj.Fence(rest_shape=fj.RestShape(0.01, 0.0))
+        scenes = (
+            fj.scenes.oblique_impact(parcel=parcel, drive=fj.HarmonicDrive()),
+            fj.scenes.oblique_impact(fence=fence, drive=fj.TorqueDrive([60.0]), drive_angle=0.2),
+            fj.scenes.whole_sort(fence=fence, drive=fj.HarmonicDrive(), front=0.1),
+        )
+        return scenes[0].parcel.mass
+
+    assert jax.jit(mass)(3.0) == 3.0

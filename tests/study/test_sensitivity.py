@@ -247,7 +247,7 @@ def test_lanes_do_not_know_their_chunk(wall):
 def test_lanes_in_doubt_are_computed_finer(wall):
     """A hard blow of some 15 ms is not resolved by steps of 4 ms; slower and softer ones are."""
     long = fj.Fidelity.standard(step=4e-3)
-    rows = [[1.0, 1.72e9], [2.5, 1.72e9], [1.0, 1e6]]
+    rows = [[0.5, 1.72e9], [2.5, 1.72e9], [1.0, 1e6]]
     lanes = scene_numbers.vary(wall.scene, ["speed", "parcel.stiffness"], rows)
     plain, fine = (
         Response(wall.scene, ["peak_force"], long, chunk=4, refine=refine).slopes(lanes)
