@@ -232,14 +232,13 @@ def test_scenes_are_checked(build, text):
 
 
 def test_a_scene_is_made_inside_a_program_with_parts_of_numbers():
+    swing, push = fj.HarmonicDrive(), fj.TorqueDrive([60.0])
+    fence = fj.Fence(rest_shape=fj.RestShape(0.01, 0.0))
+
     def mass(value):
         parcel = fj.Parcel(mass=value)
-        fence = fj.Fence(rest_shape=fj.RestShape(0.01, 0.0))
-        scenes = (
-            fj.scenes.oblique_impact(parcel=parcel, drive=fj.HarmonicDrive()),
-            fj.scenes.oblique_impact(fence=fence, drive=fj.TorqueDrive([60.0]), drive_angle=0.2),
-            fj.scenes.whole_sort(fence=fence, drive=fj.HarmonicDrive(), front=0.1),
-        )
-        return scenes[0].parcel.mass
+        fj.scenes.oblique_impact(fence=fence, drive=push, drive_angle=0.2, duration=0.1)
+        fj.scenes.whole_sort(fence=fence, drive=swing, front=0.1, duration=1.0)
+        return fj.scenes.oblique_impact(parcel=parcel, drive=swing, duration=0.1).parcel.mass
 
     assert jax.jit(mass)(3.0) == 3.0
