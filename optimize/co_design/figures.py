@@ -26,7 +26,7 @@ def motion(joint: Joint, before, after, out: Path) -> None:
         drive = joint.space.apply(values)[1]
         moved = jax.vmap(drive.motion)(jnp.asarray(time))
         jerk = np.gradient(np.asarray(moved.acceleration), time)
-        for axes, signal in zip(every, (*moved, jerk), strict=True):
+        for axes, signal in zip(every, (*moved[:3], jerk), strict=True):
             axes.plot(time, np.asarray(signal), color=color, label=name)
     limits = (None, config.speed_limit, config.acceleration_limit, config.jerk_limit)
     labels = (
