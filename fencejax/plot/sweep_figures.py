@@ -275,7 +275,7 @@ def scatter(table: Lanes, name: str) -> "Figure":
     panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
     some = np.flatnonzero(good)[:: max(1, int(np.sum(good)) // _MOST_POINTS)]
     for axes in panels.flat[len(table.variables) :]:
-        axes.set_visible(False)
+        axes.remove()
     for index, variable in enumerate(table.variables):
         axes = _prepared(panels.flat[index], table, variable)
         place = _column(table, variable)[0]

@@ -24,7 +24,7 @@ _SETTLED = NUMERICAL - {Status.LIMIT_REACHED}
 # A force whose second difference from step to step is a larger share of its peak than this is not
 # resolved: the peak is off by up to a fifth of that share (the most that a search finds,
 # `tests/robustness/search.py`), its gradient by up to twice of it.
-_ROUGHNESS = 0.1
+_ROUGHNESS = 0.12
 # The same where parcel and fence had parted before the peak: a blow depends on when the one before
 # it ended, and its derivative far more so.
 _REBOUND_ROUGHNESS = 0.01
