@@ -83,9 +83,10 @@ def at_gap(gap, gap_rate, normal, place=0.5, sliding=0.0):
 
 def chosen(what, *, last=8.0, jump=0.0, before=0.0):
     fidelity = fj.Fidelity(tip_fade=0.01, stride_tolerance=5e-3)
-    link = SimpleNamespace(reach=jnp.asarray(1.19), edge_radius=None)
+    link = SimpleNamespace(reach=jnp.asarray(1.19))
     mechanics = SimpleNamespace(
-        fidelity=fidelity, sides={}, fence_corners=(1,), link=link, drive=fj.HarmonicDrive()
+        fidelity=fidelity, sides={}, fence_corners=(1,), link=link, drive=fj.HarmonicDrive(),
+        edge_radius=None,
     )
     clock = SimpleNamespace(counts=(0, 1, 2, 4, 8), step=2.5e-4, unit=1)
     size = next_step_size(
