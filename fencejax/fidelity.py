@@ -44,19 +44,21 @@ class Fidelity(Readable):
       normal to the straight line.
     - `load`: `"consistent"`, the contact force on the beam by virtual work, or `"shared"`, the
       paper's (2.8), linearly on the two nodes beside it (the modes left out by virtual work).
-    - `step` [s]: the integrator's step (for an adaptive one: of the samples that it saves).
-    - `step_tolerance`: error control. How far a contact force inside a step may be from the line
-      that the step is built on, relative to the largest force so far; steps that miss it are taken
-      again, shorter, each lane by itself, and longer again where it is small. What a search for
-      large errors of the peak force finds goes with it (`tests/robustness/search.py`); 1e-3 is a
-      good value. `None`, the default: no control, steps of `step`.
-    - `halvings`: how often a step may be halved for it.
+    - `step_tolerance`: error control, the knob that the named settings differ by. How far a contact
+      force inside a step may be from the line that the step is built on, relative to the largest
+      force so far; steps that miss it are taken again, shorter, each lane by itself, and longer
+      again where it is small. In single precision it is no finer than forces are balanced, 4e-3.
+      `None`: no control, fixed steps of `step`, as those of `reference`.
+    - `halvings`: how often a step may be halved for it. Where the shortest ones still miss it, the
+      status says `STEP_TOO_COARSE`.
+    - `step` [s]: the integrator's step where forces change smoothly, and the distance of samples in
+      a contact (of a general integrator: of all samples).
     - `longest_stride`: how many such steps may be taken in one, a power of two, where nothing is
       about to touch or part and the forces change smoothly; 1: none is longer. `None`: up to 2 ms
       under error control, and in scenes with contacts that last half a second and more, such as
       whole sorts; else 1.
     - `stride_tolerance`: how far, relative to their size, the forces at the end of a longer step
-      may be from their straight continuation.
+      may be from their straight continuation. Derivatives mind it more than values.
     - `iterations`: the most Newton iterations a step on contact force and parcel's velocity; one
       or two are the rule, more where friction turns round.
     - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s.
@@ -82,8 +84,8 @@ class Fidelity(Readable):
 
     >>> fj.Fidelity.coarse(step=2.5e-4)
     Fidelity.coarse(step=0.00025)
-    >>> fj.Fidelity.standard().modes, fj.Fidelity.standard().step
-    (4, 0.00025)
+    >>> fj.Fidelity.standard().modes, fj.Fidelity.standard().step_tolerance
+    (4, 0.0005)
     """
 
     modes: int | None = 4
@@ -91,11 +93,11 @@ class Fidelity(Readable):
     elements: int = 20
     geometry: str = "arc"
     load: str = "consistent"
-    step: float = 2.5e-4
-    step_tolerance: float | None = None
-    halvings: int = 6
+    step_tolerance: float | None = 5e-4
+    halvings: int = 3
+    step: float = 5e-4
     longest_stride: int | None = None
-    stride_tolerance: float = 5e-3
+    stride_tolerance: float = 1e-3
     iterations: int = 20
     slip_speed: float = 5e-4
     static_speed: float = 2.5e-3
@@ -170,9 +172,12 @@ class Fidelity(Readable):
         return {name: least for name, least in _SINGLE.items() if getattr(self, name) < least}
 
     def settled(self, duration: float) -> "Fidelity":
-        """The same with a longest stride for contacts of a duration [s]."""
+        """The same with a longest stride for contacts of a duration [s]; without error control
+        where that is 0, as nothing can touch: it is the contact forces that it looks at."""
         if self.integrator != "modal":
             return self.replace(longest_stride=1, step_tolerance=None)
+        if duration == 0:
+            return self.replace(step_tolerance=None, longest_stride=self.longest_stride or 1)
         if self.longest_stride is not None:
             return self
         longest = 1
@@ -193,24 +198,39 @@ class Fidelity(Readable):
     def ladder(self) -> "tuple[Fidelity, ...]":
         """This fidelity and two finer ones, for numbers in doubt (`Status.numerical`).
 
-        The second has at least eight modes, half the step and an eighth of a millisecond at most,
-        and a quarter of the friction's smoothing; the third has the modes, the step and the
-        smoothing of `reference`. Both keep this one's geometry, so that what is refined is the
-        same model: the paper's chords are within 5e-4 of the arc, and their derivatives cost ten
-        times as much. They keep its longest stride, too, over which nothing touches or parts:
-        the 60,000 steps of a whole sort would else cost as much as all others together. In single
-        precision the ladder ends before the rungs that it does not resolve. What has the step of
-        `reference` or a shorter one is its own last rung.
+        The second has at least eight modes, an eighth of the tolerance, half the step and an eighth
+        of a millisecond at most, and a quarter of the friction's smoothing; the third has the
+        modes, the fixed step and the smoothing of `reference`. Both keep this one's geometry, so
+        that what is refined is the same model: the paper's chords are within 5e-4 of the arc, and
+        their derivatives cost ten times as much. They keep its longest stride, too, over which
+        nothing touches or parts: the 60,000 steps of a whole sort would else cost as much as all
+        others together. In single precision the ladder ends before the rungs that it does not
+        resolve.
+
+        What has the step of `reference` or a shorter one has one finer rung: twice the modes, half
+        the step and a quarter of the smoothing.
         """
         last = Fidelity.reference()
-        if self.step <= last.step:
-            return (self,)
 
         def with_modes(least: int) -> int | None:
             """As many modes, or all that the elements have; none where the fence is rigid."""
             if not self.modes:
                 return self.modes
             return max(self.modes, min(least, 2 * self.elements))
+
+        single = self.precision == "float32" or not jax.config.read("jax_enable_x64")
+
+        def resolved(*rungs: Fidelity) -> tuple[Fidelity, ...]:
+            return tuple(rung for rung in rungs if not (single and rung.beyond_single()))
+
+        if self.step <= last.step:
+            beyond = self.replace(
+                modes=with_modes(2 * self.mode_count),
+                step=self.step / 2,
+                slip_speed=self.slip_speed / 4,
+                static_speed=self.static_speed / 4,
+            )
+            return self, *resolved(beyond)
 
         finer = self.replace(
             modes=with_modes(8),
@@ -226,37 +246,42 @@ class Fidelity(Readable):
             slip_speed=min(finer.slip_speed, last.slip_speed),
             static_speed=min(finer.static_speed, last.static_speed),
         )
-        single = self.precision == "float32" or not jax.config.read("jax_enable_x64")
-        rungs = (rung for rung in (finer, finest) if not (single and rung.beyond_single()))
-        return self, *rungs
+        return self, *resolved(finer, finest)
 
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":
-        """Two modes, steps of 1 ms, friction smoothed over 1 mm/s: for sweeps."""
-        settings = dict(modes=2, step=1e-3, slip_speed=1e-3, static_speed=5e-3)
+        """A tolerance of 1 %, steps of 1 ms at most, two modes, friction smoothed over 1 mm/s: for
+        sweeps."""
+        settings = dict(
+            modes=2, step=1e-3, step_tolerance=1e-2, stride_tolerance=5e-3, slip_speed=1e-3,
+            static_speed=5e-3,
+        )  # fmt: skip
         return cls(**{**settings, **changes})
 
     @classmethod
     def fast(cls, **changes) -> "Fidelity":
-        """Four modes, steps of 0.5 ms, friction smoothed over 0.5 mm/s: for searches. Its worst
-        gradients are those of parcels whose friction turns round near the peak.
+        """A tolerance of 0.2 %, steps of 0.5 ms at most, four modes, friction smoothed over 0.5
+        mm/s: for searches. Its worst gradients are those of parcels whose friction turns round near
+        the peak.
         """
-        return cls(**{"step": 5e-4, **changes})
+        return cls(**{"step_tolerance": 2e-3, "stride_tolerance": 5e-3, **changes})
 
     @classmethod
     def standard(cls, **changes) -> "Fidelity":
-        """The default: four modes, steps of 0.25 ms, friction smoothed over 0.5 mm/s. Wider ranges
-        than those of ordinary impacts give worse cases: ask `choose_fidelity`.
+        """The default: a tolerance of 0.05 %, steps of 0.5 ms at most, four modes, friction
+        smoothed over 0.5 mm/s. Wider ranges than those of ordinary impacts give worse cases: ask
+        `choose_fidelity`.
         """
         return cls(**changes)
 
     @classmethod
     def reference(cls, **changes) -> "Fidelity":
-        """Twelve modes, the paper's chords, steps of 25 us, friction smoothed over 0.05 mm/s; for
-        double precision, and some ten times the cost of `standard`.
+        """Twelve modes, the paper's chords, fixed steps of 25 us, friction smoothed over 0.05 mm/s;
+        for double precision, and some ten times the cost of `standard`. It shares no error control
+        with the settings that are measured against it.
         """
         settings = dict(
-            modes=12, geometry="chord", step=2.5e-5, longest_stride=1,
+            modes=12, geometry="chord", step=2.5e-5, step_tolerance=None, longest_stride=1,
             slip_speed=5e-5, static_speed=2.5e-4,
         )
         return cls(**{**settings, **changes})

@@ -74,6 +74,11 @@ def at_state(
         leans = _leans(forces)
         forces, shapes = forces_at(tuple(map(mechanics.loaded, places, leans)))
         shares = tuple(lean.share for lean in _leans(forces))
+    if link.second_order is not None:
+        shapes = tuple(
+            link.followed(shape, vibration.amplitude).rubbed(mechanics.drag(what.sliding))
+            for shape, (what, *_) in zip(shapes, forces.fence, strict=True)
+        )
     still = tuple(jnp.zeros_like(place) for place in places)
     fence = FenceState(drive, vibration, (), shapes, (), still, (), shares)
     loads = fence.loads(forces)

@@ -11,6 +11,7 @@ from ..model import (
     FencePoint,
     FenceState,
     FlexibleLink,
+    Propagator,
     ResidualMode,
     Shape,
     Vibration,
@@ -45,6 +46,9 @@ class FenceEnd(eqx.Module):
     pads: tuple[PadEnd, ...]
     shares: tuple[Array, ...]
     shapes: tuple[Shape, ...]
+    loadings: tuple[Blocks, ...]
+    drags: tuple[Array, ...]
+    holds: tuple[Array | float, ...]
     inertia: Blocks
     free: Vibration
     affine: tuple
@@ -62,30 +66,47 @@ class FenceEnd(eqx.Module):
         shapes: tuple[Shape, ...],
         shares: tuple[Array, ...] = (),
         expected: tuple[Array, ...] = (),
+        drags: tuple[Array, ...] = (),
+        holds: tuple[Array | float, ...] = (),
     ):
         """`before` is the fence at the start of the step, loaded by `normals` [N]; `shapes` are
         those where it is loaded at its end; `shares` [1], if given, those of the contact forces
         there that bend it; `expected` [N] these forces as foreseen, for the small terms of the
-        geometry."""
+        geometry. Where they follow the bent fence friction loads it too: `drags` [N] as foreseen,
+        by its value at the step's end alone as far as it `holds` [1] (`friction_tangent`)."""
         self.link, self.stride, self.drive = link, stride, drive
         self.normals_before, self.lagged_before = normals, before.lagged_rate
         self.residual_before = before.residual
         self.pads = ()
         if link.cover is not None:
             self.pads = tuple(PadEnd.of(link.cover, pad, stride) for pad in before.pads)
-        self.shapes, self.shares = shapes, shares
+        self.shapes, self.shares, self.drags, self.holds = shapes, shares, drags, holds
         self.inertia = link.inertia_force(drive)
         self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
         if link.hinge is not None:
             self.free = link.hinge.coupled(stride.maps, self.free)
+        self.loadings = tuple(shape.load for shape in shapes)
+        if drags:
+            self.shapes = self._followed(self.loads(expected))
+            rubbing = tuple(s.rubbing[1] for s in self.shapes if s.rubbing is not None)
+            self.loadings = tuple(shape.load for shape in self.shapes) + rubbing
         self.hinge = None
         if link.hinge is not None:
-            loads = tuple(shape.load for shape in shapes)
-            self.hinge = HingeEnd(link, stride, self.free, loads, before.clutch)
+            self.hinge = HingeEnd(link, stride, self.free, tuple(self._own()), before.clutch)
         self.affine = tuple(self._affine(k) for k in range(len(shapes)))
         foreseen = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
-        self.expected = self._every(foreseen)
+        self.expected = self._every(foreseen + (self.loads(drags) if drags else ()))
         self.arcs = self._arcs() if self.bends and link.geometry == "arc" else ()
+
+    def _followed(self, loads) -> tuple[Shape, ...]:
+        """The shapes as forces load the bent fence, with its line under the `loads` [N] as
+        foreseen: it moves little in a step."""
+        amplitude = self.free.amplitude
+        for load, pushed in zip(loads, self.loadings, strict=True):
+            share = load / self.link.mass_scale
+            moved = zip(amplitude, self.stride.maps, pushed, strict=True)
+            amplitude = tuple(q - m.q_end * phi * share for q, m, phi in moved)
+        return tuple(self.link.followed(shape, amplitude) for shape in self.shapes)
 
     @property
     def bends(self) -> bool:
@@ -120,15 +141,22 @@ class FenceEnd(eqx.Module):
     def _pushes(self):
         """What a unit of each load at the step's end makes of the amplitudes and of the rates, in
         units of 1 / m_0."""
-        if self.hinge is not None:
-            yield from self.hinge.pushes
-            return
-        maps = self.stride.maps
-        for other in self.shapes:
-            yield (
-                [m.q_end * b for m, b in zip(maps, other.load, strict=True)],
-                [m.v_end * b for m, b in zip(maps, other.load, strict=True)],
+        yield from self._own() if self.hinge is None else self.hinge.pushes
+
+    def _own(self):
+        """The same without the damping of a shaft."""
+        for load, hold in self._loadings():
+            ends = [_ends(m, hold) for m in self.stride.maps]
+            yield Vibration(
+                tuple(q * b for (q, _), b in zip(ends, load, strict=True)),
+                tuple(v * b for (_, v), b in zip(ends, load, strict=True)),
             )
+
+    def _loadings(self):
+        """What each load is to the modes, and as far as friction holds, how much of it acts from
+        the step's start."""
+        straight = (None,) * (len(self.loadings) - len(self.drags))
+        return zip(self.loadings, straight + self.holds[: len(self.drags)], strict=True)
 
     def _arcs(self):
         """The small terms of the arc at each place: as foreseen, and per newton of each force."""
@@ -184,7 +212,7 @@ class FenceEnd(eqx.Module):
             pressed, pressed_rate = self.pads[k].compliance(load)
             give, give_rate = give + pressed, give_rate + pressed_rate
         if self.shares:
-            both = self.shares[k] * self.shares[other]
+            both = self.shares[k] * self.shares[other % len(self.shares)]
             give, give_rate = both * give, both * give_rate
         return give, give_rate
 
@@ -200,15 +228,17 @@ class FenceEnd(eqx.Module):
         rate = slope * give_rate - speed * give
         if self.arcs:
             along = self.arcs[k][1][other].short_rate
-            rate = rate + (along * self.shares[other] if self.shares else along)
+            rate = rate + (along * self.shares[other % len(self.shares)] if self.shares else along)
         return rate
 
-    def points(self, normals) -> tuple[FencePoint, ...]:
-        """The point of the fence under each corner, or where else it is loaded."""
+    def points(self, normals, drags=()) -> tuple[FencePoint, ...]:
+        """The point of the fence under each corner, or where else it is loaded, by the normal
+        forces [N] and, where friction loads it, that."""
         if not self.flexible:
             zero = jnp.zeros_like(self.drive.angle)
             return tuple(small_point(s.place, *s.from_line(zero, zero, zero)) for s in self.shapes)
-        normals = self._every(self.loads(normals))
+        loads = self.loads(normals) + (self.loads(drags) if drags else ())
+        normals = self._every(loads)
         return tuple(self._point(k, normals) for k in range(len(self.shapes)))
 
     def deflection(self, k: int, normals) -> tuple[Array, Array, Array]:
@@ -284,18 +314,40 @@ class FenceEnd(eqx.Module):
                 amplitude = [q - p * share for q, p in zip(amplitude, pushed, strict=True)]
                 rate = [v - p * share for v, p in zip(rate, struck, strict=True)]
             return Vibration(tuple(amplitude), tuple(rate))
-        for shape, normal in zip(self.shapes, normals, strict=True):
+        for (load, hold), normal in zip(self._loadings(), normals, strict=True):
             share = normal / self.link.mass_scale
-            for i, (phi, m) in enumerate(zip(shape.load, self.stride.maps, strict=True)):
-                amplitude[i] = amplitude[i] - m.q_end * phi * share
-                rate[i] = rate[i] - m.v_end * phi * share
+            for i, (phi, m) in enumerate(zip(load, self.stride.maps, strict=True)):
+                q_end, v_end = _ends(m, hold)
+                amplitude[i] = amplitude[i] - q_end * phi * share
+                rate[i] = rate[i] - v_end * phi * share
         return Vibration(tuple(amplitude), tuple(rate))
 
-    def state(self, normals) -> FenceState:
-        """The fence under the solved forces."""
-        normals = self.loads(normals)
-        every = self._every(normals)
-        load = self.link.loaded(self.inertia, self.shapes, normals)
+    def begun(self, before: FenceState, normals, frictions) -> FenceState:
+        """The state at the start of the step, with the friction of its end that acts from there, by
+        the normal forces and the `frictions` over them [1] at its end."""
+        drags = [mu * n for mu, n in zip(frictions, self.loads(normals), strict=True)]
+        return before._replace(modal_force=self._rubbed(before.modal_force, drags, self.holds))
+
+    def _rubbed(self, force: Blocks, drags, holds) -> Blocks:
+        """A modal force with the `drags` [N] that load the fence, by the shares they `hold` [1]."""
+        rubbing = self.loadings[len(self.shapes) :]
+        for load, drag, hold in zip(rubbing, drags, holds, strict=False):
+            share = hold * drag / self.link.mass_scale
+            force = tuple(f - phi * share for f, phi in zip(force, load, strict=True))
+        return force
+
+    def state(self, normals, frictions=(), holds=()) -> FenceState:
+        """The fence under the solved forces, with those `frictions` over them [1] that load it,
+        and as far as these hold it now [1]."""
+        normals, shapes, held = self.loads(normals), self.shapes, None
+        every = normals
+        if frictions:
+            every = every + tuple(mu * n for mu, n in zip(frictions, normals, strict=True))
+            shapes = tuple(shape.rubbed(mu) for shape, mu in zip(shapes, frictions, strict=True))
+            nothing = tuple(jnp.zeros_like(f) for f in self.inertia)
+            held = self._rubbed(nothing, every[len(normals) :], holds)
+        every = self._every(every)
+        load = self.link.loaded(self.inertia, shapes, normals)
         vibration, clutch = self._vibration(every), None
         if self.hinge is not None:
             coupling = self.hinge.hinge.coupling(vibration.rate)
@@ -305,7 +357,7 @@ class FenceEnd(eqx.Module):
             relief, turn = clutch.relief / self.link.mass_scale, blocks(self.hinge.hinge.turn)
             load = tuple(f + a * relief for f, a in zip(load, turn, strict=True))
         lagged, rates, residual = normals, tuple(jnp.zeros_like(n) for n in normals), ()
-        if self.link.table.corrected:
+        if self.link.corrected:
             rates = tuple(
                 map(self._lagged_rate, self.lagged_before, self.normals_before, normals)
             )
@@ -313,6 +365,14 @@ class FenceEnd(eqx.Module):
             residual = tuple(self._residual_mode(k, n) for k, n in enumerate(normals))
         pads = tuple(pad.state(n) for pad, n in zip(self.pads, normals, strict=False))
         return FenceState(
-            self.drive, vibration, load, self.shapes, lagged, rates, residual, self.shares, pads,
-            clutch,
+            self.drive, vibration, load, shapes, lagged, rates, residual, self.shares, pads,
+            clutch, held,
         )  # fmt: skip
+
+
+def _ends(maps: Propagator, hold: Array | float | None) -> tuple[Array, Array]:
+    """What amplitude and rate take from a load at the step's end, of which as much as friction
+    holds acts from its start."""
+    if hold is None:
+        return maps.q_end, maps.v_end
+    return maps.q_end + hold * maps.q_start, maps.v_end + hold * maps.v_start

@@ -119,10 +119,12 @@ def reversal(
                 turn = turn + drift * normal
         share = jnp.minimum(share, _stop(what.sliding * turn, turn**2, what.sliding**2 > rest))
     if mechanics.belt is not None and forces.slip is not None:
-        x, y, turning = forces.slip
-        turned = mechanics.belt.mean_distance * change[2]
-        ahead = x * change[0] + y * change[1] + turning * turned
-        square = change[0] ** 2 + change[1] ** 2 + turned**2
+        x, y, turning, arm, lever = forces.slip
+        turned, moved = arm * change[2], change[0]
+        if lever is not None:
+            moved = moved + lever * change[2]
+        ahead = x * moved + y * change[1] + turning * turned
+        square = moved**2 + change[1] ** 2 + turned**2
         slipping = x**2 + y**2 + turning**2 > rest
         share = jnp.minimum(share, _stop(ahead, square, slipping))
     return share

@@ -37,17 +37,18 @@ class HingeEnd(eqx.Module):
         link: FlexibleLink,
         stride: Stride,
         free: Vibration,
-        loads: tuple[Blocks, ...],
+        pushes: tuple[Vibration, ...],
         before: ClutchState | None,
     ):
-        """`free` is the vibration at the end without loads; `loads` [1] the shares of unit forces
-        that each mode gets; `before` the clutch at the start."""
+        """`free` is the vibration at the end without loads; `pushes` what a unit of each makes of
+        the modes without the shaft's damping, in units of 1 / m_0; `before` the clutch at the
+        start."""
         assert link.hinge is not None
         self.hinge, self.stride, self.before = link.hinge, stride, before
         self.free = self.hinge.twist(free)
+        self.pushes = tuple(self.hinge.coupled(stride.maps, push) for push in pushes)
         if before is not None:
-            loads = (*loads, blocks(self.hinge.turn))
-        self.pushes = tuple(map(self._push, loads))
+            self.pushes += (self._push(blocks(self.hinge.turn)),)
         mass = link.mass_scale
         turns = (self.hinge.twist(push) for push in self.pushes)
         self.turns = tuple((angle / mass, rate / mass) for angle, rate in turns)

@@ -108,24 +108,31 @@ class _End(eqx.Module):
         )
         return Body(*moved, *rates)
 
+    def split(self, unknowns) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...]]:
+        """The velocities, the normal forces and, where it loads the fence, the friction there."""
+        end = 3 + len(self.mechanics.fence_corners)
+        return unknowns[:3], unknowns[3:end], unknowns[end:]
+
     def points(self, unknowns) -> tuple[FencePoint, ...]:
         """The points of the fence at the end."""
-        return () if self.fence is None else self.fence.points(unknowns[3:])
+        return () if self.fence is None else self.fence.points(*self.split(unknowns)[1:])
 
     def forces(self, unknowns, points: tuple[FencePoint, ...]) -> Forces:
         """The forces at the end."""
-        after = self.body_at(unknowns[:3])
+        rates, normals, _ = self.split(unknowns)
+        after = self.body_at(rates)
         arms = {k: _rotated(arm, after.angle - self.predicted) for k, arm in self.arms.items()}
-        return self.mechanics.forces(after, arms, self.frame, points, unknowns[3:] or None)
+        return self.mechanics.forces(after, arms, self.frame, points, normals or None)
 
     def evaluate(self, unknowns):
         """Residual of the step's equations, their derivative at frozen directions and arms, the
         largest unbalanced force against what is tolerated, and the forces with that unbalance [N].
 
-        Unknown are three velocities and a normal force a corner at a flexible fence.
+        Unknown are three velocities, a normal force a corner at a flexible fence and, where it
+        loads the fence, the friction there.
         """
         h, mechanics = self.stride.length, self.mechanics
-        rates, normals = unknowns[:3], unknowns[3:]
+        rates, normals, rubs = self.split(unknowns)
         points = self.points(unknowns)
         forces = self.forces(unknowns, points)
         begin, end = self.acceleration, forces.acceleration
@@ -151,7 +158,7 @@ class _End(eqx.Module):
             residual.append(normal - law)
             press = response.gap * h / 3 + response.gap_rate
             row = [press * parts.normal[j] for j in range(3)]
-            for other in range(len(normals)):
+            for other in range(len(normals + rubs)):
                 give, give_rate = self.fence.compliance(k, other, normal)
                 row.append(float(k == other) + response.gap * give + response.gap_rate * give_rate)
             matrix.append(row)
@@ -160,6 +167,8 @@ class _End(eqx.Module):
                 for drag, drift, other in zip(drags, drifts, forces.fence, strict=False):
                     along = along + drag * drift[k] * other.touch.tangent[i]
                 matrix[i].append(-scales[i] * along)
+        if rubs:
+            newton_matrix.add_frictions(matrix, residual, forces, rubs, scales, drags, drifts)
         unbalance = mechanics.mass * jnp.maximum(jnp.abs(residual[0]), jnp.abs(residual[1]))
         turning = mechanics.inertia * jnp.abs(residual[2]) / mechanics.size
         unbalance = 2 * self.stride.rate * jnp.maximum(unbalance, turning)
@@ -176,8 +185,8 @@ class _End(eqx.Module):
         empty where no friction minds."""
         if self.fence is None or not self.fence.flexible or self.mechanics.fence_friction is None:
             return []
-        places = range(len(points))
-        return [[self.fence.drift(k, j, points[k].slope) for j in places] for k in places]
+        loads = range(len(self.fence.loadings))
+        return [[self.fence.drift(k, j, p.slope) for j in loads] for k, p in enumerate(points)]
 
     def force_jump(self, guess, root, forces: Forces) -> Array:
         """How far the forces are from those of the guess, relative to their size [1]: each normal
@@ -187,7 +196,7 @@ class _End(eqx.Module):
         turn = mechanics.inertia * turn / mechanics.size
         moved = jnp.maximum(mechanics.mass * jnp.maximum(x, y), turn)
         off = 2 * self.stride.rate * moved / scale
-        for a, b in zip(guess[3:], root[3:], strict=True):
+        for a, b in zip(self.split(guess)[1], self.split(root)[1], strict=True):
             off = jnp.maximum(off, jnp.abs(a - b) / (jnp.maximum(a, b) + 0.05 * scale))
         return jax.lax.stop_gradient(off)
 
@@ -255,16 +264,22 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         if leans:
             loaded = tuple(map(mechanics.loaded, places, leans))
         shapes = tuple(map(mechanics.link.shape, loaded))
-        shares = tuple(lean.share for lean in leans)
+        shares, drags, holds = tuple(lean.share for lean in leans), (), ()
+        if mechanics.link.second_order is not None:
+            drags = tuple(
+                n * mechanics.drag(w) for n, w in zip(expected, memory.sliding, strict=True)
+            )
+            holds = tuple(friction_tangent.spread(mechanics, memory.sticking))
         fence = FenceEnd(
-            mechanics.link, stride, drive, memory.fence, loads, shapes, shares, expected
-        )
+            mechanics.link, stride, drive, memory.fence, loads, shapes, shares, expected, drags,
+            holds,
+        )  # fmt: skip
     guess = tuple(
         rate + h * (a + 0.5 * ratio * (a - before))
         for rate, a, before in zip(body[3:], start, memory.before, strict=True)
     )
     if fence is not None and fence.flexible:
-        guess = guess + expected
+        guess = guess + expected + fence.drags
     frame = mechanics.frame(drive, places, loaded, memory.gone)
     predicted = body.angle + h * (body.spin + 0.5 * h * start.angle)
     arms = mechanics.arms(predicted)
@@ -282,7 +297,11 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     )
     after = equations.body_at(root[:3])
     normals = tuple(meeting.contact.normal for meeting in forces.fence)
-    state = None if fence is None else fence.state(normals)
+    frictions = holding = ()
+    if fence is not None and fence.drags:
+        frictions = tuple(mechanics.drag(meeting.contact.sliding) for meeting in forces.fence)
+        holding = friction_tangent.spread(mechanics, sticking)
+    state = None if fence is None else fence.state(normals, frictions, holding)
     size = None
     if memory.step_size is not None:
         jump = equations.force_jump(guess, root, forces)
@@ -293,8 +312,11 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             assert tolerance is not None
             pair = Pair(mechanics.law, mechanics.viscosity, mechanics.mass)
             now = _contacts(forces, () if frame is None else frame.shares)
+            was = memory.fence
+            if fence is not None and was is not None and frictions:
+                was = fence.begun(was, normals, frictions)
             size = controlled(
-                pair, tolerance, clock, control, size, end, stride, now, fence, memory.fence, state
+                pair, tolerance, clock, control, size, end, stride, now, fence, was, state
             )
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)

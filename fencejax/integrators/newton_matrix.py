@@ -8,6 +8,8 @@ from . import friction_tangent
 
 # Largest slope of friction with the motion, relative to that of the inertia over half a step.
 _MOST_ALONG = 0.7
+# Least share of friction that is its own where it loads the fence, and so moves under the corner.
+_LEAST_OWN = 0.5
 
 
 def drags(
@@ -48,13 +50,17 @@ def rate_matrix(
     matrix = [[zero] * 3 for _ in range(3)]
     if mechanics.belt is not None and forces.belt_slopes is not None and forces.slip is not None:
         grip, bend = forces.belt_slopes
-        arm = mechanics.belt.mean_distance
-        x, y, turning = forces.slip
+        x, y, turning, arm, lever = forces.slip
         slip, weights = (x, y, arm * turning), (1.0, 1.0, arm**2)
+        if lever is not None:
+            slip, weights = (x, y, slip[2] + lever * x), (1.0, 1.0, weights[2] + lever**2)
         for i in range(3):
             for j in range(3):
                 matrix[i][j] = 2 * bend * slip[i] * slip[j]
             matrix[i][i] = matrix[i][i] + grip * weights[i]
+        if lever is not None:
+            matrix[0][2] = matrix[0][2] + grip * lever
+            matrix[2][0] = matrix[2][0] + grip * lever
     held_at = (unknown_normals,) * len(forces.fence) + (False,) * len(forces.still)
     for meeting, held, share, drag in zip(forces.meetings, held_at, shares, drags, strict=True):
         _, parts, _, response = meeting
@@ -68,3 +74,34 @@ def rate_matrix(
                     change = change + press * along * parts.normal[j]
                 matrix[i][j] = matrix[i][j] + change
     return matrix
+
+
+def add_frictions(
+    matrix: list[list[Array]],
+    residual: list[Array],
+    forces: Forces,
+    rubs: tuple[Array, ...],
+    scales: tuple[Array, ...],
+    drags: list[Array],
+    drifts: list[list[Array]],
+) -> None:
+    """Put friction on the fence, `rubs` [N], among the unknowns after the normal forces: it is what
+    the law says, residual F + F_law, and lets corners slide by the second half of each of the
+    `drifts` [m/s/N]. `scales` are those of the velocities' rows."""
+    count = len(rubs)
+    for k, rub in enumerate(rubs):
+        for i in range(3):
+            along = jnp.zeros_like(rub)
+            for drag, drift, meeting in zip(drags, drifts, forces.fence, strict=False):
+                along = along + drag * drift[count + k] * meeting.touch.tangent[i]
+            matrix[i].append(-scales[i] * along)
+        what, parts, _, response = forces.fence[k]
+        assert response is not None
+        residual.append(rub + what.friction)
+        slope = what.normal * response.sliding
+        row = [slope * t for t in parts.tangent]
+        row += [slope * drift for drift in drifts[k]] if drifts else [0 * rub] * (2 * count)
+        row[3 + k] = row[3 + k] + response.share
+        # It pulls the fence along with the corner: a matrix that says otherwise has no root ahead.
+        row[3 + count + k] = 1 + jnp.maximum(row[3 + count + k], _LEAST_OWN - 1)
+        matrix.append(row)

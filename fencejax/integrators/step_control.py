@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..model import FenceState
+from ..model import FenceState, force_tolerance
 from .fence_response import FenceEnd
 from .step_defect import INNER, Ends, Pair, defects
 from .step_size import Clock, StepSize, Stride
@@ -69,6 +69,8 @@ def _judged(
     for each in now:
         largest = jnp.maximum(largest, each.normal)
     worst = most = jnp.zeros_like(largest)
+    # What the Newton iteration leaves unbalanced is no defect of the step.
+    tolerance = max(tolerance, 2 * force_tolerance(largest.dtype))
     for k, (force, a, b) in enumerate(zip(found, before.ends, now, strict=True)):
         speed = jnp.maximum(jnp.abs(a.gap_rate), jnp.abs(b.gap_rate))
         give_rate = 0.5 * stride.length / pair.mass

@@ -17,6 +17,10 @@ from .belt_contact import (
     BeltContact as BeltContact,
     BeltForce as BeltForce,
 )
+from .belt_edge import (
+    BeltEdge as BeltEdge,
+    strip_mean_distance as strip_mean_distance,
+)
 from .contact import (
     fade as fade,
 )
@@ -32,7 +36,6 @@ from .fence_state import (
     bending_loads as bending_loads,
 )
 from .flexible_link import (
-    SWING_STEPS as SWING_STEPS,
     FlexibleLink as FlexibleLink,
 )
 from .friction import (
@@ -72,6 +75,10 @@ from .propagation import (
 )
 from .shape import Shape as Shape
 from .state import NormalState as NormalState, SceneState as SceneState
+from .swing import (
+    SWING_STEPS as SWING_STEPS,
+    swung as swung,
+)
 from .tip import (
     Side as Side,
     around as around,

@@ -53,12 +53,13 @@ class FenceState(NamedTuple):
     shares: tuple[Array, ...] = ()
     pads: tuple[PadState, ...] = ()
     clutch: ClutchState | None = None
+    held: Blocks | None = None
 
     @classmethod
     def unloaded(cls, link: FlexibleLink, vibration: Vibration, places: int) -> "FenceState":
         """What a first step needs to know of a fence without a load at any of its `places`."""
         zero = jnp.zeros_like(link.mass_scale)
-        rates = (zero,) * places if link.table.corrected else ()
+        rates = (zero,) * places if link.corrected else ()
         residual = tuple(ResidualMode(zero, zero) for _ in rates)
         still = tuple(jnp.zeros_like(q) for q in vibration.amplitude)
         pads = () if link.cover is None else (PadState(zero, zero),) * places
@@ -74,4 +75,10 @@ class FenceState(NamedTuple):
     def kept(self) -> "FenceState":
         """What the next step needs to know."""
         rates = self.lagged_rate if self.residual else ()
-        return self._replace(drive=None, shapes=(), lagged=(), lagged_rate=rates, shares=())
+        force = self.modal_force
+        if self.held is not None:
+            force = tuple(f - held for f, held in zip(force, self.held, strict=True))
+        return self._replace(
+            drive=None, modal_force=force, shapes=(), lagged=(), lagged_rate=rates, shares=(),
+            held=None,
+        )  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..fidelity import Fidelity
-from ..parts import AbstractDrive, AbstractTorqueDrive, DriveMotion, Fence
+from ..parts import AbstractDrive, AbstractTorqueDrive, DriveMotion, Fence, SecondOrderLoads
 from . import beam
 from .fence_geometry import Arc, FencePoint, arc, arc_point, chain, small_point
 from .hinge import ClampedLink, Hinge
@@ -15,10 +15,10 @@ from .mode_shapes import Blocks, ShapeTable, arc_modes
 from .pad import Cover
 from .propagation import Propagator, propagator
 from .rest_shape import RestTable
+from .second_order import Chords, following
+from .section import SectionTable
 from .shape import Shape
-from .vibration import Vibration, blocks, combined, dot, flat, one_by_one, propagate
-
-SWING_STEPS = 64
+from .vibration import Vibration, blocks, combined, dot, one_by_one
 
 
 class FlexibleLink(eqx.Module):
@@ -52,6 +52,8 @@ class FlexibleLink(eqx.Module):
     cover: Cover | None
     hinge: Hinge | None
     rest_table: RestTable | None
+    section: SectionTable | None
+    second_order: SecondOrderLoads | None
     elements: int = eqx.field(static=True)
     geometry: str = eqx.field(static=True)
 
@@ -80,6 +82,11 @@ class FlexibleLink(eqx.Module):
         self.rest_table = None
         if fence.rest_shape is not None:
             self.rest_table = RestTable(fence, tables, arc_modes(fidelity))
+        self.section = self.second_order = None
+        if fence.second_order is not None and fence.second_order.act and fidelity.mode_count:
+            self.second_order = fence.second_order
+        if self.second_order is not None or (fence.shear is not None and fidelity.mode_count):
+            self.section = SectionTable(fence, tables.relative_thickness)
         self.hinge, clamped_moment = None, tables.moment
         mount = drive if isinstance(drive, AbstractTorqueDrive) else fence.shaft
         if mount is not None:
@@ -122,6 +129,11 @@ class FlexibleLink(eqx.Module):
         nodes = np.arange(self.elements) / self.elements
         self.stations = self.length * jnp.asarray(nodes, dtype=precision)
         self.cover = None if fence.pad is None else Cover(fence)
+
+    @property
+    def corrected(self) -> bool:
+        """Whether more gives way under a load than the modes."""
+        return self.table.corrected or (self.section is not None and self.section.shear is not None)
 
     @property
     def reach(self) -> Array:
@@ -198,46 +210,6 @@ class FlexibleLink(eqx.Module):
             )
         )
 
-    def swung(self, drive: AbstractDrive, step: Array, maps: Propagator) -> Vibration:
-        """The state after `SWING_STEPS` steps of a fence that has swung free of contact from rest
-        at t = 0; `maps` are those of all modes over one of them, (m,).
-
-        Each step takes the linear acceleration that has the drive's own change of speed and of
-        angle over it, so that the error is of the fourth order and jumps of the acceleration do
-        no harm. Of a torque it takes both integrals by Simpson's rule, to the same order.
-        """
-        if not self.swing:
-            return self.rest()
-        swing = -flat(self.swing)
-        if self.hinge is not None and self.hinge.driven:
-            swing = self.hinge.driving
-
-        def advance(carry, index):
-            state, before = carry
-            after = drive.motion((index + 1) * step)
-            mean = (after.speed - before.speed) / step
-            moment = (after.angle - before.angle - step * before.speed) / step**2
-            if before.torque is not None and after.torque is not None:
-                middle = drive.motion((index + 0.5) * step).torque
-                assert middle is not None
-                mean = (before.torque + 4 * middle + after.torque) / 6
-                moment = (before.torque + 2 * middle) / 6
-            start, end = 6 * moment - 2 * mean, 4 * mean - 6 * moment
-            forces = (swing * start,), (swing * end,)
-            if self.hinge is not None:
-                (coupling,) = self.hinge.coupling(state.rate)
-                forces = (forces[0][0] + coupling,), forces[1]
-            state = propagate((maps,), state, *forces)
-            if self.hinge is not None:
-                state = self.hinge.coupled((maps,), state)
-            return (state, after), None
-
-        zero = (jnp.zeros_like(self.eigenvalues),)
-        indices = jnp.arange(SWING_STEPS, dtype=step.dtype)
-        begin = (Vibration(zero, zero), drive.motion(jnp.zeros_like(step)))
-        (state, _), _ = jax.lax.scan(advance, begin, indices)
-        return Vibration(blocks(state.amplitude[0]), blocks(state.rate[0]))
-
     def shape(self, place: Array) -> Shape:
         """The shapes at the arc coordinate `place` = sigma [m].
 
@@ -251,16 +223,14 @@ class FlexibleLink(eqx.Module):
         deflection = tuple(
             v + d * beyond for v, d in zip(sampled.deflection, slope, strict=True)
         )
-        residual = residual_mode = residual_tip = arc = None
-        if sampled.residual is not None:
-            assert sampled.residual_rise is not None
-            assert sampled.residual_tip is not None
-            residual = self.flexibility * sampled.residual
-            # As far as round-off it may be negative, and the root of 0 has no derivative.
-            kept = jnp.maximum(sampled.residual, 0.0) + jnp.finfo(place.dtype).eps
-            mode = jnp.sqrt(self.flexibility * kept)
-            residual_mode = mode, 0.5 * self.flexibility * scale * sampled.residual_rise / mode
-            residual_tip = self.flexibility * sampled.residual_tip
+        residual = residual_mode = residual_tip = of_modes = shear = arc = None
+        if self.section is not None:
+            shear = self.section.shear_compliance(place, index, s)
+        yielding = sampled.yielding(self.flexibility, scale, shear)
+        if yielding is not None:
+            residual, residual_mode, residual_tip = yielding
+        if shear is not None:
+            of_modes = () if sampled.residual is None else self.flexibility * sampled.residual
         if sampled.pairs is not None and sampled.cube is not None:
             pairs = tuple(pair / self.length for pair in sampled.pairs)
             arc = (pairs, sampled.cube / self.length**2)
@@ -272,8 +242,35 @@ class FlexibleLink(eqx.Module):
             turn = blocks(self.hinge.turn)
             load = tuple(v + place * a for v, a in zip(load, turn, strict=True))
         return Shape(
-            deflection, slope, load, residual, residual_mode, residual_tip, arc, place, rest
+            deflection, slope, load, residual, residual_mode, residual_tip, arc, place, rest,
+            of_modes,
         )
+
+    def followed(self, shape: Shape, amplitude: Blocks) -> Shape:
+        """The shape as a force loads the bent fence there, by its second-order loads and the modes'
+        amplitudes [m]."""
+        assert self.second_order is not None
+        assert self.section is not None
+        index, s = self._element(shape.place)
+        deflection, slope = dot(shape.deflection, amplitude), dot(shape.slope, amplitude)
+        deflection, _, slope = shape.from_line(deflection, slope, slope)
+        nodes = combined(self.deflection, amplitude)
+        if self.rest_table is not None:
+            nodes = nodes + self.rest_table.deflection
+        chords = Chords.to(
+            shape.place, index.astype(s.dtype) + s, self.length / self.elements,
+            (nodes, deflection), slope, self.section.half_thickness(index, s),
+        )  # fmt: skip
+        normal, friction = following(self.second_order, chords)
+        at = tuple(zip(self.deflection, shape.deflection, shape.slope, strict=True))
+        more = tuple(normal.load(chords, *each) for each in at)
+        rubs = tuple(friction.load(chords, *each) for each in at)
+        if self.hinge is not None:
+            turn, arm = blocks(self.hinge.turn), normal.arm - shape.place
+            more = tuple(f + arm * a for f, a in zip(more, turn, strict=True))
+            rubs = tuple(f + friction.arm * a for f, a in zip(rubs, turn, strict=True))
+        load = tuple(phi + f for phi, f in zip(shape.load, more, strict=True))
+        return shape._replace(load=load, following=normal, rubbing=(friction, rubs))
 
     def _element(self, place):
         """Element [0, n) and local coordinate in [0, 1] of an arc coordinate sigma:
@@ -389,6 +386,9 @@ class FlexibleLink(eqx.Module):
         moment = combined(self.bending, amplitude)
         for load, shape in zip(loads, shapes, strict=True):
             reached = jnp.minimum(shape.place, self.reach)
-            moment = moment - load * jnp.maximum(reached - self.rigid_length - self.stations, 0.0)
+            beyond = jnp.maximum(reached - self.rigid_length - self.stations, 0.0)
+            if shape.following is not None:
+                beyond = beyond + shape.following.moment
+            moment = moment - load * beyond
             moment = moment + load * combined(self.bending_flexibility, shape.load)
         return moment * self.stress_scale

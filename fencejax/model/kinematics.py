@@ -41,7 +41,7 @@ class Lean(NamedTuple):
         """Continued in a straight line over the next step, `ratio` times as long as the last."""
         share = self.share + ratio * (self.share - before.share)
         shift = self.shift + ratio * (self.shift - before.shift)
-        return Lean(jnp.clip(share, 0.0, 1.0), shift)
+        return Lean(jnp.clip(share, -1.0, 1.0), shift)
 
 
 class Touch(NamedTuple):
@@ -50,9 +50,10 @@ class Touch(NamedTuple):
     `foot_offset` [m] is how far along the surface the foot of the corner lies from the point U;
     `normal` and `tangent` are the directions (x, y, moment) in which a unit force acts on the
     parcel; `rates` is the velocity of U along the normal and the tangent [m/s]. Where the tip may
-    carry the contact, `lean` says how it loads the fence, and `lasting` [1] are the shares of the
-    contact law that have not ended at the far end of the parcel's side, and under a side that
-    stands upright.
+    carry the contact, `lean` says how it loads the fence, and `lasting` [1] is the share of the
+    contact law that has not ended at the far end of the parcel's side; `missed` is 1.0 where a
+    corner beside this one is under the fence that the scene does not let touch it (`None` where
+    both may).
     """
 
     gap: Array
@@ -63,13 +64,14 @@ class Touch(NamedTuple):
     tangent: tuple[Array, Array, Array]
     rates: tuple[Array, Array]
     lean: Lean | None = None
-    lasting: tuple[Array, Array] | None = None
+    lasting: Array | None = None
+    missed: Array | None = None
 
     def remaining(self, share):
         """What has not ended near the tip of a `share` [1] of the contact law."""
         if self.lasting is None:
             return share
-        return share * self.lasting[0] * self.lasting[1]
+        return share * self.lasting
 
 
 def corner_from_arm(body: Body, arm_x: Array, arm_y: Array) -> Corner:

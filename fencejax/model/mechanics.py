@@ -22,13 +22,16 @@ from ..parts import (
     turned,
 )
 from ..scenes import Body, Scene
-from .belt_contact import BeltContact, BeltForce
+from .belt_contact import BeltContact, BeltForce, BeltSlip
+from .belt_edge import BeltEdge
 from .contact import fade
 from .fence_geometry import FencePoint
 from .flexible_link import FlexibleLink
 from .friction import corner_share
 from .kinematics import Acceleration, Lean, Touch, corner_from_arm, fence_touch, surface_touch
-from .tip import UPRIGHT, Side, around
+from .tip import LEAST_SHARE, Side, around
+
+_BEFORE = {far: number for number, far in SIDES.items()}
 
 
 class Contact(NamedTuple):
@@ -83,7 +86,7 @@ class Forces(NamedTuple):
     surfaces: tuple[tuple[Meeting, ...], ...]
     belt: BeltForce | None
     belt_slopes: tuple[Array, Array] | None
-    slip: tuple[Array, Array, Array] | None
+    slip: BeltSlip | None
 
     @property
     def still(self) -> tuple[Meeting, ...]:
@@ -124,6 +127,7 @@ class Mechanics(eqx.Module):
     inertia: Array
     corners: dict[int, tuple[Array, Array]]
     sides: dict[int, Array]
+    before: dict[int, Array]
     edge_radius: Array | None
     law: AbstractContactLaw
     viscosity: Array
@@ -144,10 +148,12 @@ class Mechanics(eqx.Module):
         self.mass, self.inertia = parcel.mass, parcel.inertia
         self.fence_corners, self.border_corners = scene.fence_corners, scene.border_corners
         self.surface_corners = scene.surface_corners if scene.surfaces else ()
-        self.sides, self.edge_radius = {}, None
+        self.sides, self.before, self.edge_radius = {}, {}, None
         if scene.tip_contact:
             self.edge_radius = None if scene.fence is None else scene.fence.edge_radius
             self.sides = {number: parcel.side(number) for number in self.fence_corners}
+            alone = (n for n in self.fence_corners if _BEFORE[n] not in self.fence_corners)
+            self.before = {number: parcel.side(_BEFORE[number]) for number in alone}
         behind = {SIDES[number] for number in self.sides}
         still = {*self.border_corners, *self.surface_corners}
         touching = sorted({*self.fence_corners, *still, *behind})
@@ -157,7 +163,8 @@ class Mechanics(eqx.Module):
         self.belt = None
         if belt is not None:
             weight = parcel.mass * belt.gravity
-            self.belt = BeltContact(belt.speed, belt.friction, weight, parcel.mean_distance)
+            edge = BeltEdge(belt, parcel) if belt.edge else None
+            self.belt = BeltContact(belt.speed, belt.friction, weight, parcel.mean_distance, edge)
         self.size = jnp.sqrt(self.inertia / self.mass)
         self.link = None
         if scene.fence is not None:
@@ -224,8 +231,15 @@ class Mechanics(eqx.Module):
         assert self.link is not None
         last = self.link.reach
         if self.edge_radius is not None:
-            last = last + self.edge_radius / UPRIGHT
+            last = last + self.edge_radius / LEAST_SHARE
         return jnp.minimum(place + lean.shift, last)
+
+    def drag(self, sliding: Array) -> Array:
+        """Friction on the fence along its tangent, over N [1], of a corner that slides there at a
+        speed [m/s]."""
+        if self.fence_friction is None:
+            return jnp.zeros_like(sliding)
+        return -corner_share(self.fence_friction, sliding, self.fidelity.smoothing)[0]
 
     def gone(self, before: Array, place: Array, touch: Touch) -> Array:
         """Whether a corner has left over the tip: from where its force has faded, until it is clear
@@ -242,16 +256,20 @@ class Mechanics(eqx.Module):
         assert self.link is not None
         if touch.lasting is None:
             return (what.place > self.link.reach) & (what.gap > 0) & (what.normal > 0)
-        number, pressed = self.fence_corners[k], what.normal > 0
-        on_side, facing = touch.lasting
-        follows = SIDES[number] in self.fence_corners
-        leads = number in {SIDES[other] for other in self.fence_corners}
-        return pressed & ((on_side < 1) & (not follows) | (facing < 1) & (not leads))
+        if SIDES[self.fence_corners[k]] in self.fence_corners:
+            return jnp.zeros_like(what.normal, dtype=bool)
+        return (what.normal > 0) & (touch.lasting < 1)
 
     def _side(self, number: int, arms: dict[int, tuple[Array, Array]]) -> Side:
         (x, y), (far_x, far_y) = arms[number], arms[SIDES[number]]
         length = self.sides[number]
-        return Side((far_x - x) / length, (far_y - y) / length, length)
+        return Side(
+            (far_x - x) / length,
+            (far_y - y) / length,
+            length,
+            SIDES[number] in self.fence_corners,
+            self.before.get(number),
+        )
 
     def _meeting(
         self, touch: Touch, friction: AbstractFriction | None, place, normal, share

@@ -34,6 +34,33 @@ class Sampled(NamedTuple):
     pairs: tuple[Array, ...] | None
     cube: Array | None
 
+    def yielding(
+        self, flexibility: Array, scale: Array, shear: tuple[Array, Array] | None
+    ) -> tuple[Array, tuple[Array, Array], Array] | None:
+        """What gives way at the place beside the modes kept: the compliance there [m/N], the
+        residual mode's deflection [m/J^0.5] and slope [rad/J^0.5], and the compliance at the tip
+        [m/N]; `None` if nothing does. `flexibility` is l_p^3 / (E I_1), `scale` n / l_p [1/m], and
+        `shear` the compliance in shear [m/N] and its derivative along the link, if it yields."""
+        if self.residual is None:
+            if shear is None:
+                return None
+            give, rise = shear
+            mode = jnp.sqrt(give + flexibility * jnp.finfo(give.dtype).eps)
+            return give, (mode, 0.5 * rise / mode), give
+        assert self.residual_rise is not None
+        assert self.residual_tip is not None
+        own = flexibility * self.residual
+        # As far as round-off it may be negative, and the root of 0 has no derivative.
+        kept = jnp.maximum(self.residual, 0.0) + jnp.finfo(own.dtype).eps
+        if shear is None:
+            mode = jnp.sqrt(flexibility * kept)
+            slope = 0.5 * flexibility * scale * self.residual_rise / mode
+            return own, (mode, slope), flexibility * self.residual_tip
+        give, rise = shear
+        mode = jnp.sqrt(flexibility * kept + give)
+        slope = 0.5 * (flexibility * scale * self.residual_rise + rise) / mode
+        return own + give, (mode, slope), flexibility * self.residual_tip + give
+
 
 class ShapeTable(eqx.Module):
     """The coefficients of the elements' polynomials, dimensionless: constants of the program unless

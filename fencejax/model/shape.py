@@ -6,6 +6,7 @@ from jaxtyping import Array
 
 from .mode_shapes import Blocks
 from .rest_shape import Rest
+from .second_order import Following
 
 
 class Shape(NamedTuple):
@@ -14,7 +15,10 @@ class Shape(NamedTuple):
     left out (`None` where there are none) the compliance G at the place itself [m/N], deflection
     sqrt(G) [m/J^0.5] and slope [rad/J^0.5] of the residual mode, and the compliance at the tip
     [m/N]; the `arc` integrals (`None` unless the geometry needs them); and the link's rest shape
-    (`None` where it is straight)."""
+    (`None` where it is straight). A link that yields in shear has that in the residual mode and at
+    the tip, and `of_modes` [m/N] what of it is theirs, `()` if none is. A normal force that follows
+    the bent fence is `following`, and its `load` that by its virtual work; so has friction
+    `rubbing`, per newton of its own."""
 
     deflection: Blocks
     slope: Blocks
@@ -25,6 +29,30 @@ class Shape(NamedTuple):
     arc: tuple[tuple[Array, ...], Array] | None
     place: Array
     rest: Rest | None = None
+    of_modes: Array | tuple[()] | None = None
+    following: Following | None = None
+    rubbing: tuple[Following, Blocks] | None = None
+
+    @property
+    def left_out(self) -> Array | None:
+        """Compliance [m/N] of the modes left out; `None` where there are none."""
+        if self.of_modes is None:
+            return self.residual
+        return None if isinstance(self.of_modes, tuple) else self.of_modes
+
+    @property
+    def arm(self) -> Array:
+        """Of a unit load about the hinge [m]."""
+        return self.place if self.following is None else self.following.arm
+
+    def rubbed(self, ratio: Array) -> "Shape":
+        """With friction of a `ratio` [1] to the normal force, which loads the fence with it."""
+        if self.following is None or self.rubbing is None:
+            return self
+        more, load = self.rubbing
+        what = (a + ratio * b for a, b in zip(self.following, more, strict=True))
+        load = tuple(a + ratio * b for a, b in zip(self.load, load, strict=True))
+        return self._replace(following=Following(*what), load=load, rubbing=None)
 
     def from_line(self, bending: Array, rate: Array, slope: Array) -> tuple[Array, Array, Array]:
         """Deflection [m] from the rigid link's line, its rate [m/s] and slope, by that of the

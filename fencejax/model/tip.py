@@ -1,4 +1,4 @@
-"""The fence's tip against the parcel's side: how a contact goes on when a corner runs over the tip.
+"""The fence's tip against the parcel's side: from the first touch, or after a corner ran over it.
 
 A corner C inside the fence by D, at the arc coordinate R_z - s, meets the fence along its normal n.
 The side of the parcel behind it, from this corner to the next one, has the inward normal m, turned
@@ -10,6 +10,14 @@ the contact, along m. Both are one gap,
 
 with psi(x) = 0 for x >= l, x for x <= -l and a smooth lesser of the two between them, so that the
 force is N times the gradient of g: it does work like a spring, and has a continuous derivative.
+Where the corner is beyond the tip before anything touches, g is the tip's depth in the side alone:
+the tip meets the flat side first, at any 0 < theta < pi, upright on the fence or not.
+
+The tip is on the side up to its far end, the next corner, and what it carries ends over l there.
+Where the side falls below the fence, theta < 0, the next corner lies under the fence, and the tip
+is under the side for as long as that corner's foot is on the fence: it came there from below, and
+not through the side. Beyond it the next corner hands its own contact over to its own side. A side
+that faces away, theta < -pi / 2, is not met.
 
 A tip with an edge of the radius r ends in an arc about the point r behind the end of its face. Its
 foremost point against the side is r m from there, so that the tip is inside the side by r (1 -
@@ -19,14 +27,13 @@ cos(theta)) more, and
 
 where theta > 0; else the end of the face is foremost as before. The contact's line of action then
 goes through the arc's centre, and meets the fence's line r tan(theta) beyond the tip: there it
-loads the fence, continued along its tangent. A corner that is itself on the arc, less deep than r,
-is met by the arc's tangents at n and m, rounded as psi rounds them: without that by (1 / cos(theta
-/ 2) - 1) (r - D) too much.
-
-A side that stands upright on the fence, or faces away from it, is not met by the tip: what the tip
-carries ends between cos(theta) = 0.2 and 0.
+loads the fence, continued along its tangent, up to r / LEAST_SHARE. A corner that is itself on the
+arc, less deep than r, is met by the arc's tangents at n and m, rounded as psi rounds them: without
+that by (1 / cos(theta / 2) - 1) (r - D) too much.
 """
 
+import functools
+import operator
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -38,15 +45,19 @@ from .kinematics import Lean, Touch
 
 class Side(NamedTuple):
     """The side of the parcel behind a corner: its direction from there, (x, y) in fixed axes, and
-    its length [m]."""
+    its length [m]; whether its far corner can touch the fence, and the length [m] of the side
+    before the corner where the one that begins it cannot (`None` where it can)."""
 
     x: Array
     y: Array
     length: Array
+    follows: bool = True
+    before: Array | None = None
 
 
-UPRIGHT = 0.2
-"""cos(theta) [1] from which on what the tip carries ends."""
+LEAST_SHARE = 0.1
+"""Share of a contact force that bends the fence [1] below which the place where the line of that
+force meets the fence is not followed further: it goes to infinity as the share goes to 0."""
 
 
 def _lesser(x: Array, length: float) -> tuple[Array, Array]:
@@ -54,6 +65,13 @@ def _lesser(x: Array, length: float) -> tuple[Array, Array]:
     s = jnp.clip(0.5 * (x / length + 1), 0.0, 1.0)
     bend = 2 * length * (s - 0.5 - s**3 + 0.5 * s**4)
     return bend + jnp.minimum(x + length, 0.0), fade(x + length, 2 * length)
+
+
+def _half_tangent(sine: Array, cosine: Array) -> Array:
+    """tan(theta / 2) [1], finite where theta comes to pi."""
+    away = cosine < 0
+    over = jnp.where(away & (sine != 0), sine, 1.0)
+    return jnp.where(away, (1 - cosine) / over, sine / (1 + jnp.maximum(cosine, 0.0)))
 
 
 def around(
@@ -69,15 +87,14 @@ def around(
     `touch` is that of the corner against the straight line through the fence's point U; `spin`
     phidot [rad/s]; `edge` [m] the arc from U to the tip; `length` l [m] the smoothing; `radius`
     r [m] that of the tip's edge, `None` for a sharp one. The contact ends over l where the tip
-    comes to the far end of the side. There the next corner takes over; where the side stands
-    upright, the one before it.
+    comes to the far end of the side, or the far corner to the tip. There that corner takes over.
     """
     along_x, along_y, along_turn = touch.tangent
     up_x, up_y, up_turn = touch.normal
     depth, slip = touch.gap, touch.sliding
     sine = side.y * along_x - side.x * along_y
     cosine = side.y * up_x - side.x * up_y
-    half = sine / jnp.maximum(1 + cosine, 0.1)
+    half = _half_tangent(sine, cosine)
     under = depth if radius is None else depth - jnp.where(sine > 0, radius, 0.0)
     before_tip = edge - touch.foot_offset
     lesser, share = _lesser(before_tip - half * under, length)
@@ -87,7 +104,8 @@ def around(
     by_turn = cosine * lesser - share * half * under
     reached = under * sine - before_tip * cosine
     on_side = 1 - share * (1 - fade(reached - side.length + length, length))
-    facing = 1 - share * fade(cosine, UPRIGHT)
+    far_corner = jnp.minimum(before_tip, 0.0) + side.length * cosine
+    lasting = jnp.where(sine > 0, on_side, fade(length - far_corner, length))
     across, along = touch.rates
     return Touch(
         gap=depth + sine * lesser,
@@ -105,6 +123,25 @@ def around(
             by_depth * along_turn - by_place * up_turn,
         ),
         rates=(by_depth * across + by_place * along, by_depth * along - by_place * across),
-        lean=Lean(by_depth, (depth * by_place + by_turn) / jnp.maximum(by_depth, 0.1)),
-        lasting=(on_side, facing),
+        lean=Lean(by_depth, (depth * by_place + by_turn) / jnp.maximum(by_depth, LEAST_SHARE)),
+        lasting=lasting,
+        missed=_missed(side, depth, before_tip, sine, cosine),
     )
+
+
+def _missed(side: Side, depth: Array, before_tip: Array, sine: Array, cosine: Array):
+    """1.0 where a corner beside this one that cannot touch the fence lies lower and under it, or
+    its side under the tip, else 0.0; `None` where both can. On the fence's straight continuation.
+    """
+    found = []
+    if not side.follows:
+        under = depth - side.length * sine > 0
+        found.append((sine < 0) & under & (before_tip + side.length * cosine > 0))
+    if side.before is not None:
+        on_fence = before_tip - side.before * sine > 0
+        corner, tip = depth - side.before * cosine, depth * sine - before_tip * cosine
+        inside = jnp.where(on_fence, corner, tip) > 0
+        found.append((cosine < 0) & (before_tip > 0) & inside)
+    if not found:
+        return None
+    return functools.reduce(operator.or_, found).astype(depth.dtype)

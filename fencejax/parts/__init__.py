@@ -76,8 +76,14 @@ from .rest_shape import (
 from .rotation import (
     turned as turned,
 )
+from .second_order import (
+    SecondOrderLoads as SecondOrderLoads,
+)
 from .shaft import (
     Shaft as Shaft,
+)
+from .shear import (
+    Shear as Shear,
 )
 from .surfaces import (
     AbstractSurface as AbstractSurface,

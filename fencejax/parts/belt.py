@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
@@ -13,12 +14,16 @@ from .friction_laws import AbstractFriction, Friction
 class Belt(Part):
     """A belt that runs along +x and carries the parcel by friction.
 
+    With `edge` it ends at s under the parcel, and how it carries it is in
+    `fencejax.model.belt_edge`; without, it carries the parcel beyond s too.
+
     >>> fj.Belt(speed=2.5, friction=fj.Friction(kinetic=0.6, static=0.8))
     Belt(
       speed=2.5 m/s,
       width=700 mm,
       friction=Friction(kinetic=0.6, static=0.8),
       gravity=9.81 m/s^2,
+      edge=False,
     )
     """
 
@@ -26,6 +31,7 @@ class Belt(Part):
     width: Array
     friction: AbstractFriction
     gravity: Array
+    edge: bool = eqx.field(static=True)
 
     bounds: ClassVar[dict[str, Bounds]] = {
         "speed": Bounds("m/s", least=0, size=1.0),
@@ -39,6 +45,7 @@ class Belt(Part):
         width: ArrayLike = 0.7,
         friction: AbstractFriction | None = None,
         gravity: ArrayLike = 9.81,
+        edge: bool = False,
     ):
         """**Arguments:**
 
@@ -46,7 +53,9 @@ class Belt(Part):
         - `width`: s [m] from the border to the chute, above 0.
         - `friction`: default kinetic 0.65, static 0.85.
         - `gravity`: g [m/s^2], at least 0.
+        - `edge`: whether the belt ends at its width under the parcel.
         """
+        self.edge = _check.flag("edge", edge)
         _check.fields(self, speed=speed, width=width)
         friction = Friction(kinetic=0.65, static=0.85) if friction is None else friction
         example = "friction=fj.Friction(kinetic=0.65, static=0.85)"

@@ -13,7 +13,9 @@ from ..printing import Part
 from .material import Material
 from .pad import Pad
 from .rest_shape import RestShape
+from .second_order import SecondOrderLoads
 from .shaft import Shaft
+from .shear import Shear
 from .taper import AbstractTaper, ConstantStrength
 
 
@@ -51,6 +53,8 @@ class Fence(Part):
     shaft: Shaft | None
     rest_shape: RestShape | None
     edge_radius: Array | None
+    shear: Shear | None
+    second_order: SecondOrderLoads | None
 
     bounds: ClassVar[dict[str, Bounds]] = {
         "rigid_length": Bounds("m", least=0, size=1.0),
@@ -72,6 +76,8 @@ class Fence(Part):
         shaft: Shaft | None = None,
         rest_shape: RestShape | None = None,
         edge_radius: ArrayLike | None = None,
+        shear: Shear | None = None,
+        second_order: SecondOrderLoads | None = None,
     ):
         """**Arguments:**
 
@@ -89,6 +95,8 @@ class Fence(Part):
         - `edge_radius`: r [m] of the tip's edge, at least 0: an arc about the point r behind the
           end of the face, where the tip carries a contact on the parcel's side
           (`fencejax.model.tip`); by default the tip is sharp. It has no mass of its own.
+        - `shear`: how the flexible link yields in shear; by default it does not.
+        - `second_order`: which loads of the second order act; by default none, as in the paper.
         """
         _check.fields(
             self, rigid_length=rigid_length, flexible_length=flexible_length, width=width,
@@ -105,6 +113,15 @@ class Fence(Part):
         self.shaft = None
         if shaft is not None:
             self.shaft = _check.part("shaft", shaft, Shaft, "shaft=fj.Shaft(stiffness=1e5)")
+        self.shear = None
+        if shear is not None:
+            self.shear = _check.part("shear", shear, Shear, "shear=fj.Shear()")
+        self.second_order = None
+        if second_order is not None:
+            example = "second_order=fj.SecondOrderLoads()"
+            self.second_order = _check.part(
+                "second_order", second_order, SecondOrderLoads, example
+            )
         self.pad = None if pad is None else _check.part("pad", pad, Pad, "pad=fj.Pad(0.01)")
         self.rest_shape = None
         if rest_shape is not None:

@@ -136,11 +136,12 @@ def _belt_slip_unresolved(scene: Scene, fidelity: Fidelity, seen: Evidence) -> A
 def unresolved(
     link: FlexibleLink | None, seen: Evidence, unmet: Array | None, tolerated: Array | float = 0.0
 ) -> list[tuple[Status, Array]]:
-    """Whether steps do not resolve the fence's force, of which `tolerated` [N] may be rough, or the
-    modes kept do not. Steps under error control say so themselves, too, by `unmet`."""
-    rough = seen.resolution.roughness > _ROUGHNESS * seen.force.value + tolerated
-    if unmet is not None:
-        rough = rough | unmet
+    """Whether steps do not resolve the fence's force, or the modes kept do not. Steps under error
+    control say so themselves, by `unmet`; of fixed ones the force's second difference tells, of
+    which `tolerated` [N] do not matter."""
+    rough = unmet
+    if rough is None:
+        rough = seen.resolution.roughness > _ROUGHNESS * seen.force.value + tolerated
     checks = [(Status.STEP_TOO_COARSE, rough)]
     if link is not None and link.clamped_eigenvalues.size:
         # A clamped beam's n-th frequency goes with (n - 1/2)^2.
@@ -176,8 +177,10 @@ def of_record(
     share = max(1e-3, 4 * force_tolerance(parcel.mass.dtype))
     allowed = share * (forces + jnp.where(seen.touched > 0, 0.0, weight))
     checks.append((Status.STEP_TOO_COARSE, seen.unbalance > allowed + 1e-9))
-    at_border = _ROUGHNESS * still + _NEGLIGIBLE_ROUGHNESS * forces
-    checks.append((Status.STEP_TOO_COARSE, seen.resolution.border_roughness > at_border))
+    if unmet is None:
+        at_border = _ROUGHNESS * still + _NEGLIGIBLE_ROUGHNESS * forces
+        checks.append((Status.STEP_TOO_COARSE, seen.resolution.border_roughness > at_border))
+    # Error control looks at values: the derivative of a later blow is not within its reach.
     again = seen.resolution.at_peak.rebound_roughness > _REBOUND_ROUGHNESS * seen.force.value
     checks.append((Status.STEP_TOO_COARSE, again))
     checks += unresolved(mechanics.link, seen, unmet, _NEGLIGIBLE_ROUGHNESS * forces)

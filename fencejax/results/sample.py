@@ -41,7 +41,8 @@ class Power(NamedTuple):
 
     `geometry` is what small-deflection beam theory leaves out: the contact forces act along the
     bent fence's normal and tangent at the point U, while the beam is loaded with N along the
-    undeflected normal (2.8) and with no tangential force.
+    undeflected normal (2.8) and with no tangential force. Of second-order loads it is what they
+    still leave out.
     """
 
     drive: Array
@@ -67,6 +68,8 @@ class Sample(NamedTuple):
     belt: BeltForce | None
     fence_force: Array
     over_tip: Array
+    """1 where the force of a corner is being ended beyond the tip, with nothing in the scene to
+    take over from it; 2 where a corner is under the fence that the scene does not let touch it."""
     tip_deflection: Array
     """Of the tip from the rigid link's line [m], positive where a parcel bends it."""
     stress: Array
@@ -139,6 +142,8 @@ def describe(
         share = mechanics.fade(c.place)
         stored = stored + touch.remaining(share) * mechanics.law.stored_energy(c.gap)
         over_tip = jnp.where(mechanics.ends(k, c, touch), 1.0, over_tip)
+        if touch.missed is not None:
+            over_tip = jnp.where(touch.missed > 0, 2.0, over_tip)
     tip, stress, place, torque, stresses = zero, zero, zero, zero, None
     vibration = twist = slip = drive = None
     energy = Energy(kinetic, zero, zero, stored)
@@ -209,9 +214,9 @@ def describe(
 def carried(fence: FenceState) -> tuple[tuple[Array, Array], ...]:
     """Compliance [m/N] of the modes left out and the load [N] that they carry, at each corner."""
     return tuple(
-        (shape.residual, load)
+        (shape.left_out, load)
         for shape, load in zip(fence.shapes, fence.lagged, strict=True)
-        if shape.residual is not None
+        if shape.left_out is not None
     )
 
 
@@ -282,7 +287,7 @@ def _torque(link: FlexibleLink, fence: FenceState, forces: Forces) -> Array:
     torque = (link.root_inertia + link.swing_inertia) * fence.drive.acceleration
     torque = torque + link.mass_scale * dot(link.swing, accelerations)
     for load, shape in zip(fence.loads(forces), fence.shapes, strict=True):
-        torque = torque + load * shape.place
+        torque = torque + load * shape.arm
     return torque
 
 
@@ -305,7 +310,7 @@ def _fence_power(
     for k, ((c, parts, _, _), load, shape) in enumerate(
         zip(forces.fence, loads, fence.shapes, strict=True)
     ):
-        transverse = shape.place * fence.drive.speed + dot(shape.load, fence.vibration.rate)
+        transverse = shape.arm * fence.drive.speed + dot(shape.load, fence.vibration.rate)
         if fence.residual and shape.residual_mode is not None:
             transverse = transverse - shape.residual_mode[0] * fence.residual[k].rate
         if fence.pads and link.cover is not None:

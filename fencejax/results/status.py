@@ -53,10 +53,10 @@ _TEXT = {
     "`duration=...` if what follows matters",
     Status.LEFT_OVER_TIP: "a corner ran over the fence's tip while pressed on it, and the force "
     "was ended there; let the tip carry on against the parcel's side by `tip_contact=True` in the "
-    "scene, with the corner that follows in `fence_corners`",
+    "scene, with the corner that follows, or that came under the fence, in `fence_corners`",
     Status.PEAK_AT_TIP: "the force was largest while a corner ran over the fence's tip, where it "
     "is ended; let the tip carry on against the parcel's side by `tip_contact=True` in the scene, "
-    "with the corner that follows in `fence_corners`",
+    "with the corner that follows, or that came under the fence, in `fence_corners`",
     Status.LARGE_DEFLECTION: "the tip deflects by more than a quarter of the flexible link, "
     "beyond the linear beam; make the fence thicker",
     Status.DEEP_PENETRATION: "a corner goes in by more than half the parcel's shorter side, "

@@ -8,7 +8,7 @@ from jaxtyping import Array, ArrayLike
 from ... import _check
 from ..._check import Bounds
 from .abstract import CYCLE_TIME
-from .torque import AbstractTorqueDrive
+from .torque import AT_HINGE, AbstractTorqueDrive
 
 
 class PneumaticDrive(AbstractTorqueDrive):
@@ -45,9 +45,7 @@ class PneumaticDrive(AbstractTorqueDrive):
         "fill_time": Bounds("s", above=0, size=0.1),
         "open_time": Bounds("s", above=0, size=1.0),
         "cycle_time": Bounds("s", above=0, size=1.0),
-        "inertia": Bounds("kg m^2", above=0, size=1.0),
-        "damping": Bounds("N m s/rad", least=0, size=100.0),
-        "stiffness": Bounds("N m/rad", least=0, size=1e3),
+        **AT_HINGE,
     }
 
     def __init__(

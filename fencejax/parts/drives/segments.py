@@ -3,6 +3,7 @@
 import abc
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -44,3 +45,10 @@ def out_and_back(time, dwell, stroke, impulses, power):
 def within(phase):
     """Clip to [0, 1] with the derivative from within at both ends (`jnp.clip` halves it there)."""
     return jnp.where(phase < 0, 0.0, jnp.where(phase > 1, 1.0, phase))
+
+
+def span_at(phase, spans: int) -> tuple[Array, Array]:
+    """Of so many equal spans of [0, 1], in which one a phase lies, and how far into it [1]."""
+    place = within(phase) * spans
+    floor = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0.0, spans - 1.0)
+    return floor.astype(int), place - floor

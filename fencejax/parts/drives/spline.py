@@ -2,14 +2,13 @@
 
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
 from ... import _check
 from ..._check import Bounds
 from .abstract import CYCLE_TIME, AbstractDrive
-from .segments import within
+from .segments import span_at
 
 
 class SplineDrive(AbstractDrive):
@@ -50,9 +49,7 @@ class SplineDrive(AbstractDrive):
     def angle(self, time: Array) -> Array:
         padded = jnp.pad(self.control_angles, (3, 3))
         spans = self.control_angles.shape[0] + 3
-        place = within(time / self.cycle_time) * spans
-        floor = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0.0, spans - 1.0)
-        index, s = floor.astype(int), place - floor
+        index, s = span_at(time / self.cycle_time, spans)
         weights = (
             (1 - s) ** 3 / 6,
             (3 * s**3 - 6 * s**2 + 4) / 6,

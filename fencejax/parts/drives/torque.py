@@ -1,6 +1,7 @@
 """Drives that give a torque: the hinge's angle is what becomes of it."""
 
 import abc
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -11,8 +12,14 @@ from jaxtyping import Array, ArrayLike
 from ... import _check
 from ..._check import Bounds
 from .abstract import CYCLE_TIME, AbstractDrive, DriveMotion
-from .segments import within
+from .segments import span_at
 
+AT_HINGE = {
+    "inertia": Bounds("kg m^2", above=0, size=1.0),
+    "damping": Bounds("N m s/rad", least=0, size=100.0),
+    "stiffness": Bounds("N m/rad", least=0, size=1e3),
+}
+"""Bounds of what every torque drive has at the hinge."""
 _STEPS = 64
 _SEARCH = 256
 
@@ -61,20 +68,24 @@ class AbstractTorqueDrive(AbstractDrive):
         still = jnp.zeros_like(time)
         return DriveMotion(still, still, still, self.torque(time))
 
+    def _acceleration(self, inertia: ArrayLike) -> Callable[[Array, Array, Array], Array]:
+        """phi'' [rad/s^2] by time, phi and phi' of a rigid fence that nothing meets."""
+        whole = self.inertia + inertia
+        return lambda time, angle, speed: (
+            (self.torque(time) - self.damping * speed - self.stiffness * angle) / whole
+        )
+
     def unloaded(self, time: ArrayLike, inertia: ArrayLike) -> DriveMotion:
         """The motion at `time` [s] of a rigid fence of an `inertia` J [kg m^2] that nothing meets:
         by the classical Runge-Kutta method in 64 steps, of the fourth order."""
-        time, whole = 1.0 * jnp.asarray(time), self.inertia + inertia
+        time, acceleration = 1.0 * jnp.asarray(time), self._acceleration(inertia)
         step = time / _STEPS
-
-        def acceleration(at, angle, speed):
-            return (self.torque(at) - self.damping * speed - self.stiffness * angle) / whole
 
         def advance(state, index):
             return _runge_kutta(acceleration, state, index * step, step), None
 
         indices = jnp.arange(_STEPS, dtype=step.dtype)
-        zero = jnp.zeros_like(step + whole)
+        zero = jnp.zeros_like(step + self.inertia + inertia)
         (angle, speed), _ = jax.lax.scan(advance, (zero, zero), indices)
         return DriveMotion(angle, speed, acceleration(time, angle, speed), self.torque(time))
 
@@ -86,13 +97,11 @@ class AbstractTorqueDrive(AbstractDrive):
         steps.
         """
         angle = 1.0 * jnp.asarray(angle)
-        frozen, target = jax.lax.stop_gradient((self, angle + 0.0 * jnp.asarray(inertia)))
-        whole = frozen.inertia + jax.lax.stop_gradient(inertia)
-        step = (frozen.turning_time + 0.0 * (target + whole)) / _SEARCH
-
-        def acceleration(at, turn, speed):
-            push = frozen.torque(at) - frozen.damping * speed - frozen.stiffness * turn
-            return push / whole
+        frozen, target, carried = jax.lax.stop_gradient(
+            (self, angle + 0.0 * jnp.asarray(inertia), inertia)
+        )
+        acceleration = frozen._acceleration(carried)
+        step = (frozen.turning_time + 0.0 * (target + frozen.inertia)) / _SEARCH
 
         def advance(carry, index):
             state, found = carry
@@ -108,7 +117,7 @@ class AbstractTorqueDrive(AbstractDrive):
         (_, found), _ = jax.lax.scan(advance, begin, jnp.arange(_SEARCH, dtype=step.dtype))
         never = found < 0
         time = jnp.where(never, step * _SEARCH, found)
-        speed = frozen.unloaded(time, jax.lax.stop_gradient(inertia)).speed
+        speed = frozen.unloaded(time, carried).speed
         moving = (speed > 0) & ~never & (time > 0)
         rate = jnp.where(moving, 1 / jnp.where(moving, speed, 1.0), 0.0)
         for _ in range(2):
@@ -155,9 +164,7 @@ class TorqueDrive(AbstractTorqueDrive):
         "torques": Bounds("N m", size=100.0),
         "cycle_time": Bounds("s", above=0, size=1.0),
         "turn": Bounds(above=0, most=1),
-        "inertia": Bounds("kg m^2", above=0, size=1.0),
-        "damping": Bounds("N m s/rad", least=0, size=100.0),
-        "stiffness": Bounds("N m/rad", least=0, size=1e3),
+        **AT_HINGE,
     }
 
     def __init__(
@@ -190,9 +197,7 @@ class TorqueDrive(AbstractTorqueDrive):
         spans = self.torques.shape[-1] - 1
         if spans == 0:
             return self.torques[0] + 0.0 * time
-        place = within(time / self.cycle_time) * spans
-        floor = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0.0, spans - 1.0)
-        index, share = floor.astype(int), place - floor
+        index, share = span_at(time / self.cycle_time, spans)
         return (1 - share) * self.torques[index] + share * self.torques[index + 1]
 
     @property

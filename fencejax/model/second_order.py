@@ -1,0 +1,110 @@
+"""Loads of the second order: how a contact force bends the fence where it is bent.
+
+With U on the chain of chords, of the lengths d_k and the angles theta_k, delta_k = theta_k - w' the
+angles against the tangent at U, and rho = F_f / N, the virtual work of the force at U is, per
+newton of N,
+
+    -Q_i / N = sum_k (cos delta_k + rho sin delta_k) Delta phi_i,k + rho E_i,
+
+Delta phi_i,k the mode's differences along the chords. Friction acts at the face, half the thickness
+off the neutral axis: E_i is the integral of (h / 2) phi_i'', which, with h straight along each
+chord, is (h / 2) phi_i' at U less the sum of Delta phi_i,k times the chords' slopes of h / 2. In
+the frame of the rigid link the force on the fence per newton is (along, -across), along = sin w' +
+rho cos w' and across = cos w' - rho sin w'. Its moment about the hinge is across x_U + along y_U,
+and that about a node the sum above over the chords from there to U, d_k in the place of Delta
+phi_i,k, with rho h / 2. Where only some of the loads act, the others' parts are those of a straight
+fence.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..parts import SecondOrderLoads
+
+# Least part of an element [1] by which the angle of the chord to U is told: with a shorter one the
+# difference that the chord turns is nothing.
+_SHORT = 1e-6
+
+
+class Chords(NamedTuple):
+    """The chords from the root to U at the arc coordinate `place` sigma [m]: `inside` says which
+    nodes are before U, (n + 1,), `lengths` d_k [m] and `angles` theta_k [rad] are those of the
+    chords, (n,), those beyond U of no length; `tapers` are their slopes of h / 2 [1]; and the
+    `slope` w' [rad] and half the thickness [m] at U."""
+
+    place: Array
+    inside: Array
+    lengths: Array
+    angles: Array
+    tapers: Array
+    slope: Array
+    half_thickness: Array
+
+    @classmethod
+    def to(
+        cls, place: Array, position: Array, size: Array, deflection: tuple[Array, Array],
+        slope: Array, half_thickness: tuple[Array, Array],
+    ) -> "Chords":
+        """To U at the `position` [1], counted in elements of the `size` [m], by the deflections
+        [m] and half the thicknesses [m] of the nodes and at U, and the slope there."""
+        nodes, end = deflection
+        numbers = jnp.arange(nodes.shape[0], dtype=nodes.dtype)
+        inside = numbers <= position
+        part = jnp.clip(position - numbers[:-1], 0.0, 1.0)
+        told = size * jnp.maximum(part, _SHORT)
+        angles = jnp.diff(jnp.where(inside, nodes, end)) / told
+        tapers = jnp.diff(jnp.where(inside, *half_thickness)) / told
+        return cls(place, inside, size * part, angles, tapers, slope, half_thickness[1])
+
+    def rises(self, table: Array, end: Array) -> Array:
+        """What of a `table` over the nodes, (n + 1,) or (n + 1, m), each chord rises by, with its
+        value at U, `end`."""
+        inside = self.inside if table.ndim == 1 else self.inside[:, None]
+        return jnp.diff(jnp.where(inside, table, end), axis=0)
+
+
+class Following(NamedTuple):
+    """A contact force that follows the bent fence, per newton: its `arm` about the hinge [m]; by
+    how much it presses the nodes' sections, (n,), beyond a force across a straight fence, `moment`
+    [m]; and by how much it `turns` the chords beyond that [1], (n,), and the section at U,
+    `couple` [m]."""
+
+    arm: Array
+    moment: Array
+    turns: Array
+    couple: Array
+
+    def load(self, chords: Chords, table: Array, end: Array, slope: Array) -> Array:
+        """What it loads modes with beyond phi_i [1], of a `table` of them over the nodes, by their
+        values and slopes [1/m] at U."""
+        rises = chords.rises(table, end)
+        turns = self.turns if table.ndim == 1 else self.turns[:, None]
+        return jnp.sum(turns * rises, axis=0) + self.couple * slope
+
+
+def following(loads: SecondOrderLoads, chords: Chords) -> tuple[Following, Following]:
+    """The normal force at the end of the chords, and friction there."""
+    zero = jnp.zeros_like(chords.place)
+    delta = chords.angles - chords.slope
+    cosine, sine = jnp.cos(chords.slope), jnp.sin(chords.slope)
+    x = chords.place - jnp.sum(chords.lengths * (1 - jnp.cos(chords.angles)))
+    y = jnp.sum(chords.lengths * jnp.sin(chords.angles))
+    arm, turns = chords.place, jnp.zeros_like(delta)
+    if loads.normal_force:
+        arm, turns = cosine * x + sine * y, jnp.cos(delta) - 1
+    normal = Following(arm, _beyond(chords.lengths * turns), turns, zero)
+    arm, turns = zero, jnp.zeros_like(delta)
+    if loads.friction_force:
+        arm, turns = cosine * y - sine * x, jnp.sin(delta)
+    couple = zero
+    if loads.friction_moment:
+        turns, couple = turns - chords.tapers, chords.half_thickness
+    moment = _beyond(chords.lengths * turns) + jnp.where(chords.lengths > 0, couple, 0.0)
+    return normal, Following(arm, moment, turns, couple)
+
+
+def _beyond(parts: Array) -> Array:
+    """The sum over the chords from each node on."""
+    return jnp.cumsum(parts[::-1])[::-1]
