@@ -5,14 +5,18 @@ from jaxtyping import Array
 
 from ..fidelity import Fidelity
 from ..model import FlexibleLink
-from ..parts import Fence
+from ..parts import AbstractDrive, Fence
 from .objectives import RING_ENERGY, Quantity
 
 
-def ring_amplitude(energy: Array, fence: Fence) -> Array:
+def ring_amplitude(energy: Array, fence: Fence, drive: AbstractDrive | None = None) -> Array:
     """The tip's amplitude [m] if all of an energy [J] were that of the first mode: with
-    m_0 omega_1^2 eta^2 / 2 = E, a = phi_1(tip) eta. Higher modes move the tip less."""
-    link = FlexibleLink(fence, Fidelity(modes=1, static_correction=False))
+    m_0 omega_1^2 eta^2 / 2 = E, a = phi_1(tip) eta. Higher modes move the tip less.
+
+    Of a fence on a torque `drive` the first mode is its turning on the drive's spring; without a
+    spring nothing brings it home, and the amplitude has no bound.
+    """
+    link = FlexibleLink(fence, Fidelity(modes=1, static_correction=False), drive)
     square, *others = link.frequency_squared
     alone = (jnp.ones_like(square), *(jnp.zeros_like(other) for other in others))
     tip = link.tip_deflection(alone, (), ())
@@ -27,7 +31,9 @@ RING_AMPLITUDE = Quantity(
     "ring_amplitude",
     "m",
     "amplitude of the tip at the end, all that the fence then holds taken for its first mode",
-    lambda result, scene: ring_amplitude(RING_ENERGY(result, scene), scene.fence),
+    lambda result, scene: ring_amplitude(
+        RING_ENERGY(result, scene), scene.fence, getattr(scene, "drive", None)
+    ),
     needs=("fence",),
     fields=RING_ENERGY.fields,
 )

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
 
-from ..parts import AbstractDrive, Belt, turned
+from ..parts import AbstractDrive, AbstractTorqueDrive, Belt, turned
 from ..results import Accumulator, Measure, Step, accumulators
 from ..scenes import Scene
 from .objectives import Quantity, of_measure
@@ -120,6 +120,14 @@ def constant_push(scene: Scene, past: ArrayLike = 0.0) -> Array:
     return jnp.where(way > 0, force / whole, 0.0)
 
 
+def _clear_of(angle: Array, time: Array, x: Array, y: Array, speed: Array, end: Array) -> Array:
+    """From which period on a corner at (x, y) is clear of a fence at an `angle` at a `time`."""
+    # A fence below 1e-9 rad is home.
+    out = angle > 1e-9
+    cotangent = jnp.cos(angle) / jnp.where(out, jnp.sin(angle), 1.0)
+    return jnp.where(out, time + (x - y * cotangent) / speed, -end)
+
+
 def shortest_period(scene: Scene) -> Array:
     """The shortest time [s] from parcel to parcel at which the returning fence is out of the next
     one's way.
@@ -140,11 +148,7 @@ def shortest_period(scene: Scene) -> Array:
     end = jnp.asarray(drive.cycle)
 
     def wanted(time, x, y):
-        # A fence below 1e-9 rad is home.
-        angle = drive.angle(time)
-        out = angle > 1e-9
-        cotangent = jnp.cos(angle) / jnp.where(out, jnp.sin(angle), 1.0)
-        return jnp.where(out, time + (x - y * cotangent) / speed, -end)
+        return _clear_of(drive.angle(time), time, x, y, speed, end)
 
     def least(x, y):
         # The largest of times all over, then of such about it, and about that: to 1e-7 of the
@@ -169,6 +173,30 @@ CLEAR_PERIOD = Quantity(
     # It depends on the parcel, as what is read of every sort does.
     fields=("status",),
 )  # fmt: skip
+
+
+def _cleared(state: Array, step: Step) -> Array:
+    if not isinstance(getattr(step.scene, "drive", None), AbstractTorqueDrive):
+        return state
+    drive, belt, x, y = _riding_in(step.scene)  # pyright: ignore[reportArgumentType]
+    assert step.now.drive is not None
+    speed, end = jnp.maximum(belt.speed, 1e-9), jnp.asarray(drive.cycle)
+    every = _clear_of(step.now.drive.angle, step.now.time, x, y, speed, end)
+    home = jnp.where(y <= 1e-9, end + x / speed, every)
+    return jnp.maximum(state, jnp.max(jnp.where(step.now.time <= end, home, 0.0)))
+
+
+CLEAR_PERIOD_OF_TORQUE = of_measure(
+    Measure(
+        "clear_period", "s", "shortest time from parcel to parcel at which the fence that a torque "
+        "has swung is clear of the next parcel", "at least 0",
+        Accumulator("cleared", lambda nothing, body: nothing.time, _cleared),
+        lambda state: state,
+    ),
+    needs=("belt", "drive"),
+)  # fmt: skip
+"""The same of a torque drive, whose angle follows from the sort: at its samples, as long as the
+cycle lasts. That the fence is home by then is another limit's."""
 
 
 @functools.lru_cache

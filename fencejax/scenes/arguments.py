@@ -37,6 +37,19 @@ def corners_of(name: str, corners: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(sorted(set(corners)))
 
 
+def corners_with(corner: int, corners: tuple[int, ...] | None) -> tuple[int, ...]:
+    """The corners that can touch the fence, `corner` among them; by default it alone."""
+    if corners is None:
+        return (corner,)
+    found = corners_of("fence_corners", corners)
+    if corner not in found:
+        raise ValueError(
+            f"Argument `fence_corners` must hold corner {corner}, which the scene begins with at "
+            f"the fence, but is {corners!r}. Write fence_corners={tuple(sorted((*found, corner)))}."
+        )
+    return found
+
+
 def fence_friction_of(
     friction: AbstractFriction | None | Default,
 ) -> AbstractFriction | None:

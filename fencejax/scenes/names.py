@@ -24,6 +24,7 @@ from ..parts import (
     RestShape,
     SCurveDrive,
     Shaft,
+    Shear,
     SplineDrive,
     TorqueDrive,
     TrapezoidDrive,
@@ -110,6 +111,8 @@ FENCE = (
     _of(Fence, "fence.edge_radius", "edge_radius", 0.0, 0.03, _LINE),
     _of(RestShape, "fence.rest_shape.tip", "rest_tip", -0.06, 0.06, _LINE),
     _of(RestShape, "fence.rest_shape.middle", "rest_middle", -0.03, 0.03, _LINE),
+    _of(Shear, "fence.shear.poissons_ratio", "poissons_ratio"),
+    _of(Shear, "fence.shear.coefficient", "shear_coefficient"),
 )
 # Of several drives with such a number, the one that asks for least.
 DRIVE = (

@@ -138,8 +138,12 @@ def whole_sort(
     - `offset`: Delta s [m] between the border and the parcel's lowest point, at least 0.
     - `angle`: phi [rad].
     - `fence_corners`, `border_corners`: the corners that can touch, static; each one costs. By
-      default the two of the lower wall.
-    - `tip_contact`: as in `oblique_impact`, but by default the tip carries on.
+      default the two of the lower wall, on which the parcel comes to lie while C_s is above it
+      along the fence: the paper's parcel and drive from an `angle` of -0.26 rad on. Where another
+      corner comes under the fence, or its side to the tip, `Status.LEFT_OVER_TIP` or `PEAK_AT_TIP`
+      says so: write fence_corners=(1, 2, 3, 4).
+    - `tip_contact`: as in `oblique_impact`, but by default the tip meets the sides behind
+      `fence_corners`, clockwise.
     - `surfaces`: other still surfaces that the parcel's `surface_corners` can touch, such as a wall
       of the chute. `Result.peak_surface_force` is theirs.
     - `duration` [s], static, by default the drive's cycle.

@@ -26,7 +26,7 @@ from ..design import (
     shock,
     sorting,
 )
-from ..parts import DataSheet, Motor, Parcel
+from ..parts import AbstractDrive, AbstractTorqueDrive, DataSheet, Motor, Parcel
 from .amounts import amount, nearest, refuse_unknown
 
 _SENSES = {"at_most": "at most", "at_least": "at least"}
@@ -38,6 +38,11 @@ class Bounding(Protocol):
     @property
     def motor(self) -> Motor:
         """The motor."""
+        ...
+
+    @property
+    def drive(self) -> AbstractDrive:
+        """The drive's law."""
         ...
 
     @property
@@ -117,6 +122,11 @@ def _torque(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
     """Of a motor with no inertia, losses or shaft of its own it is the hinge's, which needs no
     more than every sort is measured for."""
     return drivability.MOTOR_TORQUE if sorter.motor.felt else objectives.PEAK_TORQUE
+
+
+def _clear(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
+    driven = isinstance(sorter.drive, AbstractTorqueDrive)
+    return sorting.CLEAR_PERIOD_OF_TORQUE if driven else sorting.CLEAR_PERIOD
 
 
 def _line(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
@@ -207,7 +217,8 @@ _ROWS = (
     LimitRow("cycle", objectives.CYCLE_TIME, usual=_of_period),
     # The returning fence is out of the next parcel's way.
     LimitRow(
-        "clear_period", sorting.CLEAR_PERIOD, usual=lambda sorter, sheet: sorter.period, asked=True
+        "clear_period", sorting.CLEAR_PERIOD, usual=lambda sorter, sheet: sorter.period,
+        asked=True, of=_clear,
     ),
     # The range of the model, as `Status.LARGE_DEFLECTION` and `Status.DEEP_PENETRATION` have it.
     LimitRow("deflection_share", DEFLECTION_SHARE, usual=lambda *_: 0.25),

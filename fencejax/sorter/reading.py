@@ -24,7 +24,9 @@ from ..parts import (
     Material,
     Pad,
     RestShape,
+    SecondOrderLoads,
     Shaft,
+    Shear,
     materials,
 )
 from .amounts import amount, nearest, refuse_unknown
@@ -172,13 +174,19 @@ def taper(raw: Any, reading: Reading) -> AbstractTaper:
     return _law("fence.taper", raw, AbstractTaper, TAPERS, "constant_strength", reading)
 
 
-_OnFence = Pad | Shaft | RestShape
-_ON_FENCE: Mapping[str, type[_OnFence]] = {"pad": Pad, "shaft": Shaft, "rest_shape": RestShape}
+_OnFence = Pad | Shaft | RestShape | Shear | SecondOrderLoads
+_ON_FENCE: Mapping[str, type[_OnFence]] = {
+    "pad": Pad, "shaft": Shaft, "rest_shape": RestShape, "shear": Shear,
+    "second_order": SecondOrderLoads,
+}  # fmt: skip
 
 
 def _on_fence(name: str, raw: Any, reading: Reading) -> _OnFence | None:
-    """The fence's cover, the shaft that it hangs on, or its curve at rest; `False` for none."""
+    """What a fence may have: its cover, the shaft that it hangs on, its curve at rest, how it
+    yields in shear, or its loads of the second order; `False` for none, `True` for the usual."""
     kind, path = _ON_FENCE[name], f"fence.{name}"
+    if raw is True:
+        return kind()
     if raw is False or isinstance(raw, kind):
         return raw or None
     return _made(path, kind, _a_table(path, raw, f"{name}=fj.{kind.__name__}()"), reading)

@@ -1,5 +1,6 @@
 """Fidelities to be tried: the ladder, what each is expected to cost, which of two is finer."""
 
+import math
 from collections.abc import Iterable, Sequence
 
 from ..fidelity import Fidelity
@@ -11,34 +12,41 @@ _INTEGRATOR_WORK = {"modal": 1.0, "tsit5": 100.0, "kvaerno5": 300.0}
 
 
 def ladder() -> tuple[Fidelity, ...]:
-    """The candidates that are tried if none are named: steps of 1 ms to 62.5 us, each with more or
-    fewer modes, cheaper and dearer geometry, and friction smoothed more and less."""
+    """The candidates that are tried if none are named: tolerances of 1 % to 0.002 %, each with more
+    or fewer modes, cheaper and dearer geometry, and friction smoothed more and less."""
     rungs = (
-        # step [s], modes, geometry, slip_speed [m/s]
-        (1e-3, 0, "small", 2e-2),
-        (1e-3, 2, "small", 2e-2),
-        (1e-3, 4, "arc", 2e-2),
-        (5e-4, 2, "small", 2e-2),
-        (5e-4, 3, "arc", 2e-2),
-        (5e-4, 4, "arc", 5e-3),
-        (2.5e-4, 3, "arc", 2e-2),
-        (2.5e-4, 4, "arc", 5e-3),
-        (2.5e-4, 6, "chord", 2e-3),
-        (1.25e-4, 6, "arc", 2e-3),
-        (1.25e-4, 8, "chord", 1e-3),
-        (6.25e-5, 8, "chord", 1e-3),
+        # step_tolerance [1], step [s], modes, geometry, slip_speed [m/s]
+        (1e-2, 1e-3, 0, "small", 2e-2),
+        (1e-2, 1e-3, 2, "small", 2e-2),
+        (1e-2, 1e-3, 4, "arc", 2e-2),
+        (3e-3, 1e-3, 2, "small", 2e-2),
+        (3e-3, 1e-3, 3, "arc", 2e-2),
+        (3e-3, 1e-3, 4, "arc", 5e-3),
+        (5e-4, 5e-4, 3, "arc", 2e-2),
+        (5e-4, 5e-4, 4, "arc", 5e-3),
+        (5e-4, 5e-4, 6, "chord", 2e-3),
+        (1e-4, 2.5e-4, 6, "arc", 2e-3),
+        (1e-4, 2.5e-4, 8, "chord", 1e-3),
+        (2e-5, 1.25e-4, 8, "chord", 1e-3),
     )
     return tuple(
-        Fidelity(modes=modes, geometry=geometry, step=step, slip_speed=slip, static_speed=5 * slip)
-        for step, modes, geometry, slip in rungs
-    )
+        Fidelity(
+            step_tolerance=tolerance, step=step, modes=modes, geometry=geometry, slip_speed=slip,
+            static_speed=5 * slip,
+        )
+        for tolerance, step, modes, geometry, slip in rungs
+    )  # fmt: skip
 
 
 def expected_cost(fidelity: Fidelity) -> float:
     """Work a second of simulated time of a few runs, in steps of one mode; orders what is tried
-    first."""
+    first. The defect of a smooth force goes with the square of the step: with a tolerance below 1 %
+    steps go with its root."""
+    share = 1.0
+    if fidelity.step_tolerance is not None:
+        share = min(1.0, math.sqrt(fidelity.step_tolerance / 1e-2))
     work = _GEOMETRY_WORK[fidelity.geometry] * _INTEGRATOR_WORK.get(str(fidelity.integrator), 300.0)
-    return work * (1 + 0.05 * fidelity.mode_count) / fidelity.step
+    return work * (1 + 0.05 * fidelity.mode_count) / (share * fidelity.step)
 
 
 def as_fine(one: Fidelity, other: Fidelity) -> bool:
@@ -46,7 +54,10 @@ def as_fine(one: Fidelity, other: Fidelity) -> bool:
 
     def key(f: Fidelity):
         finer_above = (f.mode_count, f.elements, f.iterations, _GEOMETRY_WORK[f.geometry])
-        finer_below = (f.step, f.slip_speed, f.static_speed, f.tip_fade, f.tolerance)
+        controlled = math.inf if f.step_tolerance is None else f.step_tolerance
+        finer_below = (
+            controlled, f.step, f.slip_speed, f.static_speed, f.tip_fade, f.tolerance,
+        )  # fmt: skip
         precise = f.precision != "float32"
         return (*finer_above, f.static_correction, precise, *(-x for x in finer_below))
 
@@ -80,6 +91,8 @@ def describe(fidelity: Fidelity) -> str:
     if fidelity.modes == 1:
         modes = "1 mode"
     step = f"{1e3 * fidelity.step:g} ms"
+    if fidelity.step_tolerance is not None:
+        step = f"tolerance {fidelity.step_tolerance:g}, {step}"
     if fidelity.integrator != "modal":
         solver = fidelity.integrator
         name = solver if isinstance(solver, str) else type(solver).__name__

@@ -242,7 +242,7 @@ class _Search:
         return trial
 
     def run(self) -> Choice:
-        """Candidates by step, the longest first."""
+        """Candidates by how steps are chosen, the cheapest first."""
         if not self.judge.supported:
             raise NoFidelityError(
                 "The reference is not converged well enough on these scenes to tell errors as "
@@ -250,7 +250,9 @@ class _Search:
                 self.evidence(None),
             )
         while self.remaining:
-            alike = [c for c in self.remaining if c.step == self.remaining[0].step]
+            first = self.remaining[0]
+            steps = first.step, first.step_tolerance
+            alike = [c for c in self.remaining if (c.step, c.step_tolerance) == steps]
             # The finest: the one that settles the most others, of several the dearest.
             finest = max(reversed(alike), key=lambda one: sum(as_fine(one, c) for c in alike))
             passed = [trial for trial in [self.attempt(finest)] if trial.passed]

@@ -32,7 +32,7 @@ class ConceptsConfig:
         (
             "rigid", "rigid+pad", "rigid+shaft", "rigid+clutch", "rigid+motion", "one_link",
             "one_link+clutch", "two_link", "two_link+curved", "two_link+pad", "two_link+motion",
-            "two_link+pad+motion",
+            "two_link+pad+motion", "rigid+torque", "two_link+torque",
         ),
         f"what is compared: {' or '.join(LINKS)}, joined by + with any of "
         f"{', '.join(name for name in MEANS if name not in LINKS)}",
@@ -44,7 +44,9 @@ class ConceptsConfig:
     load: bool = flags.field(
         True, "minimise the largest acceleration in g, too, and not the peak force alone"
     )
-    controls: int = flags.field(8, "control angles of a motion of any form", least=3)
+    controls: int = flags.field(
+        8, "control angles of a motion of any form, and values of a torque", least=3
+    )
     reserve: float = flags.field(
         0.01, "kept in hand of every sort's margin [1], for the difference to a finer fidelity"
     )

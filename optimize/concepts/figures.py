@@ -20,26 +20,28 @@ def fronts(outcome: Outcome, out: Path) -> None:
     limit is a cross, on no line; what is not confirmed is hollow."""
     figure = new_figure(6.4)
     places = figure.subplots(2, 2, sharex=True)
-    shown = [(FORCE.name, "worst peak force [N]", lambda p: p.worst(FORCE.name))]
-    if outcome.config.load:
-        load = "worst peak acceleration [g]"
-        shown.append((LOAD.name, load, lambda p: p.worst(LOAD.name)))
-    else:
-        places[0, 1].remove()
-    titles = ("least force", "least acceleration", "torque at least force", "mass at least force")
-    shown.append((FORCE.name, "largest drive torque [N m]", lambda p: torque(p.values)))
-    shown.append((FORCE.name, "mass of the fence [kg]", lambda p: mass(p.values)))
-    axes = [places[0, 0], *([places[0, 1]] if outcome.config.load else []), *places[1]]
-    named = [titles[0], *([titles[1]] if outcome.config.load else []), *titles[2:]]
-    for each, (minimised, label, read), title in zip(axes, shown, named, strict=True):
+    (first, second), (third, fourth) = places
+    shown = [
+        (first, "least force", "worst peak force [N]", FORCE, lambda p: p.worst(FORCE.name)),
+        (second, "least acceleration", "worst peak acceleration [g]", LOAD,
+         lambda p: p.worst(LOAD.name)),
+        (third, "torque at least force", "largest drive torque [N m]", FORCE,
+         lambda p: torque(p.values)),
+        (fourth, "mass at least force", "mass of the fence [kg]", FORCE,
+         lambda p: mass(p.values)),
+    ]  # fmt: skip
+    if not outcome.config.load:
+        second.remove()
+        del shown[1]
+    for each, title, label, minimised, read in shown:
         panel(each, "parcels an hour [1/h]" if each in places[1] else "", label, title)
         for index, concept in enumerate(outcome.config.read):
             color = COLORS[index % len(COLORS)]
             mark = _MARKS[index // len(COLORS) % len(_MARKS)]
-            points = words.stacked(outcome, concept, minimised)
+            points = words.stacked(outcome, concept, minimised.name)
             _line(each, points, read, color, mark, concept.title)
         each.set_ylim(bottom=0)
-    legend_above(axes[0], columns=3)
+    legend_above(first, columns=3)
     figure.savefig(out / "concepts.png", dpi=150)
 
 

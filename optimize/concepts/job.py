@@ -30,7 +30,7 @@ from . import figures, page, words
 from .configuration import ConceptsConfig, configure
 from .outcome import Outcome
 from .problem import grouped, mass, period, torque
-from .quantities import FORCE, LOAD
+from .quantities import FORCE, LOAD, UNITS
 from .search import Point, Search
 
 
@@ -83,8 +83,7 @@ def _row(point: Point) -> dict[str, Any]:
 
 
 _UNITS = {
-    "parcels_an_hour": "1/h", "period": "s", "peak_force": "N", "peak_load": "g",
-    "drive_torque": "N m", "fence_mass": "kg",
+    "parcels_an_hour": "1/h", "period": "s", **UNITS, "drive_torque": "N m", "fence_mass": "kg",
 }  # fmt: skip
 
 

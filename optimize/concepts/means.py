@@ -53,6 +53,12 @@ MEANS: Mapping[str, Means] = {
     "shaft": Means("a shaft that gives way between motor and hinge", (_STIFFNESS,)),
     "clutch": Means("a clutch on that shaft, which slips", (_STIFFNESS, _SLIP)),
     "motion": Means("a motion of any form, by a spline", law="spline"),
+    # The spring is what brings the fence home: without one nothing says where that is.
+    "torque": Means("a torque in place of a motion, at the same times for every parcel", (
+        Number("drive.inertia", 0.5, 20.0, 2.0),
+        Number("drive.damping", 0.0, 300.0, 100.0),
+        Number("drive.stiffness", 20.0, 2e3, 400.0),
+    ), law="torque"),
 }  # fmt: skip
 """The means by name."""
 LINKS = tuple(name for name in MEANS if name in ("rigid", "one_link", "two_link"))

@@ -24,6 +24,9 @@ FRONT = (0.0, 0.3)
 _RIDES, _ANGLES = "parcels.front", (-1e-3, 1.2)
 _THICK = "fence.thickness"
 _TOP, _CYCLE, _FORM = "drive.top_speed", "drive.cycle_time", "drive.control_angles"
+_TORQUES, _AT_HINGE = "drive.torques", ("drive.inertia", "drive.damping", "drive.stiffness")
+_MOST = 2e3
+"""Of a torque drive's torque, where the motor has no limit [N m]."""
 
 Design = Mapping[str, float]
 """Free numbers [SI] by their paths in a sorter file."""
@@ -97,10 +100,15 @@ class Group:
         assert space is not None
         start = problem.values(problem.start)
         given = dict(design)
-        if self.law == "spline" and _TOP in given:
+        if self.law != "harmonic" and _TOP in given:
             drive = fj.HarmonicDrive(given[_TOP], given[_CYCLE])
-            angles = spline(drive, given[_CYCLE], self.config.controls)
-            given |= {f"{_FORM}[{k}]": float(angle) for k, angle in enumerate(angles)}
+            if self.law == "spline":
+                path, values = _FORM, spline(drive, given[_CYCLE], self.config.controls)
+            else:
+                hinge = [given.get(path, start[path]) for path in _AT_HINGE]
+                path = _TORQUES
+                values = swinging(drive, problem.machine, hinge, self.config.controls)
+            given |= {f"{path}[{k}]": float(value) for k, value in enumerate(values)}
         thickest = dict(zip(start, (v.upper for v in space.variables), strict=True))
         given.setdefault(_THICK, thickest.get(_THICK, 0.0))
         given = {**start, **{name: given[name] for name in start if name in given}}
@@ -134,6 +142,24 @@ def spline(drive: fj.AbstractDrive, cycle: float, controls: int) -> np.ndarray:
     return np.clip(angles, 0.0, _ANGLES[1])
 
 
+def swinging(
+    drive: fj.AbstractDrive, machine: Machine, hinge: Iterable[float], controls: int
+) -> np.ndarray:
+    """The torques [N m] at even times of its cycle by which a fence of a machine swings as by a
+    drive, the drive's inertia, damping and stiffness at the `hinge` [SI]: where nothing meets it
+    but, on the way out, a parcel that the belt drags along at two thirds of the reach."""
+    inertia, damping, stiffness = hinge
+    time = jnp.linspace(0.0, drive.cycle, controls)
+    swing = drive.motion(time)
+    mass = float(np.mean(machine.parcels.columns[scene_path("parcels.mass")]))
+    drag = machine.belt.friction.scales(machine.belt.speed)[0] * machine.belt.gravity * mass
+    torque = (
+        (inertia + machine.fence.inertia) * swing.acceleration + damping * swing.speed
+        + stiffness * swing.angle + jnp.where(swing.speed > 0, drag * machine.fence.reach / 1.5, 0)
+    )  # fmt: skip
+    return np.asarray(torque)
+
+
 def _machine(
     config: ConceptsConfig, numbers: Mapping[str, Number], bends: bool, law: str
 ) -> Machine:
@@ -151,7 +177,7 @@ def _machine(
         shape = (_THICK, "fence.length_ratio")
         changed |= {path: _known(given, path) for path in shape if path in given.free}
     changed |= _limits(given)
-    changed |= _drive(config, given, law, free)
+    changed |= _drive(config, given, law, numbers, free)
     if _RIDES not in given.free:
         start = float(given.parcels.columns[scene_path(_RIDES)][0])
         free[_RIDES] = _span(*FRONT, start)
@@ -189,8 +215,9 @@ def _limits(machine: Machine) -> dict[str, Any]:
 
 
 def _drive(
-    config: ConceptsConfig, machine: Machine, law: str, free: dict[str, Any]
-) -> dict[str, Any]:
+    config: ConceptsConfig, machine: Machine, law: str, numbers: Mapping[str, Number],
+    free: dict[str, Any],
+) -> dict[str, Any]:  # fmt: skip
     """The drive of a law, near to the sorter's own; puts its numbers into `free`."""
     own, cycle = machine.drive, float(machine.drive.cycle)
     limits = (SHORTEST * period(config.paces[-1]), period(config.paces[0]))
@@ -199,6 +226,14 @@ def _drive(
         angles = spline(own, cycle, config.controls)
         free[_FORM] = _span(*_ANGLES, [float(angle) for angle in angles])
         return {"drive": {"law": "spline", "control_angles": [float(a) for a in angles]}}
+    if law == "torque":
+        hinge = {path: number.start for path, number in numbers.items() if path in _AT_HINGE}
+        most = _MOST if machine.motor.torque is None else float(machine.motor.torque)
+        torques = swinging(own, machine, hinge.values(), config.controls)
+        torques = np.clip(torques, -most, most).tolist()
+        free[_TORQUES] = _span(-most, most, torques)
+        named = {path.rpartition(".")[2]: value for path, value in hinge.items()}
+        return {"drive": {"law": "torque", "torques": torques, **named}}
     if isinstance(own, fj.HarmonicDrive):
         free[_TOP] = _span(*_own(machine, _TOP, SPEEDS), float(own.top_speed))
         return {}

@@ -51,19 +51,23 @@ def _when_home(state: Array, step: Step) -> Array:
 
 
 _HOME_ENERGY = Measure(
-    "home_energy", "J", "what the fence's motion and bending hold when the drive is home",
+    "home_energy", "J", "what the fence's motion and bending, and a torque drive, hold at the end "
+    "of the cycle",
     "at least 0", Accumulator("home energy", lambda nothing, body: nothing.time, _when_home),
     lambda state: state,
 )  # fmt: skip
 HOME_RING = Quantity(
     "home_ring", "m", "amplitude of the tip when the drive is home, all that the fence then holds "
     "taken for its first mode",
-    lambda result, scene: ring_amplitude(result.home_energy, scene.fence),
+    lambda result, scene: ring_amplitude(result.home_energy, scene.fence, scene.drive),
     needs=("fence",),
     fields=("home_energy",),
     measures=(_HOME_ENERGY,),
 )  # fmt: skip
-"""What the fence rings with at the soonest that the next sort can begin, whatever the rate."""
+"""What the fence rings with at the soonest that the next sort can begin, whatever the rate; of
+a torque drive how far its tip swings on the drive's spring: a fence not home then breaks it."""
 
 COSTS = (objectives.PEAK_TORQUE, objectives.FENCE_MASS)
 FORCE, LOAD = objectives.PEAK_FORCE, shock.PEAK_LOAD
+UNITS = {FORCE.name: "N", LOAD.name: "g"}
+"""In which each is shown."""

@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..common import evaluations
 from .configuration import ConceptsConfig
 from .means import Concept
 from .problem import Group, period
-from .quantities import FORCE, LOAD
+from .quantities import FORCE, LOAD, UNITS
 
 _AHEAD, _DECIDE = 2, 3
 # Designs whose objectives are nearer than this share are alike.
@@ -97,7 +98,8 @@ class Search:
 
     A front is searched from the slowest rate to the fastest, each from the design before and from
     the best of the concepts that are special cases of this one, then back: what sorts faster with
-    less force is a design for the slower rate, too.
+    less force is a design for the slower rate, too. A design of least acceleration with less force
+    than the front of the force is a start for that.
     """
 
     def __init__(
@@ -139,6 +141,11 @@ class Search:
         for concept in group.concepts:
             for name, problem in group.problems.items():
                 self._front(group, concept, name, problem, journals[name])
+            if LOAD.name in group.problems:
+                self._softer(group, concept, group.problems[FORCE.name], journals[FORCE.name])
+            for name, problem in group.problems.items():
+                for rate in self.config.paces:
+                    self._add(group, concept, rate, name, problem)
             self.keep(self.points)
         self.recalled += sum(journal.recalled for journal in journals.values())
 
@@ -146,37 +153,57 @@ class Search:
         self, group: Group, concept: Concept, name: str, problem: SorterProblem, journal: Journal
     ) -> None:
         paces = self.config.paces
-
-        def searched(rate: float, starts: list[np.ndarray], known: list[Solution]) -> Solution:
-            for start in _different(starts):
-                found = solve(
-                    problem, group.candidate(concept, rate), start=start,
-                    check=group.fidelity(self.config.check), budget=self.config.budget,
-                    tolerance=self.config.tolerance, feasibility=self.config.feasibility,
-                    agreement=self.config.agreement, journal=journal,
-                )  # fmt: skip
-                self.searches += 1
-                self.evaluations += 0 if found.optimum is None else len(found.optimum.history)
-                known = [*known, found]
-            return min(known, key=lambda one: one.rank)
-
+        searched = functools.partial(self._best, group, concept, problem, journal)
         best: dict[float, Solution] = {}
         for rate in paces:
-            best[rate] = searched(rate, self._starts(group, concept, rate, name, best), [])
+            best[rate] = searched(rate, self._starts(group, concept, rate, name, best))
         for slow, fast in zip(paces[-2::-1], paces[:0:-1], strict=True):
             if _better(best[fast], best[slow]):
                 start = np.asarray(best[fast].after.point)
-                best[slow] = searched(slow, [start], [best[slow]])
+                best[slow] = searched(slow, [start], best[slow])
         for rate in paces:
             self._found[name, concept, rate] = group, best[rate]
-            self._add(group, concept, rate, name, problem, best[rate])
+
+    def _softer(
+        self, group: Group, concept: Concept, problem: SorterProblem, journal: Journal
+    ) -> None:
+        """Search for the least force from designs of least acceleration that have less of it than
+        was found."""
+        for rate in self.config.paces:
+            (_, force), (_, load) = (
+                self._found[name, concept, rate] for name in (FORCE.name, LOAD.name)
+            )
+            other = float(np.max(load.after.measured.values[FORCE.name]))
+            less = other < (1 - _ALIKE) * force.after.objective
+            if load.feasible and (less or not force.feasible):
+                start = np.asarray(load.after.point)
+                found = self._best(group, concept, problem, journal, rate, [start], force)
+                self._found[FORCE.name, concept, rate] = group, found
+
+    def _best(
+        self, group: Group, concept: Concept, problem: SorterProblem, journal: Journal,
+        rate: float, starts: list[np.ndarray], *known: Solution,
+    ) -> Solution:  # fmt: skip
+        """The best of what searches from some starts end with, and of what is known."""
+        every = list(known)
+        for start in _different(starts):
+            found = solve(
+                problem, group.candidate(concept, rate), start=start,
+                check=group.fidelity(self.config.check), budget=self.config.budget,
+                tolerance=self.config.tolerance, feasibility=self.config.feasibility,
+                agreement=self.config.agreement, journal=journal,
+            )  # fmt: skip
+            self.searches += 1
+            self.evaluations += 0 if found.optimum is None else len(found.optimum.history)
+            every.append(found)
+        return min(every, key=lambda one: one.rank)
 
     def _starts(
         self, group: Group, concept: Concept, rate: float, name: str, best: dict[float, Solution]
     ) -> list[np.ndarray]:
         """Where searches begin: at the slower rate's design, or the sorter's own, at the best of
         the special cases, and at the best with a rigid fence in place of this one; of the
-        acceleration at the better of the second and the design of least force."""
+        acceleration at the design of least force and, where it has less, at the second."""
         known = [
             (group_of, other, solution)
             for (of, other, at), (group_of, solution) in self._found.items()
@@ -197,14 +224,14 @@ class Search:
                 each for each in special
                 if each[2].after.objective < np.max(least.measured.values[LOAD.name])
             ]
-            return near if better else [np.asarray(least.point)]
+            return [np.asarray(least.point), *(near if better else [])]
         start = np.asarray(best[max(best)].after.point) if best else group.problem.start
         return [group.point(group.design(concept, start), rate), *near, *stiffer]
 
     def _add(
-        self, group: Group, concept: Concept, rate: float, name: str, problem: SorterProblem,
-        solution: Solution,
+        self, group: Group, concept: Concept, rate: float, name: str, problem: SorterProblem
     ) -> None:
+        _, solution = self._found[name, concept, rate]
         finer = look(
             problem, solution.candidate, solution.after.point, group.fidelity(self.config.verify)
         )
@@ -216,11 +243,10 @@ class Search:
         self.say(self._told(self.points[-1]))
 
     def _told(self, point: Point) -> str:
-        quantity = FORCE if point.minimised == FORCE.name else LOAD
-        unit = "g" if quantity is LOAD else quantity.unit
         cells = (
             f"{point.concept.title:<34}{point.rate:6.0f}/h {period(point.rate):6.3f} s  "
-            f"{quantity.name.replace('_', ' ')} {point.finer.objective:8.4g} {unit:<2}"
+            f"{point.minimised.replace('_', ' ')} {point.finer.objective:8.4g} "
+            f"{UNITS[point.minimised]:<2}"
         )
         decides = ", ".join(name.replace("_", " ") for name in point.decides)
         told = f"; {decides} decide" if point.feasible and decides else ""

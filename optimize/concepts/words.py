@@ -1,11 +1,13 @@
 """What the job says of its points: the table, and who wins."""
 
+import itertools
 
 from fencejax.printing import shown
 
+from ..common import report
 from .outcome import Outcome
 from .problem import mass, torque
-from .quantities import FORCE, LOAD
+from .quantities import FORCE, LOAD, UNITS
 from .search import Point
 
 TITLES = (
@@ -30,17 +32,12 @@ def rows(outcome: Outcome, minimised: str, rate: float) -> list[list[str]]:
 def table(outcome: Outcome, minimised: str) -> str:
     """The same as text, for every rate."""
     every = {rate: rows(outcome, minimised, rate) for rate in outcome.config.paces}
-    heads = [TITLES, *(row for found in every.values() for row in found)]
-    wide = [max(len(row[i]) for row in heads) for i in range(len(TITLES))]
-
-    def line(row) -> str:
-        cells = [c.rjust(w) if 0 < i < 5 else c.ljust(w)
-                 for i, (c, w) in enumerate(zip(row, wide, strict=True))]  # fmt: skip
-        return "  ".join(cells).rstrip()
-
-    parts = [f"least {minimised.replace('_', ' ')}, at {outcome.config.verify}", line(TITLES)]
+    # The columns are as wide at every rate.
+    head, *lines = report.aligned([TITLES, *itertools.chain(*every.values())], left=(0, 5, 6))
+    parts = [f"least {minimised.replace('_', ' ')}, at {outcome.config.verify}", head]
     for rate, found in every.items():
-        parts += [f"{rate:g} parcels an hour", *(line(row) for row in found)]
+        parts += [f"{rate:g} parcels an hour", *lines[: len(found)]]
+        lines = lines[len(found) :]
     return "\n".join(parts)
 
 
@@ -48,7 +45,7 @@ def wins(outcome: Outcome) -> str:
     """Who wins at each rate, with the runner-up and the rigid fence, a line each."""
     lines = []
     for name in outcome.minimised:
-        unit = "g" if name == LOAD.name else "N"
+        unit = UNITS[name]
         for rate in outcome.config.paces:
             best = outcome.winner(name, rate)
             if best is None:

@@ -50,11 +50,7 @@ def ranking_rows(problem: SorterProblem, solutions: list[Solution]) -> list[list
 
 def ranking(problem: SorterProblem, solutions: list[Solution]) -> str:
     """The same as text."""
-    rows = ranking_rows(problem, solutions)
-    wide = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = ["  ".join(cell.rjust(w) if i else cell.ljust(w) for i, (cell, w) in enumerate(
-        zip(row, wide, strict=True))).rstrip() for row in rows]  # fmt: skip
-    return "\n".join(lines)
+    return "\n".join(report.aligned(ranking_rows(problem, solutions)))
 
 
 def verdict(one: Solution) -> str:

@@ -41,6 +41,8 @@ class Cycle(NamedTuple):
     """mu_1s m_p g [N], the most that static friction can hold of it."""
     peak_force: Array
     """N_max [N]."""
+    first_contact: Array
+    """Time of the first contact [s], between samples."""
     tip_deflection: Array
     """Largest deflection of the tip [m], either way."""
     status: Array
@@ -105,6 +107,7 @@ def run(cases: Case, starts: Start, fidelity: fj.Fidelity) -> Cycle:
             load=jnp.sqrt(along**2 + across**2 + moment**2),
             hold=belt.friction.scales(jnp.zeros(())).largest * parcel.mass * belt.gravity,
             peak_force=result.peak_force,
+            first_contact=result.first_contact,
             tip_deflection=result.tip_deflection,
             status=result.status,
         )

@@ -101,7 +101,7 @@ def static_time(cycle: Cycle) -> float:
     if at == 0:
         return 0.0
     share = (float(cycle.hold) - load[at - 1]) / (load[at] - load[at - 1])
-    return float(time[at - 1] + share * (time[at] - time[at - 1]) - time[0])
+    return float(time[at - 1] + share * (time[at] - time[at - 1]) - cycle.first_contact)
 
 
 def _static(evidence: Evidence) -> Finding:

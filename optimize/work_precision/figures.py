@@ -119,6 +119,20 @@ def front_figure(report: "Report") -> "Figure":
     return figure
 
 
+def _spreads(axes: "Axes", kind: str, points: "list[tuple[Point, Errors]]") -> None:
+    """Errors of each quantity over the points' sizes: a line of medians, a band up to 95 %."""
+    sizes = [point.size for point, _ in points]
+    for k, title in enumerate(TITLES):
+        rows = [spread(getattr(errors, kind)[:, k]) for _, errors in points]
+        middle = np.maximum([r["median"] for r in rows], _LEAST)
+        upper = np.maximum([r["95 %"] for r in rows], _LEAST)
+        axes.plot(
+            sizes, middle, _MARKERS[k] + "-", color=_COLORS[k], markersize=3.5, linewidth=1.2,
+            label=title,
+        )  # fmt: skip
+        axes.fill_between(sizes, middle, upper, color=_COLORS[k], alpha=0.15, linewidth=0)
+
+
 def knob_figure(report: "Report") -> "Figure | None":
     """Errors over modes, smoothing and step, one at a time: three values above, three gradients
     below; lines are medians, bands reach to 95 % of the impacts."""
@@ -128,22 +142,13 @@ def knob_figure(report: "Report") -> "Figure | None":
     figure = _figure(5.2)
     panels = figure.subplots(2, len(knobs), sharex="col", sharey="row", squeeze=False)
     for column, (name, points) in enumerate(knobs.items()):
-        x = [point.size for point, _ in points]
         for row, kind in enumerate(("value", "gradient")):
             axes = panels[row, column]
             panel(
                 axes, _LOG_KNOBS[name] if row else "", "" if column else f"error of the {kind}",
                 "" if row else name,
             )  # fmt: skip
-            for k, title in enumerate(TITLES):
-                rows = [spread(getattr(errors, kind)[:, k]) for _, errors in points]
-                middle = np.maximum([r["median"] for r in rows], _LEAST)
-                upper = np.maximum([r["95 %"] for r in rows], _LEAST)
-                axes.plot(
-                    x, middle, _MARKERS[k] + "-", color=_COLORS[k], markersize=3.5, linewidth=1.2,
-                    label=title,
-                )  # fmt: skip
-                axes.fill_between(x, middle, upper, color=_COLORS[k], alpha=0.15, linewidth=0)
+            _spreads(axes, kind, points)
             _over_knob(axes, name, points)
     legend_above(figure.axes[0], 3)
     return figure
@@ -162,15 +167,7 @@ def tolerance_figure(report: "Report") -> "Figure | None":
             axes, "tolerance asked for", "error got" if kind == "value" else "",
             kind if kind == "value" else "gradient in eight variables",
         )  # fmt: skip
-        for k, title in enumerate(TITLES):
-            rows = [spread(getattr(errors, kind)[:, k]) for _, errors in points]
-            middle = np.maximum([r["median"] for r in rows], _LEAST)
-            upper = np.maximum([r["95 %"] for r in rows], _LEAST)
-            axes.plot(
-                asked, middle, _MARKERS[k] + "-", color=_COLORS[k], markersize=3.5, linewidth=1.2,
-                label=title,
-            )  # fmt: skip
-            axes.fill_between(asked, middle, upper, color=_COLORS[k], alpha=0.15, linewidth=0)
+        _spreads(axes, kind, points)
         axes.plot(
             asked, asked, color="black", linewidth=0.7, linestyle=":", label="got what was asked"
         )

@@ -97,11 +97,13 @@ def dense() -> Ladder:
 
 def _ladder(modes, bare_modes, elements, slips, steps, fades, tolerances) -> Ladder:
     truth = fj.Fidelity(
-        modes=12, geometry="chord", step=1.25e-5, longest_stride=1, iterations=20, **smoothed(1e-4)
-    )
+        modes=12, geometry="chord", step=1.25e-5, step_tolerance=None, longest_stride=1,
+        iterations=20, **smoothed(1e-4),
+    )  # fmt: skip
     base = fj.Fidelity(
-        modes=8, geometry="chord", step=6.25e-5, longest_stride=1, iterations=20
-    )
+        modes=8, geometry="chord", step=6.25e-5, step_tolerance=None, longest_stride=1,
+        iterations=20,
+    )  # fmt: skip
     names = "coarse", "fast", "standard", "reference"
     rungs = {name: getattr(fj.Fidelity, name)() for name in names}
     bare = {"static_correction": False}
@@ -147,14 +149,15 @@ def _ladder(modes, bare_modes, elements, slips, steps, fades, tolerances) -> Lad
 def quick() -> Ladder:
     """A small ladder around `fast` and `standard`."""
     truth = fj.Fidelity(
-        modes=8, geometry="chord", step=1e-4, longest_stride=1, iterations=20, **smoothed(1e-3)
-    )
-    base = fj.Fidelity.standard()
+        modes=8, geometry="chord", step=1e-4, step_tolerance=None, longest_stride=1, iterations=20,
+        **smoothed(1e-3),
+    )  # fmt: skip
+    base = fj.Fidelity(step=2.5e-4, step_tolerance=None)
     knobs = {
         "modes": _knob("modes", base, _modes(base, (1, 4))),
         "step": _steps(base, (1e-3, 2.5e-4)),
     }
-    rungs = {"fast": fj.Fidelity.fast(), "standard": base}
+    rungs = {"fast": fj.Fidelity.fast(), "standard": fj.Fidelity.standard()}
     return Ladder(truth, truth, base, rungs, knobs, {})
 
 
@@ -162,7 +165,9 @@ def integrators(everything: bool = False) -> dict[str, fj.Fidelity]:
     """The package's own integrator and diffrax's general ones on the same equations, four modes
     without static correction; the last one is the most exact. Kvaerno5, which takes minutes to
     compile and run, is there only with `everything`."""
-    bare = fj.Fidelity(modes=4, static_correction=False, geometry="chord", step=1.25e-4)
+    bare = fj.Fidelity(
+        modes=4, static_correction=False, geometry="chord", step=1.25e-4, step_tolerance=None
+    )
     fine = bare.replace(step=1.5625e-5)
     implicit = {"kvaerno5": fine.replace(integrator="kvaerno5")} if everything else {}
     return {
@@ -176,7 +181,9 @@ def integrators(everything: bool = False) -> dict[str, fj.Fidelity]:
 def _grid(base: fj.Fidelity, modes, steps, slips, geometries):
     grid = {}
     for n, step, slip, geometry in itertools.product(modes, steps, slips, geometries):
-        made = fj.Fidelity(modes=n, step=step, geometry=geometry, **smoothed(slip))
+        made = fj.Fidelity(
+            modes=n, step=step, step_tolerance=None, geometry=geometry, **smoothed(slip)
+        )
         grid[made] = (
             base.replace(modes=n),
             base.replace(step=step),

@@ -49,7 +49,7 @@ def ladder(segment: str) -> dict[str, dict]:
     """
     found = {}
     for step in (*STEPS, _FINE):
-        fidelity = fj.Fidelity(step=step)
+        fidelity = fj.Fidelity(step=step, step_tolerance=None)
 
         def along(factors, fidelity=fidelity):
             values = _run(segment, fidelity, factors)
