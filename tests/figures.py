@@ -23,6 +23,7 @@ TEXTS = Path(__file__).with_suffix(".md")
 # The README, and what referees read, beside what makes it.
 PAGES = (
     ROOT / "README.md",
+    ROOT / "optimize/concepts/CONCEPTS.md",
     ROOT / "tests/design/OPTIMIZERS.md",
     ROOT / "tests/peers/SPEED.md",
     ROOT / "tests/reference/VERIFICATION.md",

@@ -52,6 +52,16 @@ def _paper(statement: str, number: str, unit: str = "1", tolerance: float = 0.01
     return Figure(("by_statement", statement, "numbers", number), unit, tolerance)
 
 
+def _concepts(names: tuple[str, ...]) -> dict[str, Figure]:
+    """The least force [N] and acceleration [g] of concepts, by parcels an hour."""
+    return {
+        f"{name}, {minimised} at {rate}": Figure(("fronts", minimised, name, rate), unit, 0.05)
+        for name in names
+        for minimised, unit in (("peak_force", "N"), ("peak_load", "g"))
+        for rate in ("2400", "3000", "3600")
+    }
+
+
 _SIDE = ("side_by_side",)
 RUNS = {
     "peak_force": Run("peak_force", (), "result.json", {
@@ -79,6 +89,11 @@ RUNS = {
     "pareto": Run("pareto", (), "front.json", {
         "least force on the front": _force("least_force", tolerance=0.02),
     }),
+    "concepts": Run("concepts", (), "concepts.json", _concepts((
+        "rigid", "rigid+pad", "rigid+shaft", "rigid+clutch", "rigid+motion", "rigid+torque",
+        "one_link", "one_link+clutch", "two_link", "two_link+curved", "two_link+pad",
+        "two_link+motion", "two_link+pad+motion", "two_link+torque",
+    ))),
     "reproduce_paper": Run("reproduce_paper", (), "result.json", {
         "drop, two-link": _paper("drop", "N_stiff / N_max, two-link"),
         "drop, one-link": _paper("drop", "N_stiff / N_max, one-link"),
@@ -134,6 +149,13 @@ def _with_summaries(content: dict[str, Any]) -> dict[str, Any]:
             content[f"worst_force_{when}"] = max(lanes["peak_force"])
     if "statements" in content:
         content["by_statement"] = {each["key"]: each for each in content["statements"]}
+    if isinstance(content.get("designs"), list):
+        fronts = content["fronts"] = {}
+        for each in content["designs"]:
+            of = fronts.setdefault(each["minimised"], {}).setdefault(each["concept"], {})
+            # What is not confirmed is no figure.
+            value = each[each["minimised"]] if each["confirmed"] else float("nan")
+            of[f"{each['parcels_an_hour']:.0f}"] = value
     if isinstance(content.get("points"), list):
         good = [p["peak_force"] for p in content["points"] if p["on_front"]]
         content["least_force"] = min(good)

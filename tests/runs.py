@@ -1,4 +1,4 @@
-"""Every kind of scene, and its run at the standard fidelity, computed once for the session."""
+"""Every kind of scene, and its run in fixed steps, which the history holds, once for a session."""
 
 import functools
 
@@ -19,7 +19,10 @@ SCENES = {
 }
 
 
+FIXED = fj.Fidelity(step=2.5e-4, step_tolerance=None)
+
+
 @functools.cache
-def standard(name):
+def fixed(name):
     """The result of a scene with its history, as NumPy arrays."""
-    return jax.tree.map(np.asarray, fj.simulate(SCENES[name]()))
+    return jax.tree.map(np.asarray, fj.simulate(SCENES[name](), fidelity=FIXED))

@@ -71,3 +71,19 @@ def test_on_the_border_the_fence_has_to_be_home():
     assert float(sorting.shortest_period(beside)) == pytest.approx(home + 0.1 / 2.0, abs=0.01)
     with pytest.raises(ValueError, match="whole_sort"):
         sorting.shortest_period(fj.scenes.oblique_impact())
+
+
+def test_of_a_torque_drive_it_follows_from_the_sort():
+    # A drive that no blow moves: phi = t^2 / 2 at 1 rad/s^2, as it ends its cycle far out.
+    heavy = 1e7
+    drive = fj.TorqueDrive([heavy], cycle_time=0.7, turn=1.0, inertia=heavy)
+    scene = fj.scenes.whole_sort(
+        drive=drive, offset=0.05, duration=0.8, fence_friction=None, border=None
+    )
+    wanted = sorting.CLEAR_PERIOD_OF_TORQUE
+    result = fj.simulate(
+        scene, fidelity=fj.Fidelity.coarse(modes=0), only=wanted.fields, measures=wanted.measures
+    )
+    expected = searched(lambda t: 0.5 * t**2, 0.7, 2.0, 0.1, 0.05)
+    # The largest is at the cycle's end, up to which the last sample is a stride of 2 ms away.
+    assert expected - 4e-3 < float(wanted(result, scene)) <= expected + 1e-6

@@ -49,13 +49,17 @@ def scene(point, at_shaft=False):
     )  # fmt: skip
 
 
+# Each step is a sample of the history.
+FIXED = fj.Fidelity.fast(step_tolerance=None)
+
+
 def _once(quantities, at_shaft):
     """Quantities of one motor in one run, as a problem reads them."""
 
     def values(point):
         made = scene(point, at_shaft)
         result = fj.simulate(
-            made, fidelity=fj.Fidelity.fast(), history=False, only=objectives.fields(quantities),
+            made, fidelity=FIXED, history=False, only=objectives.fields(quantities),
             measures=objectives.measures(quantities),
         )  # fmt: skip
         return jnp.stack([quantity(result, made) for quantity in quantities])
@@ -80,7 +84,7 @@ def ours():
 @jax.jit
 def _recorded(point):
     result = fj.simulate(
-        scene(point), fidelity=fj.Fidelity.fast(), only=("history", "stresses"), measures=[OWN]
+        scene(point), fidelity=FIXED, only=("history", "stresses"), measures=[OWN]
     )
     return result.history, result.stresses
 

@@ -107,12 +107,14 @@ def test_whole_problem_is_computed_again(many):
 
 def test_ladder_settles_a_doubtful_sort():
     # Steps of 4 ms do not resolve the blow; the next rung does, and agrees with the finest.
-    coarse = fj.Fidelity.coarse(step=4e-3)
+    coarse = fj.Fidelity.coarse(step=4e-3, step_tolerance=None)
     ladder = coarse.ladder()
     assert ladder[0] == coarse
     assert [rung.step for rung in ladder[1:]] == [1.25e-4, 2.5e-5]
     assert all(rung.geometry == coarse.geometry for rung in ladder)
-    assert fj.Fidelity.reference().ladder() == (fj.Fidelity.reference(),)
+    first, beyond = fj.Fidelity.reference().ladder()
+    assert first == fj.Fidelity.reference()
+    assert (beyond.modes, beyond.step) == (2 * first.modes, first.step / 2)
     # A fence that does not bend does not at a finer rung.
     assert [rung.modes for rung in coarse.replace(modes=0).ladder()] == [0, 0, 0]
 

@@ -26,7 +26,7 @@ def ringing(step=RING_STEP):
         fence = fj.Fence(material=fj.Material(damping_ratio=damping))
         drive = fj.HarmonicDrive(TOP_SPEED, CYCLE)
         scene = fj.scenes.free_motion(fence=fence, drive=drive, duration=CYCLE + RINGING)
-        return fj.simulate(scene, fidelity=fj.Fidelity.standard(step=step))
+        return fj.simulate(scene, fidelity=fj.Fidelity.standard(step=step, step_tolerance=None))
 
     results = run(jnp.array([0.0, 0.05]))
     return [jax.tree.map(lambda leaf, k=k: np.asarray(leaf[k]), results) for k in range(2)]
@@ -138,6 +138,6 @@ def test_ring_down():
 def test_parcel_does_not_feel_a_fence_beside_it():
     scene = fj.scenes.free_motion(fence=fj.Fence(), duration=CYCLE + RINGING)
     alone = fj.scenes.free_motion(duration=CYCLE + RINGING)
-    fidelity = fj.Fidelity.standard(step=RING_STEP)
+    fidelity = fj.Fidelity.standard(step=RING_STEP, step_tolerance=None)
     apart, beside = (fj.simulate(s, fidelity=fidelity, history=False) for s in (alone, scene))
     np.testing.assert_allclose(beside.final, apart.final, rtol=1e-12, atol=1e-12)

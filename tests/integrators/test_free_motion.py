@@ -22,7 +22,7 @@ import fencejax as fj
 
 MU, GRAVITY, DURATION = 0.5, 9.81, 0.4
 # Smoothed so much that the closed forms show it.
-STANDARD = fj.Fidelity.standard(slip_speed=1e-3)
+STANDARD = fj.Fidelity.standard(step=2.5e-4, slip_speed=1e-3)
 EPS, STEP = STANDARD.slip_speed, STANDARD.step
 PARCEL = fj.Parcel(center_x=0.05, center_y=-0.02)
 ARM = float(PARCEL.mean_distance)

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from runs import FIXED
 
 import fencejax as fj
 
@@ -35,7 +36,7 @@ def peak(fidelity):
 
 @pytest.fixture(scope="module")
 def truth():
-    return peak(fj.Fidelity(step=2e-6))
+    return peak(fj.Fidelity(step=2e-6, step_tolerance=None))
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
@@ -43,19 +44,19 @@ def test_error_follows_the_tolerance(truth, tolerance):
     # Each step in contact may miss a share `tolerance` of the largest force so far; the sum over a
     # blow changes its momentum, and so its peak, by as much at most, twice if all of it counts on
     # one side of the peak. The elasticity is a difference of two such: a tenfold for what it adds.
-    value, elasticity = peak(fj.Fidelity(step_tolerance=tolerance))
+    value, elasticity = peak(fj.Fidelity(step_tolerance=tolerance, halvings=6))
     assert value == pytest.approx(truth[0], rel=2 * tolerance)
     assert elasticity == pytest.approx(truth[1], abs=20 * tolerance)
 
 
 def test_fixed_steps_miss_it(truth):
-    assert abs(peak(fj.Fidelity())[0] / truth[0] - 1) > 5e-3
+    assert abs(peak(FIXED)[0] / truth[0] - 1) > 5e-3
 
 
 def test_control_that_tolerates_all_changes_nothing():
     # Maps of one length from a table of several, and the clock in shorter units: round-off alone.
-    free = fj.simulate(hard(MASS), fidelity=fj.Fidelity(), only=ONLY)
-    held = fj.simulate(hard(MASS), fidelity=fj.Fidelity(step_tolerance=1e9), only=ONLY)
+    free = fj.simulate(hard(MASS), fidelity=FIXED, only=ONLY)
+    held = fj.simulate(hard(MASS), fidelity=FIXED.replace(step_tolerance=1e9), only=ONLY)
     assert float(held.peak_force) == pytest.approx(float(free.peak_force), rel=1e-9)
     assert float(held.impulse) == pytest.approx(float(free.impulse), rel=1e-9)
 

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from runs import FIXED
 
 import fencejax as fj
 from fencejax.integrators import modal_step, next_step_size, time_loop as integrate
@@ -124,16 +125,21 @@ def test_length_of_the_next_step(what, options, count):
 def test_longest_stride_is_checked():
     with pytest.raises(ValueError, match="`longest_stride` must be a power of two, but is 3"):
         fj.Fidelity(longest_stride=3)
-    assert fj.Fidelity().settled(1.36).longest_stride == 8
-    assert fj.Fidelity().settled(0.25).longest_stride == 1
-    assert fj.Fidelity.fast().settled(1.36).longest_stride == 4
+    # Up to 2 ms under error control, and in long contacts; nowhere else.
+    assert FIXED.settled(1.36).longest_stride == 8
+    assert FIXED.settled(0.25).longest_stride == 1
+    assert fj.Fidelity().settled(0.25).longest_stride == 4
+    assert fj.Fidelity.coarse().settled(1.36).longest_stride == 2
+    # Where nothing can touch there is nothing to control.
+    free = fj.Fidelity().settled(0.0)
+    assert (free.longest_stride, free.step_tolerance) == (1, None)
     assert fj.Fidelity.reference().settled(1.36).longest_stride == 1
 
 
 def test_stepper_runs_a_whole_scene_under_diffeqsolve():
     # The same steps in diffrax's own loop as in the package's: the same numbers, but for the order
     # in which compilers sum. A step of no length gives the forces at the start.
-    fidelity = fj.Fidelity.coarse(longest_stride=1)
+    fidelity = fj.Fidelity.coarse(longest_stride=1, step_tolerance=None)
     scene = fj.scenes.oblique_impact(duration=0.06)
     samples = fj.simulate(scene, fidelity=fidelity).history
     steps = integrate.count_steps(scene.duration, fidelity.step)

@@ -1,6 +1,7 @@
 """The comparison of concepts: its table, its problems, and how it goes about its searches."""
 
 import csv
+import dataclasses
 import json
 from types import SimpleNamespace
 
@@ -11,12 +12,12 @@ import report_pages
 from pictures import shows_data
 
 import fencejax as fj
-from fencejax.design import objectives
+from fencejax.design import objectives, sorting
 from fencejax.sorter import Look, Measured, Objective, Solution, SorterProblem
 from optimize.concepts import job, main, quantities, search, words
 from optimize.concepts.configuration import ConceptsConfig, configure
 from optimize.concepts.means import Concept
-from optimize.concepts.problem import Group, grouped, period
+from optimize.concepts.problem import Group, grouped, period, swinging
 
 _SORTER = """
 title = "tiny"
@@ -142,6 +143,45 @@ def test_a_design_of_another_group_at_another_rate(groups):
     away = fj.SplineDrive(angles, cycle).angle(time) - harmonic.angle(time)
     lag = float(harmonic.motion(0.0).acceleration) * (cycle / (len(angles) + 3)) ** 2 / 6
     assert np.max(np.abs(away)) < lag
+
+
+def test_torques_that_swing_a_fence_as_a_drive_does(groups):
+    problem = groups[1].problem
+    drive = fj.HarmonicDrive(1.5, 1.2)
+    hinge = {"inertia": 2.0, "damping": 80.0, "stiffness": 300.0}
+    # Parcels that weigh nothing are no load.
+    columns = {name: 0.0 * column for name, column in problem.machine.parcels.columns.items()}
+    parcels = dataclasses.replace(problem.machine.parcels, columns=columns)
+    machine = dataclasses.replace(problem.machine, parcels=parcels)
+    torques = swinging(drive, machine, hinge.values(), 61)
+    swung = fj.TorqueDrive(torques, 1.2, **hinge)
+    for time in (0.3, 0.6, 1.0):
+        found = swung.unloaded(time, machine.fence.inertia).angle
+        # Lines between values 20 ms apart: off by (2 pi / 60)^2 / 8 of the torque, 0.14 %.
+        assert float(found) == pytest.approx(float(drive.angle(time)), abs=3e-3)
+    # With parcels more is needed on the way out, and no more on the way home.
+    more = swinging(drive, problem.machine, hinge.values(), 61) - torques
+    assert np.all(more[1:30] > 0)
+    np.testing.assert_array_equal(more[31:], 0.0)
+
+
+def test_the_problem_of_a_torque_drive(config):
+    (group,) = grouped(config, [Concept.read("rigid+torque")])
+    assert (group.name, group.held) == ("rigid-torque", ())
+    problem, candidate = group.problem, group.candidate(group.concepts[0], 3600.0)
+    drive = problem.scene(problem.start, candidate, 0).drive
+    assert isinstance(drive, fj.TorqueDrive)
+    assert drive.torques.shape == (config.controls,)
+    limits = {name: limit.quantity for name, limit in problem.limits(candidate)}
+    assert limits["clear_period"] == sorting.CLEAR_PERIOD_OF_TORQUE
+    # A harmonic drive's design begins as its motion.
+    given = {"drive.top_speed": 2.0, "drive.cycle_time": 1.2}
+    found = problem.values(group.point(given, 2400.0))
+    torques = [value for name, value in found.items() if "torques" in name]
+    drive = fj.HarmonicDrive(2.0, 1.2)
+    hinge = [found[path] for path in ("drive.inertia", "drive.damping", "drive.stiffness")]
+    expected = swinging(drive, problem.machine, hinge, config.controls)
+    np.testing.assert_allclose(torques, np.clip(expected, -1000, 1000), rtol=1e-9)
 
 
 def _step(before, now, cycle=1.0, **fields):

@@ -25,7 +25,7 @@ border = false
 mass = ["5 kg", "30 kg"]
 front = "0.8 m"
 offset = "10 mm"
-corners = [1]
+corners = [1, 2]
 [fence]
 thickness = {lower = "20 mm", upper = "70 mm", start = "30 mm"}
 length_ratio = {lower = 0.2, upper = 1, start = 0.6}
@@ -46,7 +46,7 @@ def written(folder, torque):
     (folder / "tiny.toml").write_text(TINY.replace("LIMIT", str(torque)))
     return DesignConfig(
         out=folder / "out", sorter=str(folder / "tiny.toml"), fidelity="fast", check="fast",
-        rungs=1, budget=8,
+        rungs=1, budget=6,
     )  # fmt: skip
 
 
@@ -62,7 +62,8 @@ def test_every_material_is_designed_and_ranked(outcome):
     assert found[0].rank <= found[1].rank
     for one in found:
         assert one.feasible
-        assert one.after.objective < one.before.objective
+        # Less than at a start that held the limits, or that they are held.
+        assert one.after.objective < one.before.objective or one.before.violation > 0.1
         # The optimiser's feasibility.
         assert one.after.violation <= 1e-3
     # One program for both.
@@ -117,9 +118,8 @@ def test_what_it_says_and_writes(outcome):
 
 
 def test_what_decides_is_near(outcome):
-    """A search that was cut short decides nothing by limits that are far away."""
+    """Nothing decides by limits that are far away, wherever a search ends."""
     problem, best = outcome.problem, outcome.best
-    assert best.optimum.stop is fj.Stop.BUDGET
     least = {name: np.inf for name in problem.limit_names}
     for index, margin in enumerate(best.optimum.last.margins):
         name, _ = problem.margin(index)
@@ -128,8 +128,13 @@ def test_what_decides_is_near(outcome):
     price = Price("tip_deflection", 0.17, 0.187, "m", ("5 kg",), 3.0)
     said = words.decides(problem, dataclasses.replace(best, prices=(price,)))
     assert "tip deflection (5 kg): 187 mm instead of 170 mm, 3 N less" in said
-    said = words.decides(problem, dataclasses.replace(best, prices=()))
-    assert said.startswith("No limit and no bound decides where the search ended")
+    for stop, said in (
+        (fj.Stop.BUDGET, "No limit and no bound decides where the search ended: the budget"),
+        (fj.Stop.OPTIMAL, "No limit decides, and no bound that could give way."),
+    ):
+        optimum = dataclasses.replace(best.optimum, stop=stop)
+        other = dataclasses.replace(best, prices=(), optimum=optimum)
+        assert words.decides(problem, other).startswith(said)
 
 
 def test_the_page_and_the_drawing(outcome):

@@ -45,7 +45,8 @@ def sort(times, force, load=None, hold=10.0, deflection=None, y=None, tip=0.07):
         time=np.stack([np.asarray(times, dtype=float)] * 2),
         x=zero, angle=zero, drive_angle=zero, belt_force=zero,
         hold=np.full(2, hold), peak_force=two["force"].max(axis=1),
-        tip_deflection=np.full(2, tip), status=np.zeros(2, dtype=int), **two,
+        tip_deflection=np.full(2, tip), status=np.zeros(2, dtype=int),
+        first_contact=np.full(2, times[np.flatnonzero([*force[:-1], 1])[0]]), **two,
     )  # fmt: skip
 
 

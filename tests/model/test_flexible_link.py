@@ -18,7 +18,7 @@ from model.links import (
 )
 from scipy.integrate import solve_ivp
 
-from fencejax import Fence, HarmonicDrive, Uniform
+from fencejax import Fence, HarmonicDrive, Uniform, model
 from fencejax.model import SWING_STEPS, dot
 
 # --- Statics ------------------------------------------------------------------------------------
@@ -213,7 +213,7 @@ def swing(link, drive, time):
     """The free swing up to a time, in its own number of steps."""
     step = jnp.asarray(time) / SWING_STEPS
     maps = link.propagators([step])
-    return link.swung(drive, step, jax.tree.map(lambda values: values[0], maps))
+    return model.swung(link, drive, step, jax.tree.map(lambda values: values[0], maps))
 
 
 def exact_swing(link, drive, time):

@@ -9,7 +9,7 @@ import fencejax as fj
 
 TILT, MASS, SPEED = 0.4, 15.0, 2.426
 STIFFNESS, VISCOSITY = 1.72e9, 3.3e5 * MASS**0.4
-FIDELITY = fj.Fidelity(step=1e-4, longest_stride=1)
+FIDELITY = fj.Fidelity(step=1e-4, step_tolerance=None, longest_stride=1)
 
 
 def flight(angle, velocity, turn, friction, corner, spin=0.0):

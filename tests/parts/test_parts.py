@@ -11,7 +11,7 @@ import fencejax as fj
 from fencejax.integrators import modal_step, time_loop as integrate
 from fencejax.simulate import prepared
 
-STANDARD = fj.Fidelity.standard()
+STANDARD = fj.Fidelity.standard(step_tolerance=None)
 
 
 def setup(scene, fidelity):
@@ -84,6 +84,9 @@ PARTS = {
     "no contact at the tip": lambda: (sort(2, tip_contact=False), STANDARD),
 }
 ORDER = list(PARTS)[:12]
+PARTS["oblique impact, under control"] = lambda: (
+    fj.scenes.oblique_impact(), fj.Fidelity.standard()
+)
 
 
 @pytest.mark.parametrize(("more", "less"), list(zip(ORDER[:-1], ORDER[1:], strict=True)))
@@ -118,6 +121,9 @@ def test_size_of_the_state():
     assert cost("free motion")[0] == cost("free motion without belt")[0] == 12
     assert cost("free motion beside a fence")[0] == 12 + 3 * MODES
     assert cost("oblique impact")[0] == 12 + 3 * MODES + 8 + 4
+    # Error control: steps taken and to come 2, what it judges by 4; of each contact its force, gap,
+    # rate and share at the step's end, and how its foot drifts, 5.
+    assert cost("oblique impact, under control")[0] == cost("oblique impact")[0] + 6 + 5
     assert cost("without fence friction")[0] == 12 + 3 * MODES + 8
     assert cost("without static correction")[0] == 12 + 3 * MODES + 5
     assert cost("one mode")[0] == 12 + 3 + 5

@@ -14,7 +14,9 @@ import fencejax as fj
 NUMBERS = {"torques": [400.0, 900.0], "inertia": 4.0, "damping": 30.0, "stiffness": 200.0}
 CYCLE, HORIZON = 0.8, 0.07
 # The modes of the independent version, and no more, in its small-deflection geometry.
-FIDELITY = fj.Fidelity.standard(modes=3, static_correction=False, geometry="small")
+FIDELITY = fj.Fidelity(
+    step=2.5e-4, step_tolerance=None, modes=3, static_correction=False, geometry="small"
+)
 INDEPENDENT = Impact(
     modes=3, horizon=HORIZON, load="cubic", geometry="small", mu_belt=(0.0, 0.0),
     mu_fence=(0.0, 0.0),

@@ -21,8 +21,8 @@ import fencejax as fj
 from . import race
 
 SETTINGS = {
-    race.ENGINEERING.name: fj.Fidelity(modes=4, step=5e-4),
-    race.TIGHT.name: fj.Fidelity(modes=12, step=2.5e-4),
+    race.ENGINEERING.name: fj.Fidelity(modes=4, step=5e-4, step_tolerance=None),
+    race.TIGHT.name: fj.Fidelity(modes=12, step=2.5e-4, step_tolerance=None),
 }
 
 

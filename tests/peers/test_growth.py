@@ -72,7 +72,7 @@ def modes(count):
 
 def steps(count):
     numbers, of = impact()
-    return lambda x: of(x, STANDARD.replace(step=0.13 / count)), numbers
+    return lambda x: of(x, STANDARD.replace(step=0.13 / count, step_tolerance=None)), numbers
 
 
 def corners(count):

@@ -13,7 +13,7 @@ SCENE = runs.SCENES["oblique_impact"]()
 
 @pytest.fixture(scope="module")
 def result():
-    return runs.standard("oblique_impact")
+    return runs.fixed("oblique_impact")
 
 
 def film_of(result, **changes):

@@ -48,7 +48,7 @@ def test_a_force_is_shown_until_it_ends():
 
 
 def test_every_signal_is_drawn_as_it_is():
-    result = runs.standard("whole_sort")
+    result = runs.fixed("whole_sort")
     panels = fj.plot.histories(result, fj.plot.SIGNALS)
     assert len(panels) == len(fj.plot.SIGNALS)
     drawn = {}
@@ -75,7 +75,7 @@ def test_every_signal_is_drawn_as_it_is():
 
 
 def test_several_results_by_name():
-    result = runs.standard("oblique_impact")
+    result = runs.fixed("oblique_impact")
     (top, bottom) = fj.plot.histories({"one": result, "two": result})
     assert [text.get_text() for text in top.get_legend().get_texts()] == ["one", "two"]
     assert bottom.get_legend() is None
@@ -83,7 +83,7 @@ def test_several_results_by_name():
 
 
 def test_energies():
-    result = runs.standard("oblique_impact")
+    result = runs.fixed("oblique_impact")
     axes = fj.plot.energies(result)
     assert axes.get_ylabel() == "energy held [J]"
     at_start = [line.get_ydata()[0] for line in axes.lines]
@@ -93,7 +93,7 @@ def test_energies():
 
 
 def test_refusals_of_histories():
-    result = runs.standard("oblique_impact")
+    result = runs.fixed("oblique_impact")
     with pytest.raises(ValueError, match="`names` must be one of"):
         fj.plot.histories(result, ("loudness",))
     with pytest.raises(ValueError, match="it has no 'border_force'"):

@@ -18,12 +18,12 @@ SORT = runs.SCENES["whole_sort"]()
 
 @pytest.fixture(scope="module")
 def impact():
-    return runs.standard("oblique_impact")
+    return runs.fixed("oblique_impact")
 
 
 @pytest.fixture(scope="module")
 def sort():
-    return runs.standard("whole_sort")
+    return runs.fixed("whole_sort")
 
 
 def with_history(result, history):
@@ -209,7 +209,7 @@ def test_what_is_drawn(sort):
 
 def test_scene_without_fence_and_belt():
     scene = fj.scenes.free_motion(belt=None)
-    result = types.SimpleNamespace(history=runs.standard("free_motion").history._replace(belt=None))
+    result = types.SimpleNamespace(history=runs.fixed("free_motion").history._replace(belt=None))
     axes = fj.plot.draw_scene(scene, result, 0.05)
     assert axes.get_xlabel() == "x along the belt [m]"
     assert not [part for part in axes.collections if hasattr(part, "U")]

@@ -238,14 +238,19 @@ def solve(impact, rtol=1e-8, atol=None, method="LSODA", samples=401, more=None):
             return touch_of(impact, time, state)
         return contact(impact, Fence(impact, time, state), state[2 * count : 2 * count + 6])
 
+    def tip_of(state):
+        # The link beyond the corner goes along with its shear there.
+        tip = impact.link.displacement[-1] @ state[:count]
+        return tip if more is None else tip - state[-2]
+
     def tip_at(time):
-        return float(impact.link.displacement[-1] @ result.sol(time)[:count])
+        return float(tip_of(result.sol(time)))
 
     time = np.linspace(0.0, result.t[-1], samples)
     states = result.sol(time)
     touches = [contact_at(instant) for instant in time]
     force = np.array([touch.force for touch in touches])
-    tip = impact.link.displacement[-1] @ states[:count]
+    tip = tip_of(states)
     parcel = states[2 * count : 2 * count + 6].T
     peak_time, peak_force = refined_maximum(lambda t: contact_at(t).force, time, force)
     _, tip_deflection = refined_maximum(lambda t: abs(tip_at(t)), time, np.abs(tip))
@@ -261,7 +266,7 @@ def solve(impact, rtol=1e-8, atol=None, method="LSODA", samples=401, more=None):
         peak_time=peak_time,
         tip_deflection=tip_deflection,
         impulse=float(states[-1, -1]),
-        duration=float("nan") if off_tip else release(contact_at, impact, time, force),
+        duration=float("nan") if off_tip or more else release(contact_at, impact, time, force),
         off_tip=off_tip,
         stiff_force=rigid_wall(
             impact.approach_speed, impact.mass, impact.stiffness, impact.damping

@@ -14,6 +14,7 @@ from reference.stages import (
     sequence,
     two_corners,
 )
+from runs import FIXED
 
 import fencejax as fj
 
@@ -36,7 +37,8 @@ def sorting(fence, **changes):
 
 @functools.cache
 def library(fence):
-    result = fj.simulate(fj.scenes.whole_sort(fence=FENCES[fence][1](), tip_contact=False))
+    scene = fj.scenes.whole_sort(fence=FENCES[fence][1](), tip_contact=False)
+    result = fj.simulate(scene, fidelity=FIXED)
     return jax.tree.map(np.asarray, result)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from .impact import Impact, solve
+from .impact import Fence, Impact, solve
 from .second_order import POISSON, SHEAR_SHAPE, More
 
 IMPACT = Impact(distance=1.0, load="cubic", modes=4, horizon=0.02)
@@ -32,12 +32,20 @@ def test_shear_yields_as_a_beam_of_constant_strength_does():
     assert more._yielding(Touch) == pytest.approx(expected, rel=1e-6)
 
 
-def test_tension_stiffens_as_a_straight_line_does():
-    # A unit slope all along the link: the integral of w'^2 is its length.
-    link = IMPACT.link
-    slopes = More(frozenset(), IMPACT)._stiffening(IMPACT.elements - 1, IMPACT.l_p / 20)
-    size = IMPACT.l_p / IMPACT.elements
-    along = np.linspace(0, IMPACT.l_p, IMPACT.elements + 1)
-    # Of the first mode by differences of its nodes: of the second order in the elements.
-    expected = np.sum(np.diff(link.displacement[:, 0]) ** 2 / np.diff(along))
-    assert slopes[0, 0] == pytest.approx(expected, rel=2 * size)
+def test_a_force_loads_the_modes_by_the_motion_of_its_place():
+    # How each mode moves the point at a fixed place, by central differences: to their round-off.
+    rng = np.random.default_rng(4)
+    count, step = IMPACT.link.frequency.size, 1e-5
+    state = 0.2 * rng.uniform(-1, 1, 2 * count) / np.arange(1, 2 * count + 1)
+
+    class Touch:
+        element, local = 14, 0.4 * IMPACT.l_p / IMPACT.elements
+
+    def place(mode, size):
+        moved = state + size * np.eye(2 * count)[mode]
+        return np.array(Fence(IMPACT, 0.0, moved).point(Touch.element, Touch.local)[0])
+
+    found = More(frozenset(), IMPACT).moved(Fence(IMPACT, 0.0, state), Touch)
+    for mode in range(count):
+        expected = (place(mode, step) - place(mode, -step)) / (2 * step)
+        np.testing.assert_allclose(found[:, mode], expected, rtol=1e-7, atol=1e-9)

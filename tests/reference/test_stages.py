@@ -316,7 +316,9 @@ def hard_landing():
         along_fence, impact, 0.0, wall.end, sequence.tied(start), **NUMERICS
     )
     scene = fj.scenes.along_fence(distance=0.8, drive_angle=0.25, duration=0.12)
-    fidelity = fj.Fidelity.standard(modes=12, geometry="chord", static_correction=False)
+    fidelity = fj.Fidelity(
+        modes=12, geometry="chord", static_correction=False, step=2.5e-4, step_tolerance=None
+    )
     result = fj.simulate(scene, fidelity=fidelity)
     return jax.tree.map(np.asarray, result), wall.samples, tied.samples
 

@@ -16,7 +16,7 @@ import functools
 import jax
 import numpy as np
 import pytest
-from runs import SCENES, standard
+from runs import FIXED, SCENES, fixed
 
 import fencejax as fj
 from fencejax.results import diagnostics
@@ -52,7 +52,9 @@ def arms(scene, angle):
 @functools.cache
 def smooth(name, step):
     """The ledger where friction is smooth over many steps."""
-    fidelity = fj.Fidelity.standard(step=step, slip_speed=0.05, static_speed=0.25)
+    fidelity = fj.Fidelity.standard(
+        step=step, step_tolerance=None, slip_speed=0.05, static_speed=0.25
+    )
     result = fj.simulate(SCENES[name](), fidelity=fidelity, only=("energy",))
     # Friction is smoothed on purpose here.
     status = int(result.status)
@@ -73,7 +75,7 @@ def test_closes_at_second_order(name):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_closes_at_standard_fidelity(name):
-    energy = standard(name).energy
+    energy = fixed(name).energy
     assert abs(energy.residual) < 1e-3 * turned_over(energy)
 
 
@@ -81,7 +83,7 @@ def test_closes_at_standard_fidelity(name):
 def test_residual_in_closed_form(name):
     # Nothing but the parcel: the residual is -h^2 / 8 (m |a|^2 + I phiddot^2), end less start.
     # Newton leaves up to `defect` along the path, in each of the three motions.
-    scene, result = SCENES[name](), standard(name)
+    scene, result = SCENES[name](), fixed(name)
     history = result.history
     step = spacing(history)
     mass, inertia = float(scene.parcel.mass), float(scene.parcel.inertia)
@@ -118,10 +120,10 @@ def test_momentum_is_exact(name):
     if name == "no friction":
         scene = fj.scenes.oblique_impact(fence_friction=None, belt=None, velocity=(2.0, 0.0, 0.0))
         only = "peak_force", "defect", "history"
-        result = jax.tree.map(np.asarray, fj.simulate(scene, only=only))
+        result = jax.tree.map(np.asarray, fj.simulate(scene, fidelity=FIXED, only=only))
         assert result.peak_force > 100
     else:
-        scene, result = SCENES[name](), standard(name)
+        scene, result = SCENES[name](), fixed(name)
     missing, weights = imbalance(scene, result)
     # Round-off of the rate on top.
     assert np.max(missing / weights[:, None]) < 1e-13
@@ -131,7 +133,7 @@ def test_momentum_is_exact(name):
     "name", ["oblique_impact", "along_fence", "border_and_fence", "whole_sort"]
 )
 def test_momentum_with_friction(name):
-    scene, result = SCENES[name](), standard(name)
+    scene, result = SCENES[name](), fixed(name)
     history = result.history
     missing, weights = imbalance(scene, result)
     size = np.sqrt(float(scene.parcel.inertia) / float(scene.parcel.mass))
@@ -158,7 +160,7 @@ def test_forces_in_the_history_make_the_acceleration(name):
     # m a less belt and border is what the fence gives. With one corner it is as long as (N, F)
     # and its moment about C_s is that of a force at the corner; both corners of a wall that lies
     # on the fence give what is along the wall and across.
-    scene, history = SCENES[name](), standard(name).history
+    scene, history = SCENES[name](), fixed(name).history
     mass, inertia = float(scene.parcel.mass), float(scene.parcel.inertia)
     corner = dict(arms(scene, history.body.angle))
     force_x = mass * history.acceleration.x - history.belt.x
@@ -187,7 +189,7 @@ def test_forces_in_the_history_make_the_acceleration(name):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_losses_are_losses(name):
-    result = standard(name)
+    result = fixed(name)
     for term in LOSSES:
         assert getattr(result.energy, term) >= -1e-9 * turned_over(result.energy), term
     # Friction and damping dissipate at every instant, not only on the whole.
@@ -224,7 +226,7 @@ ABSENT = {
 @pytest.mark.parametrize("name", SCENES)
 def test_absent_parts_do_no_work(name):
     # Left at 0 exactly, and what is there is not 0 (the contact is over at most ends).
-    terms = {k: float(v) for k, v in vars(standard(name).energy).items()}
+    terms = {k: float(v) for k, v in vars(fixed(name).energy).items()}
     for term, value in terms.items():
         if term in ABSENT[name]:
             assert value == 0, term
@@ -233,7 +235,7 @@ def test_absent_parts_do_no_work(name):
 
 
 def test_totals_are_sums_of_the_history():
-    result = standard("border_and_fence")
+    result = fixed("border_and_fence")
     history = result.history
     step = spacing(history)
 
@@ -256,7 +258,7 @@ def test_a_ledger_that_does_not_close_is_said(sign):
     """Energy that comes from nowhere or goes nowhere, a little less and more than 5 % of what was
     turned over with the parcel's at the end."""
     name = "oblique_impact"
-    scene, result = SCENES[name](), standard(name)
+    scene, result = SCENES[name](), fixed(name)
     parcel, final = scene.parcel, result.final
     held = 0.5 * parcel.mass * (final.x_rate**2 + final.y_rate**2)
     held = float(held + 0.5 * parcel.inertia * final.spin**2)

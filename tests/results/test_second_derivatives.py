@@ -19,7 +19,7 @@ def wall(logs, step=2.5e-5):
     mass, stiffness, speed = jnp.exp(logs)
     parcel = fj.Parcel(mass=10.0 * mass, stiffness=1.72e9 * stiffness, damping=0.0)
     scene = fj.scenes.rigid_wall(parcel=parcel, speed=speed)
-    fidelity = fj.Fidelity.standard(step=step)
+    fidelity = fj.Fidelity.standard(step=step, step_tolerance=None)
     return jnp.log(fj.simulate(scene, fidelity=fidelity, only=("peak_force",)).peak_force)
 
 

@@ -32,8 +32,8 @@ BOUNDS = ("realistic", "wide")
 RUNGS = ("coarse", "fast", "standard")
 # The largest errors that pages show by themselves.
 _SHOWN = (
-    "realistic, value, `standard`", "realistic, gradient, `standard`",
-    "realistic, value, tolerance 0.001",
+    "realistic, value, `standard`", "realistic, value, `fast`", "realistic, value, `coarse`",
+    "realistic, gradient, `standard`",
 )  # fmt: skip
 # Lanes that run side by side.
 _BATCH = 128

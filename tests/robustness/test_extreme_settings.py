@@ -25,7 +25,7 @@ def struck(fidelity, scene=None, **fields):
 
 @functools.cache
 def all_modes():
-    return float(struck(fj.Fidelity(modes=None, step=1e-4)).peak_force)
+    return float(struck(fj.Fidelity(modes=None, step=1e-4, step_tolerance=None)).peak_force)
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_elements_and_modes(elements, modes):
 @pytest.mark.parametrize("elements", [1, 20, 500])
 def test_no_modes_is_the_wall(elements):
     """Without modes the fence is rigid, and held still it is the wall: 3293.85 N to 1e-4."""
-    result = struck(fj.Fidelity(elements=elements, modes=0, step=1e-4))
+    result = struck(fj.Fidelity(elements=elements, modes=0, step=1e-4, step_tolerance=None))
     assert int(result.status) == fj.Status.SUCCESSFUL
     assert float(result.peak_force) == pytest.approx(3293.85, rel=1e-4)
     assert float(result.tip_deflection) == 0.0
@@ -87,7 +87,7 @@ def tapered(fidelity, taper):
 @pytest.mark.parametrize("taper", TAPERS)
 def test_tapers(taper):
     """At `coarse`, against 12 modes of 40 elements and steps of 25 us."""
-    fine = fj.Fidelity(modes=12, step=2.5e-5, elements=40)
+    fine = fj.Fidelity(modes=12, step=2.5e-5, step_tolerance=None, elements=40)
     h, true = 0.045, jax.jit(tapered(fine, taper))
     peak, true_status = jax.device_get(true(h))
     assert np.all(true_status <= fj.Status.LEFT_OVER_TIP)
@@ -152,8 +152,9 @@ def test_smoothing(slip_speed):
 )
 def test_horizons_and_steps(duration, step):
     truth = 3293.85
+    fidelity = fj.Fidelity(step=step, step_tolerance=None)
     result = fj.simulate(
-        fj.scenes.rigid_wall(duration=duration), fidelity=fj.Fidelity(step=step), history=False
+        fj.scenes.rigid_wall(duration=duration), fidelity=fidelity, history=False
     )
     if result.status > fj.Status.LEFT_OVER_TIP:
         # The contact lasts 8 ms; a single step has no second difference.
@@ -167,12 +168,13 @@ def test_gradient_in_single_precision():
     def slope(**settings):
         def peak(thickness):
             scene = fj.scenes.oblique_impact(fence=fj.Fence(thickness=thickness), duration=0.08)
-            fidelity = fj.Fidelity.coarse(**settings)
+            fidelity = fj.Fidelity.coarse(step_tolerance=None, **settings)
             return fj.simulate(scene, fidelity=fidelity, only=("peak_force",)).peak_force
 
         return float(jax.grad(peak)(0.05))
 
-    # Forces balanced to 2e-3, over the some ten steps to the peak.
+    # Forces balanced to 2e-3, over the some ten steps to the peak; of the same fixed steps, as an
+    # error control would take others in other rounding.
     assert slope(precision="float32") == pytest.approx(slope(), rel=2e-2)
 
 

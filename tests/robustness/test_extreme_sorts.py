@@ -44,12 +44,11 @@ WARNED = {("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse"
 # What the rungs cannot give is said, and by which status.
 SAID = {
     ("static-far-above", "coarse"): fj.Status.STEP_TOO_COARSE,
-    ("re-impact", "coarse"): fj.Status.STEP_TOO_COARSE,
     ("belt-still", "coarse"): fj.Status.FRICTION_SMOOTHED,
-    ("drive-slow", "coarse"): fj.Status.FRICTION_SMOOTHED,
-    ("rubber", "standard"): fj.Status.NON_FINITE,
-    ("belt-20", "standard"): fj.Status.STEP_TOO_COARSE,
-    ("thickness-5mm", "standard"): fj.Status.STEP_TOO_COARSE,
+    ("drive-slow", "coarse"): fj.Status.MODES_TOO_FEW,
+    ("rubber", "standard"): fj.Status.STEP_TOO_COARSE,
+    ("belt-20", "standard"): fj.Status.MODES_TOO_FEW,
+    ("thickness-5mm", "standard"): fj.Status.MODES_TOO_FEW,
     ("size-1cm", "standard"): fj.Status.FRICTION_SMOOTHED,
     ("never-touched", "coarse"): fj.Status.NEVER_TOUCHED,
     ("drive-still", "standard"): fj.Status.NEVER_TOUCHED,

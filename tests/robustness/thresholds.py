@@ -112,7 +112,7 @@ def main():
     numbers = {n: np.concatenate([half[n] for half in halves]) for n in halves[0]}
     last = fj.Fidelity.reference()
     exact = fj.Fidelity.standard(
-        modes=16, step=1.25e-5, longest_stride=1, slip_speed=last.slip_speed,
+        modes=16, step=1.25e-5, step_tolerance=None, longest_stride=1, slip_speed=last.slip_speed,
         static_speed=last.static_speed,
     )  # fmt: skip
     truth = batched(peaks(exact), numbers)

@@ -223,6 +223,7 @@ def test_fidelity_is_checked(changes, error, text):
         (lambda: scenes.border_and_fence(drive_angle=0.6), "does not span"),
         (lambda: scenes.whole_sort(offset=-0.1), "`offset` must be at least 0"),
         (lambda: scenes.whole_sort(fence_corners=(0,)), "`fence_corners` must hold corners"),
+        (lambda: scenes.oblique_impact(fence_corners=(2, 3)), "must hold corner 1, which"),
         (lambda: scenes.rigid_wall(speed=np.nan), "`speed` must be finite"),
     ],
 )

@@ -29,7 +29,7 @@ def scenes():
     found["free"] = fj.scenes.free_motion()
     fence = fj.Fence(
         pad=fj.Pad(), shaft=fj.Shaft(slip_torque=500.0), rest_shape=fj.RestShape(0.03),
-        edge_radius=0.005,
+        edge_radius=0.005, shear=fj.Shear(),
     )
     found["normal"] = fj.scenes.normal_impact(fence=fence)
     return found

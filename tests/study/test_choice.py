@@ -14,9 +14,9 @@ from fencejax.study import as_fine, expected_cost, ladder
 
 FIELD = ("peak_force",)
 NAMES = ("thickness", "density", "mass")
-FOUR_MODES = fj.Fidelity(step=5e-4, modes=4)
-ONE_MODE = fj.Fidelity(step=5e-4, modes=1)
-DEARER = fj.Fidelity(step=1.25e-4, modes=4)
+FOUR_MODES = fj.Fidelity(step=5e-4, step_tolerance=None, modes=4)
+ONE_MODE = fj.Fidelity(step=5e-4, step_tolerance=None, modes=1)
+DEARER = fj.Fidelity(step=1.25e-4, step_tolerance=None, modes=4)
 
 
 def normal_impacts(seed, count):
@@ -122,7 +122,7 @@ def test_too_few_modes_are_refused_by_the_gradient_though_the_value_is_right():
 
 
 def test_best_is_named_where_none_does():
-    coarse, finer = (fj.Fidelity(step=h) for h in (2e-3, 1e-3))
+    coarse, finer = (fj.Fidelity(step=h, step_tolerance=None) for h in (2e-3, 1e-3))
     with pytest.raises(fj.NoFidelityError, match="1 ms, 4 modes, arc") as refused:
         fj.choose_fidelity(
             walls([1.0, 2.0, 3.0]), value_error=1e-4, gradient_error=None,

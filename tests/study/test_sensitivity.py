@@ -232,7 +232,9 @@ def test_lanes_do_not_know_their_chunk(wall):
     seen = []
     many = wall.values(lanes, progress=lambda done, total: seen.append((done, total)))
     one = np.concatenate([wall.values(lane[None]).values for lane in lanes])
-    np.testing.assert_array_equal(many.values, one)
+    # Batches of other sizes are other kernels: round-off, and no other steps, of which one more or
+    # less would count for 1e-5.
+    np.testing.assert_allclose(many.values, one, rtol=1e-9)
     assert seen == [(4, 9), (8, 9), (9, 9)]
     assert sum(many.counts().values()) == 9
     # Slopes are those of the values: central differences of the second order.
@@ -246,7 +248,7 @@ def test_lanes_do_not_know_their_chunk(wall):
 
 def test_lanes_in_doubt_are_computed_finer(wall):
     """A hard blow of some 15 ms is not resolved by steps of 4 ms; slower and softer ones are."""
-    long = fj.Fidelity.standard(step=4e-3)
+    long = fj.Fidelity.standard(step=4e-3, step_tolerance=None)
     rows = [[0.5, 1.72e9], [2.5, 1.72e9], [1.0, 1e6]]
     lanes = scene_numbers.vary(wall.scene, ["speed", "parcel.stiffness"], rows)
     plain, fine = (
@@ -259,7 +261,7 @@ def test_lanes_in_doubt_are_computed_finer(wall):
     assert np.all(plain.rung == 0)
     for k, rung in enumerate(fine.rung):
         alone = Response(wall.scene, ["peak_force"], long.ladder()[rung], chunk=4, refine=False)
-        np.testing.assert_array_equal(fine.slopes[k], alone.slopes(lanes).slopes[k])
+        np.testing.assert_allclose(fine.slopes[k], alone.slopes(lanes).slopes[k], rtol=1e-9)
 
 
 @pytest.mark.parametrize(
