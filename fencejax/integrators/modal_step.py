@@ -30,7 +30,7 @@ from ..model import (
     bending_loads,
     force_tolerance,
 )
-from ..parts import DriveMotion
+from ..parts import AbstractFriction, DriveMotion
 from ..scenes import Body
 from . import friction_tangent, newton, newton_matrix
 from .fence_response import FenceEnd
@@ -310,8 +310,13 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         if control is not None:
             tolerance = mechanics.fidelity.step_tolerance
             assert tolerance is not None
-            pair = Pair(mechanics.law, mechanics.viscosity, mechanics.mass)
-            now = _contacts(forces, () if frame is None else frame.shares)
+            pair = Pair(
+                mechanics.law, mechanics.viscosity, mechanics.mass, mechanics.frictions,
+                mechanics.fidelity.smoothing,
+            )  # fmt: skip
+            now = _contacts(
+                forces, () if frame is None else frame.shares, mechanics.frictions
+            )
             was = memory.fence
             if fence is not None and was is not None and frictions:
                 was = fence.begun(was, normals, frictions)
@@ -351,13 +356,18 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     return memory, SceneState(time, after, forces, state), h, unbalance
 
 
-def _contacts(forces: Forces, shares: tuple[Array, ...]) -> tuple[Ends, ...]:
+def _contacts(
+    forces: Forces,
+    shares: tuple[Array, ...],
+    frictions: tuple[AbstractFriction | None, ...],
+) -> tuple[Ends, ...]:
     """What the control of the next step has to know of each contact; `shares` [1] of the contact
     law act at the fence's corners."""
     found = []
     for k, (what, touch, _, _) in enumerate(forces.meetings):
         share = touch.remaining(shares[k]) if k < len(shares) else jnp.ones_like(what.gap)
-        found.append(Ends(what.normal, what.gap, what.gap_rate, share))
+        rubs = () if frictions[k] is None else (what.friction, what.sliding)
+        found.append(Ends(what.normal, what.gap, what.gap_rate, share, *rubs))
     return tuple(found)
 
 
@@ -387,7 +397,7 @@ def at_rest(
     leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
     size = StepSize(zero, zero + 1) if stride_counts(mechanics.fidelity)[-1] > 1 else None
     if mechanics.fidelity.step_tolerance is not None:
-        size = StepSize(zero, zero + 1, Control.start(len(mechanics.frictions), zero))
+        size = StepSize(zero, zero + 1, Control.start(mechanics.frictions, zero))
     sticking = tuple(zero for _ in range(friction_tangent.count(mechanics)))
     held = still if sticking else None
     drifts = () if mechanics.fidelity.step_tolerance is None else none

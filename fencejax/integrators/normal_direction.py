@@ -107,7 +107,7 @@ def run(
     clock = Clock(link, fidelity, zero, step, maps)
     size = None
     if fidelity.step_tolerance is not None:
-        size = StepSize(zero, zero + 1, Control.start(1, zero))
+        size = StepSize(zero, zero + 1, Control.start((None,), zero))
     begin = _Memory(zero, scene.speed + zero, zero, zero, fence, size)
     reach = zero if link is None else link.reach
     given = (scene.parcel, link, shape, clock)

@@ -5,6 +5,11 @@ of the largest one so far, `Fidelity.step_tolerance`, or what changes the speed 
 tenth of that share, whichever is more: at the first touch there is no force yet to compare with. So
 one number bounds what each step may add, and a search for large errors finds them in proportion to
 it (`tests/robustness/search.py`).
+
+The friction of a contact is held against the same share of the largest normal force. It asks for
+short steps where sliding comes to rest: the peak force hardly minds what these bring, its
+derivatives do, as the moment of rest moves with the parameters. Where the shortest steps still miss
+it, they are taken; only what normal forces miss makes the status `STEP_TOO_COARSE`.
 """
 
 from typing import NamedTuple
@@ -14,8 +19,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..model import FenceState, force_tolerance
+from ..parts import AbstractFriction
 from .fence_response import FenceEnd
-from .step_defect import INNER, Ends, Pair, defects
+from .step_defect import INNER, Ends, Pair, defects, friction_defect
 from .step_size import Clock, StepSize, Stride
 
 # Share of the tolerance by which a defect may change the speed of approach.
@@ -38,9 +44,12 @@ class Control(NamedTuple):
     ends: tuple[Ends, ...]
 
     @classmethod
-    def start(cls, contacts: int, zero: Array) -> "Control":
-        """Before the first step of a scene with so many contacts."""
-        ends = (Ends(zero, zero, zero, zero),) * contacts
+    def start(cls, frictions: tuple[AbstractFriction | None, ...], zero: Array) -> "Control":
+        """Before the first step of a scene with contacts of these `frictions`."""
+        ends = tuple(
+            Ends(zero, zero, zero, zero, *(() if friction is None else (zero, zero)))
+            for friction in frictions
+        )
         return cls(zero + 1, zero, zero, zero, ends)
 
     @property
@@ -60,9 +69,9 @@ def _judged(
     fence: FenceEnd | None,
     was: FenceState | None,
     after: FenceState | None,
-) -> tuple[Array, Array, Array]:
-    """The largest defect over what is allowed of it [1], the largest of what is allowed [N], and
-    the largest force so far [N]."""
+) -> tuple[Array, Array, Array, Array]:
+    """The largest defect over what is allowed of it [1], of normal forces and of frictions, the
+    largest of what is allowed [N], and the largest force so far [N]."""
     strides = tuple(clock.stride(theta * count) for theta in INNER)
     found = defects(pair, strides, stride.length, before.ends, now, fence, was, after)
     largest = before.largest
@@ -83,8 +92,17 @@ def _judged(
         worst = jnp.maximum(worst, jnp.where(some, force / jnp.where(some, allowed, 1.0), 0.0))
         touches = (a.normal > 0) | (b.normal > 0)
         most = jnp.maximum(most, jnp.where(touches, allowed, 0.0))
+    rubs = jnp.zeros_like(largest)
+    for friction, a, b in zip(pair.frictions, before.ends, now, strict=False):
+        if friction is not None:
+            assert pair.smoothing is not None
+            off = friction_defect(friction, pair.smoothing, a, b)
+            allowed = tolerance * largest
+            some = allowed > 0
+            rubs = jnp.maximum(rubs, jnp.where(some, off / jnp.where(some, allowed, 1.0), 0.0))
     # A state that is no longer finite has no step that helps.
-    return jnp.where(jnp.isfinite(worst), worst, 0.0), most, largest
+    worst, rubs = (jnp.where(jnp.isfinite(found), found, 0.0) for found in (worst, rubs))
+    return worst, rubs, most, largest
 
 
 def controlled(
@@ -108,9 +126,10 @@ def controlled(
     from it.
     """
     count = foreseen.last
-    worst, allowed, largest = _judged(
+    missed_force, rubs, allowed, largest = _judged(
         pair, tolerance, clock, before, stride, count, now, fence, was, after
     )
+    worst = jnp.maximum(missed_force, rubs)
     first, shortest = count == 0, count <= 1
     accepted = (worst <= 1) | shortest
     grown = (worst * _GROWTH < 1) & (jnp.mod(end, 2 * count) == 0)
@@ -128,7 +147,7 @@ def controlled(
         accepted=accepted.astype(step.dtype),
         largest=largest,
         allowed=before.allowed + missed,
-        excess=before.excess + missed * jnp.maximum(worst - 1, 0.0),
+        excess=before.excess + missed * jnp.maximum(missed_force - 1, 0.0),
         ends=now,
     )
     return jax.lax.stop_gradient(StepSize(count, step, control))

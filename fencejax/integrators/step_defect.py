@@ -16,8 +16,17 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..model import FenceState, PadState, ResidualMode, Vibration, dot, propagate
-from ..parts import AbstractContactLaw
+from ..fidelity import Smoothing
+from ..model import (
+    FenceState,
+    PadState,
+    ResidualMode,
+    Vibration,
+    corner_share,
+    dot,
+    propagate,
+)
+from ..parts import AbstractContactLaw, AbstractFriction
 from .fence_response import FenceEnd
 from .pad_response import PadEnd
 from .step_size import Stride
@@ -28,21 +37,26 @@ INNER = (0.25, 0.5)
 
 class Pair(NamedTuple):
     """What makes a contact force: the contact law, its `viscosity` for the parcel, and the parcel's
-    `mass` [kg]."""
+    `mass` [kg]; the friction of each contact, if it has any, and how it is smoothed."""
 
     law: AbstractContactLaw
     viscosity: Array
     mass: Array
+    frictions: tuple[AbstractFriction | None, ...] = ()
+    smoothing: Smoothing | None = None
 
 
 class Ends(NamedTuple):
     """A contact at the end of a step, and so at the start of the next one: the normal force [N],
-    the gap [m], its rate [m/s] and the share of the contact law that acts there [1]."""
+    the gap [m], its rate [m/s] and the share of the contact law that acts there [1]; the friction
+    [N] and the sliding speed [m/s], `None` without friction."""
 
     normal: Array
     gap: Array
     gap_rate: Array
     share: Array
+    friction: Array | None = None
+    sliding: Array | None = None
 
 
 def _smooth(
@@ -120,6 +134,33 @@ def _inside(
         for pad, start, end in zip(fence.pads, before.pads, after.pads, strict=True)
     )
     return _ringing(fence, vibration, tuple(residual), pads)
+
+
+def friction_defect(
+    friction: AbstractFriction, smoothing: Smoothing, was: Ends, now: Ends
+) -> Array:
+    """How far the friction of a contact [N] is from its line inside a step, where the corner slides
+    at a speed that goes straight under a normal force that does.
+
+    Friction bends where the corner comes to rest, and hardly before and after. So one point tells:
+    half way to there from that end of the step which is further off, or the middle.
+    """
+    assert was.sliding is not None
+    assert now.sliding is not None
+    assert was.friction is not None
+    assert now.friction is not None
+    turns = was.sliding * now.sliding < 0
+    rest = was.sliding / jnp.where(turns, was.sliding - now.sliding, 1.0)
+    theta = jnp.where(turns, 0.5 * jnp.where(rest > 0.5, rest, 1 + rest), 0.5)
+    sliding, normal, line = (
+        a + theta * (b - a)
+        for a, b in (
+            (was.sliding, now.sliding),
+            (was.normal, now.normal),
+            (was.friction, now.friction),
+        )
+    )
+    return jnp.abs(normal * corner_share(friction, sliding, smoothing)[0] - line)
 
 
 def defects(
