@@ -16,7 +16,7 @@ from ._kept_programs import keeping, kept
 
 def by_columns(
     function: Callable[[Any], Any],
-    judge: Callable[[Any, Any], Any] | None = None,
+    judge: Callable[[Any, Any, Any], Any] | None = None,
     what: tuple[Any, ...] | None = None,
 ) -> Callable[[Any], Any]:
     """Give `function`, a map of floating-point pytrees, a derivative made column by column.
@@ -26,8 +26,9 @@ def by_columns(
     and `jax.grad` by its transpose, so that forward and reverse mode cost the same and neither
     stores the trajectory. Inputs that are not being differentiated cost nothing.
 
-    `judge(value, columns)` gives both back, changed where one says something about the other; the
-    columns stand in a first axis of each leaf.
+    `judge(value, columns, at)` gives the first two back, changed where one says something about the
+    other; the columns stand in a first axis of each leaf, and `at` are the values of the numbers
+    that they are derivatives in, (columns,).
 
     Value and columns are again such a map, so that second derivatives (`jax.hessian`, `jax.grad` of
     `jax.grad`) are made in the same way, in one pass with a column for each pair of inputs, and
@@ -78,7 +79,9 @@ def _differentiable(function, judge, evaluate, what):
                 return jax.jvp(restricted, ({i: leaves[i] for i in moved},), (unit,))
 
             found = jax.vmap(along, out_axes=(None, 0))(jnp.eye(sum(sizes), dtype=dtype))
-            return found if judge is None else judge(*found)
+            if judge is None:
+                return found
+            return judge(*found, jnp.concatenate([leaves[i].reshape(-1) for i in moved]))
 
         again = None if judge is None else _of_columns(judge)
         # Without a name, one of no kept program: a function is not known by its fields.
@@ -110,9 +113,9 @@ def _differentiable(function, judge, evaluate, what):
 def _of_columns(judge):
     """The judge of the columns' own derivatives."""
 
-    def judged(found, columns):
+    def judged(found, columns, at):
         value, first = found
-        value, second = judge(value, columns[1])
+        value, second = judge(value, columns[1], at)
         return (value, first), (columns[0], second)
 
     return judged

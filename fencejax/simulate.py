@@ -42,6 +42,7 @@ from .results import (
     NormalRecorder,
     Result,
     SceneRecorder,
+    SlopeEvidence,
     Status,
     climb,
     diagnostics,
@@ -269,8 +270,9 @@ def _program(
     only: tuple[str, ...] | None,
     own: tuple[Measure, ...],
 ):
-    """The map from a scene's numbers to its result, for scenes of one structure: as it is, and
-    compiled. Kept, so that what was traced and compiled once serves again."""
+    """The map from a scene's numbers to its result and to what tells the error of its slopes, for
+    scenes of one structure: as it is, and compiled. Kept, so that what was traced and compiled once
+    serves again."""
 
     def outcome(numbers):
         if fidelity.gradient == "reverse":
@@ -279,9 +281,9 @@ def _program(
         precision = given if fidelity.precision is None else jnp.dtype(fidelity.precision)
         numbers = [number.astype(precision) for number in numbers]
         scene = jax.tree.unflatten(structure, numbers)
-        result = _run(scene, fidelity, history, only, own)
-        result = jax.tree.map(lambda leaf: leaf.astype(given), result)
-        return diagnostics.of_result(scene, result)
+        result, slopes = _run(scene, fidelity, history, only, own)
+        result, slopes = jax.tree.map(lambda leaf: leaf.astype(given), (result, slopes))
+        return diagnostics.of_result(scene, result), slopes
 
     run = outcome
     if fidelity.gradient == "forward":
@@ -298,7 +300,7 @@ def _result(scene, fidelity: Fidelity, history: bool, only, own=()) -> Result:
     plain, compiled = _program(structure, fidelity, history, only, own)
     # Within a transformation the numbers are traced already: one layer less to go through.
     traced = any(isinstance(number, Tracer) for number in numbers)
-    result = (plain if traced else compiled)(numbers)
+    result, _ = (plain if traced else compiled)(numbers)
     result = eqx.tree_at(lambda r: r.status, result, result.status.astype(jnp.int32))
     samples = result.history
     if not traced and samples is not None and samples.time.ndim == 1:
@@ -363,11 +365,12 @@ def _run(
     history: bool,
     only: tuple[str, ...] | None,
     own: tuple[Measure, ...],
-) -> Result:
+) -> tuple[Result, SlopeEvidence | None]:
     known = {**MEASURES, **{measure.name: measure for measure in own}}
     measures = {name: m for name, m in known.items() if only is None or name in only}
     wanted = {part: only is None or part in only for part in _PARTS}
-    running_sums = running(tuple(measures.values()), wanted["energy"])
+    forward = fidelity.gradient == "forward" and fidelity.integrator == "modal"
+    running_sums = running(tuple(measures.values()), wanted["energy"], forward)
     traces = traced(tuple(measures.values()))
     done, unmet = 1.0, None
     if isinstance(scene, NormalScene):
@@ -396,4 +399,8 @@ def _run(
                 mechanics, clock, memory.body, vibration, steps, recorder
             )
         status = diagnostics.of_record(scene, mechanics, record, done, start, unmet)
-    return gather(record, measures, wanted, saved, start, status, scene)
+    slopes = None
+    if forward:
+        states = record.states
+        slopes = SlopeEvidence(states["force"].value, states["slopes"].at_peak)
+    return gather(record, measures, wanted, saved, start, status, scene), slopes

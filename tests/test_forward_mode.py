@@ -159,7 +159,7 @@ def test_memory_of_the_reverse_mode_grows_slower_than_the_steps():
 
 def test_a_judge_sees_value_and_columns():
     """Here it takes out the derivatives of what has one that is not finite, lane by lane."""
-    def judge(value, columns):
+    def judge(value, columns, at):
         fine = jnp.all(jnp.isfinite(columns["root"]))
         said = value | {"fine": fine.astype(float)}
         return said, jax.tree.map(lambda c: jnp.where(fine, c, 0.0), columns)
@@ -188,7 +188,7 @@ def test_second_derivatives():
 
 
 def test_a_judge_sees_the_columns_of_the_second_derivative():
-    def judge(value, columns):
+    def judge(value, columns, at):
         fine = jnp.all(jnp.isfinite(columns["power"]))
         said = value | {"fine": jnp.where(fine, value["fine"], 0.0)}
         return said, jax.tree.map(lambda c: jnp.where(fine, c, 0.0), columns)

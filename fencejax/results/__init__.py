@@ -54,6 +54,7 @@ from .sample import (
     describe as describe,
     strain_energy as strain_energy,
 )
+from .slopes import SlopeEvidence as SlopeEvidence
 from .status import (
     NUMERICAL as NUMERICAL,
     Status as Status,

@@ -17,6 +17,7 @@ from .recorder import Record
 from .resolution import Resolution
 from .result import Result
 from .sample import Sample
+from .slopes import SlopeEvidence, relative_error
 from .status import NUMERICAL, Status, worst
 
 # What a finer step, more modes or less smoothing of friction settles.
@@ -322,15 +323,30 @@ def of_result(scene: NormalScene | Scene, result: Result) -> Result:
     return eqx.tree_at(lambda r: r.status, result, status)
 
 
-def of_derivatives(result: Result, columns: Result) -> tuple[Result, Result]:
-    """The same with the status `NON_FINITE` and derivatives of 0 where a derivative is not finite,
-    as of a state that runs away and is finite still.
+# Share of a gradient's norm by which its estimated error may be: above it the steps are too long.
+_SLOPES = 0.1
+
+Outcome = tuple[Result, SlopeEvidence | None]
+
+
+def of_derivatives(outcome: Outcome, columns: Outcome, at: Array) -> tuple[Outcome, Outcome]:
+    """The same with what the derivatives in numbers of the values `at` say of the status:
+    `STEP_TOO_COARSE` where the steps miss too much of those of the peak force, and `NON_FINITE`,
+    with derivatives of 0, where one is not finite, as of a state that runs away and is finite
+    still.
 
     A motion whose derivative is lost ends without one. So in a whole result the end and the tip
     tell: looking at all of it would cost the derivatives that nobody reads.
     """
-    whole = columns.final is not None
-    finite = _finite({f: c for f, c in _fields(columns).items() if not whole or f in _TELLING})
-    status = jnp.where(finite, result.status, float(Status.NON_FINITE))
+    (result, slopes), (of_result, of_slopes) = outcome, columns
+    status = result.status
+    # Sizes that are summed have no second derivatives.
+    if slopes is not None and of_slopes is not None and of_slopes.force.shape == at.shape:
+        error = relative_error(of_slopes, slopes.force, at)
+        coarse = (error > _SLOPES) & (status <= Status.LEFT_OVER_TIP)
+        status = jnp.where(coarse, float(Status.STEP_TOO_COARSE), status)
+    whole = of_result.final is not None
+    finite = _finite({f: c for f, c in _fields(of_result).items() if not whole or f in _TELLING})
+    status = jnp.where(finite, status, float(Status.NON_FINITE))
     columns = jax.tree.map(lambda leaf: jnp.where(finite, leaf, jnp.zeros_like(leaf)), columns)
-    return eqx.tree_at(lambda r: r.status, result, status), columns
+    return (eqx.tree_at(lambda r: r.status, result, status), slopes), columns

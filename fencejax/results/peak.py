@@ -53,10 +53,17 @@ class Peak(NamedTuple):
         return Peak(jnp.where(span.first, 2 * new + 1, self.now), new, value, when)
 
 
-def second_difference(before: Array, now: Array, new: Array, span: Span, second: Array) -> Array:
+def signed_second_difference(
+    before: Array, now: Array, new: Array, span: Span, second: Array
+) -> Array:
     """Second difference [N] of a force over the last two steps, for the length of the last one;
     the plain difference at the second sample of a scene, 0 at its first one."""
     rise = new - now
     bend = 2 * (rise + (before - now) / span.ratio) / (1 + span.ratio)
-    bend = jnp.abs(jnp.where(second, rise, bend))
-    return jax.lax.stop_gradient(jnp.where(span.first, 0.0, bend))
+    return jnp.where(span.first, 0.0, jnp.where(second, rise, bend))
+
+
+def second_difference(before: Array, now: Array, new: Array, span: Span, second: Array) -> Array:
+    """The size of `signed_second_difference` [N], without derivatives."""
+    bend = signed_second_difference(before, now, new, span, second)
+    return jax.lax.stop_gradient(jnp.abs(bend))

@@ -17,6 +17,7 @@ from .measures import Measure
 from .peak import Span
 from .resolution import RESOLUTION
 from .sample import Sample, describe, describe_normal
+from .slopes import SLOPES
 
 # What a status is read from.
 _JUDGED = (
@@ -118,9 +119,11 @@ class AbstractRecorder(eqx.Module):
         return Saved(record.last if self.kept.history else None, courses)
 
 
-def running(measures: tuple[Measure, ...], energy: bool) -> tuple[Accumulator, ...]:
-    """The accumulators behind some measures, the ledger if its `energy` is wanted, and the status,
-    each once."""
+def running(
+    measures: tuple[Measure, ...], energy: bool, slopes: bool
+) -> tuple[Accumulator, ...]:
+    """The accumulators behind some measures, the ledger if its `energy` is wanted, what tells the
+    error of the `slopes` if that is, and the status, each once."""
     found: dict[str, Accumulator] = {}
 
     def add(accumulator: Accumulator):
@@ -136,6 +139,8 @@ def running(measures: tuple[Measure, ...], energy: bool) -> tuple[Accumulator, .
     if energy:
         add(accumulators.WORK)
         add(accumulators.ORIGIN)
+    if slopes:
+        add(SLOPES)
     return tuple(found.values())
 
 

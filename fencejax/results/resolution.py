@@ -166,7 +166,7 @@ def _residual_deflection(sample: Sample, least: Array) -> Array:
     return least
 
 
-def _ends_over_tip(step: Step) -> Array:
+def ends_over_tip(step: Step) -> Array:
     """Whether the force changes because a corner runs over the tip, where the model ends it: no
     step is too long for that."""
     before, now = step.before, step.now
@@ -183,7 +183,7 @@ def _update(state: Resolution, step: Step) -> Resolution:
     before, now, length, smoothing = step.before, step.now, step.span.length, step.smoothing
     force, border = step.known["force"], step.known["border"]
     roughness = second_difference(force.before, force.now, now.fence_force, step.span, step.second)
-    roughness = jnp.where(_ends_over_tip(step), 0.0, roughness)
+    roughness = jnp.where(ends_over_tip(step), 0.0, roughness)
     slip_before, slip = _slip(before), _slip(now)
     creep_time = _creep_time(slip_before, slip, now, length, smoothing, state.creep_time)
     at_border = border_force(now)

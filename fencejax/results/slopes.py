@@ -1,0 +1,98 @@
+"""How far the derivatives of the fence's force are off, by the steps they are computed in.
+
+A step takes the force N as linear in time. What it misses of the impulse is h^3 |N''| / 12, and of
+the impulse's derivative in a parameter p that of N_p = dN/dp. So until the force is largest the
+steps miss
+
+    R = sum of h^3 |N_p''| / 12
+
+in all, which comes back as an error of N_p at the rate at which N_p changes: e = R V / I, with V
+the sum of |change of N_p| and I the integral of |N_p|. Sizes are summed, not signed terms, which
+would cancel where nothing is right.
+
+A running sum of sizes of derivatives is no function of the motion: it is 0 itself, and its
+derivatives are the sums. So it costs nothing where nobody differentiates.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .accumulators import FORCE, OVER_TIP, Accumulator, Step
+from .peak import signed_second_difference
+from .resolution import ends_over_tip
+
+
+class Sums(NamedTuple):
+    """Numbers that are 0, whose derivatives are those that the steps `missed` R [N s], how much the
+    force has `varied` V [N] and what it `lasted` I [N s], all in sizes."""
+
+    missed: Array
+    varied: Array
+    lasted: Array
+
+
+class Slopes(NamedTuple):
+    """The sums so far, and as they were when the fence's force was largest."""
+
+    now: Sums
+    at_peak: Sums
+
+
+class SlopeEvidence(NamedTuple):
+    """What tells the error of the peak force's derivatives: the peak force [N] with its
+    derivatives, and the sums until then."""
+
+    force: Array
+    sums: Sums
+
+
+@jax.custom_jvp
+def _with_size(total: Array, change: Array) -> Array:
+    """`total`, to whose derivative the size of that of `change` is added."""
+    del change
+    return total
+
+
+@_with_size.defjvp
+def _(primals, tangents):
+    total_dot, change_dot = tangents
+    return primals[0], total_dot + jnp.abs(change_dot)
+
+
+def _start(nothing, body) -> Slopes:
+    del body
+    sums = Sums(*(nothing.time,) * 3)
+    return Slopes(sums, sums)
+
+
+def _update(state: Slopes, step: Step) -> Slopes:
+    known, new, span = step.known["force"], step.now.fence_force, step.span
+    bend = signed_second_difference(known.before, known.now, new, span, step.second)
+    missed = jnp.where(ends_over_tip(step), 0.0, span.length / 12 * bend)
+    changes = Sums(missed, jnp.where(span.first, 0.0, new - known.now), span.length * new)
+    now = Sums(*map(_with_size, state.now, changes))
+    higher = new > known.value
+    at_peak = jax.tree.map(lambda old, sums: jnp.where(higher, sums, old), state.at_peak, now)
+    return Slopes(now, at_peak)
+
+
+SLOPES = Accumulator("slopes", _start, _update, needs=(FORCE, OVER_TIP))
+"""In forward mode: what reverse mode carries back must be linear in the derivatives."""
+
+
+def relative_error(columns: SlopeEvidence, force: Array, at: Array) -> Array:
+    """Estimated error of the peak force's gradient [1], relative to its norm or to the `force` if
+    that is more.
+
+    `columns` are the derivatives in numbers whose values are `at`, each of the shape (numbers,).
+    The norm is that of the derivatives times these values.
+    """
+    missed, varied, lasted = columns.sums
+    some = lasted > 0
+    errors = jnp.where(some, missed * varied / jnp.where(some, lasted, 1.0), 0.0)
+    off = jnp.sqrt(jnp.sum((at * errors) ** 2))
+    size = jnp.sqrt(jnp.sum((at * columns.force) ** 2))
+    return off / jnp.maximum(jnp.maximum(size, jnp.abs(force)), jnp.finfo(off.dtype).tiny)
