@@ -29,8 +29,6 @@ _ROUGHNESS = 0.12
 # The same where parcel and fence had parted before the peak: a blow depends on when the one before
 # it ended, and its derivative far more so.
 _REBOUND_ROUGHNESS = 0.01
-# So error control, which looks at values, asks for a tolerance of so much there.
-_REBOUND_TOLERANCE = 1e-4
 # The first mode's angular frequency times the step: above it a friction that turns round within a
 # step rings the fence as it would not in time, by little, but the derivative counts its phase.
 _RINGING = 1.5
@@ -137,22 +135,15 @@ def _belt_slip_unresolved(scene: Scene, fidelity: Fidelity, seen: Evidence) -> A
 
 
 def unresolved(
-    link: FlexibleLink | None,
-    fidelity: Fidelity,
-    seen: Evidence,
-    unmet: Array | None,
-    tolerated: Array | float = 0.0,
+    link: FlexibleLink | None, seen: Evidence, unmet: Array | None, tolerated: Array | float = 0.0
 ) -> list[tuple[Status, Array]]:
     """Whether steps do not resolve the fence's force, or the modes kept do not. Steps under error
     control say so themselves, by `unmet`; of fixed ones the force's second difference tells, of
-    which `tolerated` [N] do not matter. A peak of a later blow asks for more of both."""
+    which `tolerated` [N] do not matter. A peak of a later blow asks for more."""
     rough = unmet
     if rough is None:
         rough = seen.resolution.roughness > _ROUGHNESS * seen.force.value + tolerated
-    tolerance = fidelity.step_tolerance
-    coarse = unmet is not None and tolerance is not None and tolerance > _REBOUND_TOLERANCE
-    share = 0.0 if coarse else _REBOUND_ROUGHNESS
-    again = seen.resolution.at_peak.rebound_roughness > share * seen.force.value
+    again = seen.resolution.at_peak.rebound_roughness > _REBOUND_ROUGHNESS * seen.force.value
     checks = [(Status.STEP_TOO_COARSE, rough | again)]
     if link is not None and link.clamped_eigenvalues.size:
         # A clamped beam's n-th frequency goes with (n - 1/2)^2.
@@ -191,9 +182,7 @@ def of_record(
     if unmet is None:
         at_border = _ROUGHNESS * still + _NEGLIGIBLE_ROUGHNESS * forces
         checks.append((Status.STEP_TOO_COARSE, seen.resolution.border_roughness > at_border))
-    checks += unresolved(
-        mechanics.link, mechanics.fidelity, seen, unmet, _NEGLIGIBLE_ROUGHNESS * forces
-    )
+    checks += unresolved(mechanics.link, seen, unmet, _NEGLIGIBLE_ROUGHNESS * forces)
     checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
     checks.append((Status.INCONSISTENT, ~consistent(scene, start_time)))
     if scene.belt is not None and scene.fence_corners:
@@ -242,11 +231,7 @@ def of_record(
 
 
 def of_normal_record(
-    scene: NormalScene,
-    link: FlexibleLink | None,
-    fidelity: Fidelity,
-    record: Record,
-    unmet: Array | None,
+    scene: NormalScene, link: FlexibleLink | None, record: Record, unmet: Array | None
 ) -> Array:
     """The largest status that applies to a scene of the normal direction, as a floating-point
     number; `unmet` as in `of_record`."""
@@ -260,7 +245,7 @@ def of_normal_record(
         (Status.STEP_TOO_COARSE, seen.unbalance > 1e-3 * seen.force.value + 1e-9),
         (Status.INCONSISTENT, ~consistent(scene)),
         (Status.NON_FINITE, ~jnp.isfinite(seen.last.body.y + seen.force.value)),
-        *unresolved(link, fidelity, seen, unmet),
+        *unresolved(link, seen, unmet),
     ]
     if scene.fence is not None:
         limit = scene.fence.flexible_length / 4
