@@ -282,6 +282,9 @@ def _program(
         numbers = [number.astype(precision) for number in numbers]
         scene = jax.tree.unflatten(structure, numbers)
         result, slopes = _run(scene, fidelity, history, only, own)
+        if slopes is not None:
+            unknown = jnp.full_like(result.status, jnp.inf)
+            result = dataclasses.replace(result, gradient_error=unknown)
         result, slopes = jax.tree.map(lambda leaf: leaf.astype(given), (result, slopes))
         return diagnostics.of_result(scene, result), slopes
 

@@ -256,7 +256,9 @@ def of_normal_record(
 # --- Of a result ----------------------------------------------------------------------------------
 
 # Not a number where there was no contact.
-_MAY_BE_NAN = ("first_contact", "last_contact", "leave_x", "leave_y", "status")
+_MAY_BE_NAN = (
+    "first_contact", "last_contact", "leave_x", "leave_y", "status", "gradient_error"
+)  # fmt: skip
 # Of a whole result, what shows that derivatives were lost on the way.
 _TELLING = ("final", "tip_deflection")
 
@@ -328,6 +330,7 @@ def of_derivatives(outcome: Outcome, columns: Outcome, at: Array) -> tuple[Outco
     # Sizes that are summed have no second derivatives.
     if slopes is not None and of_slopes is not None and of_slopes.force.shape == at.shape:
         error = relative_error(of_slopes, slopes.force, at)
+        result = eqx.tree_at(lambda r: r.gradient_error, result, error)
         coarse = (error > _SLOPES) & (status <= Status.LEFT_OVER_TIP)
         status = jnp.where(coarse, float(Status.STEP_TOO_COARSE), status)
     whole = of_result.final is not None

@@ -68,7 +68,8 @@ _TEXT = {
     Status.ENERGY_UNBALANCED: "the energy ledger does not close with the work done; "
     "lower `step` in the fidelity",
     Status.STEP_TOO_COARSE: "the steps are too long for what happens within one (a blow, a second "
-    "one, friction that turns round); lower `step` in the fidelity",
+    "one, friction that turns round), or for the derivatives that are asked for; lower `step` and "
+    "`step_tolerance` in the fidelity",
     Status.LIMIT_REACHED: "a general integrator came to its limit of steps; use "
     "`integrator=\"modal\"` in the fidelity",
     Status.INCONSISTENT: "the scene's numbers do not go together; build the scene outside the "

@@ -1,0 +1,97 @@
+"""The measured error of the peak force's gradient, beside the true one."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fencejax as fj
+
+# Of a wall's elastic impact the peak goes with m^0.8 k^0.2 v^1.6.
+POWERS = np.array([0.8, 0.2, 1.6])
+
+
+@functools.cache
+def elasticities(fidelity):
+    """Those of an elastic impact's peak force on a wall, in mass, stiffness and speed; the gradient
+    error that the result tells, and the status."""
+
+    @jax.jit
+    def run(x):
+        def peak(x):
+            mass, stiffness, speed = x
+            parcel = fj.Parcel(mass=mass, stiffness=stiffness, damping=0.0)
+            scene = fj.scenes.rigid_wall(parcel=parcel, speed=speed)
+            result = fj.simulate(scene, fidelity=fidelity, only="peak_force")
+            return jnp.log(result.peak_force), result
+
+        slopes, result = jax.jacfwd(peak, has_aux=True)(x)
+        return slopes * x, result.gradient_error, result.status
+
+    return jax.device_get(run(jnp.array([10.0, 1.72e9, 1.0])))
+
+
+@pytest.mark.parametrize("step", [2e-3, 1e-3, 5e-4, 2.5e-4])
+def test_follows_the_true_error(step):
+    # The peak is at a quarter of the contact's "period": what the steps miss until then comes in
+    # with all signs alike, of which about a sixth is seen in the force. The estimate takes it as
+    # seen in full, and goes with the square of the step as the error does.
+    slopes, error, status = elasticities(fj.Fidelity.standard(step=step, step_tolerance=None))
+    true = np.linalg.norm(slopes - POWERS) / np.linalg.norm(POWERS)
+    assert true < error < 8 * true
+    assert status == fj.Status.SUCCESSFUL
+
+
+def test_is_infinite_where_nothing_is_differentiated():
+    assert np.isinf(fj.simulate(fj.scenes.rigid_wall()).gradient_error)
+
+
+def test_is_not_told_in_reverse_mode():
+    """Sizes of derivatives are not linear in them."""
+    scene = fj.scenes.rigid_wall()
+    fidelity = fj.Fidelity.coarse(gradient="reverse")
+    assert fj.simulate(scene, fidelity=fidelity, only="peak_force").gradient_error is None
+
+
+# A light fence, hardly damped, under a heavy parcel: it rings for tens of periods until the force
+# is largest, and the phase of each depends on every number. Found by searching.
+RINGS = {
+    "fence": dict(
+        rigid_length=0.15133, flexible_length=0.740457, width=0.0941063, thickness=0.0117175
+    ),
+    "material": (56088100000.0, 560.881, 0.00249512),
+    "parcel": dict(
+        mass=12.4809, length=0.502345, breadth=0.292076, stiffness=166301000000.0, damping=320.593
+    ),
+    "distance": 0.776762,
+    "speed": 2.35889,
+}
+
+
+def test_a_value_may_be_good_and_its_gradient_not():
+    """Then the status says so where the gradient is asked for, and a finer rung mends it."""
+
+    def peak(thickness, fidelity):
+        parts = RINGS["fence"] | {"material": fj.Material(*RINGS["material"])}
+        scene = fj.scenes.normal_impact(
+            fence=fj.Fence(**parts | {"thickness": thickness}),
+            parcel=fj.Parcel(**RINGS["parcel"]),
+            distance=RINGS["distance"], speed=RINGS["speed"], duration=0.1,
+        )  # fmt: skip
+        result = fj.simulate(scene, fidelity=fidelity, only=("peak_force",))
+        return result.peak_force, result
+
+    standard, _, finest = fj.Fidelity.standard().ladder()
+    at = jnp.array(RINGS["fence"]["thickness"])
+    _, alone = peak(at, standard)
+    assert alone.status <= fj.Status.LEFT_OVER_TIP
+    slope, found = jax.jacfwd(lambda x: peak(x, standard), has_aux=True)(at)
+    assert found.status == fj.Status.STEP_TOO_COARSE
+    true, finer = jax.jacfwd(lambda x: peak(x, finest), has_aux=True)(at)
+    assert finer.status <= fj.Status.LEFT_OVER_TIP
+    # Of one number alone; that of the gradient's norm in eight is 23 %.
+    np.testing.assert_allclose(alone.peak_force, finer.peak_force, rtol=5e-3)
+    assert abs(slope / true - 1) > 0.1
+    assert finer.gradient_error < found.gradient_error / 10
