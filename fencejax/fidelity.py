@@ -47,8 +47,8 @@ class Fidelity(Readable):
     - `step_tolerance`: error control, the knob that the named settings differ by. How far a contact
       force inside a step, normal or friction, may be from the line that the step is built on,
       relative to the largest normal force so far; steps that miss it are taken again, shorter, each
-      lane by itself, and longer again where it is small. In single precision it is no finer than forces are balanced, 4e-3.
-      `None`: no control, fixed steps of `step`, as those of `reference`.
+      lane by itself, and longer again where it is small. In single precision it is no finer than
+      forces are balanced, 4e-3. `None`: no control, fixed steps of `step`, as those of `reference`.
     - `halvings`: how often a step may be halved for it. Where the shortest ones still miss it, the
       status says `STEP_TOO_COARSE`.
     - `step` [s]: the integrator's step where forces change smoothly, and the distance of samples in

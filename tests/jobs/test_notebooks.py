@@ -48,7 +48,8 @@ def test_shows_what_its_code_gave(path):
 
 def test_images_are_small():
     images = [*FOLDER.rglob("*.png"), *FOLDER.rglob("*.gif")]
-    assert sum(image.stat().st_size for image in images) < 1.5e6, "python notebooks/images/shrink.py"
+    remedy = "python notebooks/images/shrink.py"
+    assert sum(image.stat().st_size for image in images) < 1.5e6, remedy
 
 
 @pytest.mark.parametrize(
