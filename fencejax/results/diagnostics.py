@@ -28,6 +28,12 @@ _ROUGHNESS = 0.12
 # The same where parcel and fence had parted before the peak: a blow depends on when the one before
 # it ended, and its derivative far more so.
 _REBOUND_ROUGHNESS = 0.01
+# How far above its samples a force may peak, in tolerances of the error control: that has each
+# contact's force within one of them of the line between two samples, at thirds of the way, so that
+# a parabola is within 9/8 in the middle, and two corners may press at a time. A peak beyond that is
+# a kink of the force, such as where a corner comes to the tip, seen as a parabola: its derivative
+# follows how the samples happen to lie.
+_ABOVE_SAMPLES = 2 * 9 / 8
 # The first mode's angular frequency times the step: above it a friction that turns round within a
 # step rings the fence as it would not in time, by little, but the derivative counts its phase.
 _RINGING = 1.5
@@ -134,14 +140,22 @@ def _belt_slip_unresolved(scene: Scene, fidelity: Fidelity, seen: Evidence) -> A
 
 
 def unresolved(
-    link: FlexibleLink | None, seen: Evidence, unmet: Array | None, tolerated: Array | float = 0.0
+    link: FlexibleLink | None,
+    fidelity: Fidelity,
+    seen: Evidence,
+    unmet: Array | None,
+    tolerated: Array | float = 0.0,
 ) -> list[tuple[Status, Array]]:
     """Whether steps do not resolve the fence's force, or the modes kept do not. Steps under error
-    control say so themselves, by `unmet`; of fixed ones the force's second difference tells, of
-    which `tolerated` [N] do not matter."""
-    rough = unmet
-    if rough is None:
+    control say so themselves, by `unmet`, and by a peak that is further above its samples than
+    they allow; of fixed ones the force's second difference tells, of which `tolerated` [N] do not
+    matter."""
+    if unmet is None or fidelity.step_tolerance is None:
         rough = seen.resolution.roughness > _ROUGHNESS * seen.force.value + tolerated
+    else:
+        tolerance = max(fidelity.step_tolerance, 2 * force_tolerance(seen.force.value.dtype))
+        above = seen.force.value - seen.resolution.largest
+        rough = unmet | (above > _ABOVE_SAMPLES * tolerance * seen.force.value)
     checks = [(Status.STEP_TOO_COARSE, rough)]
     if link is not None and link.clamped_eigenvalues.size:
         # A clamped beam's n-th frequency goes with (n - 1/2)^2.
@@ -183,7 +197,9 @@ def of_record(
     # Error control looks at values: the derivative of a later blow is not within its reach.
     again = seen.resolution.at_peak.rebound_roughness > _REBOUND_ROUGHNESS * seen.force.value
     checks.append((Status.STEP_TOO_COARSE, again))
-    checks += unresolved(mechanics.link, seen, unmet, _NEGLIGIBLE_ROUGHNESS * forces)
+    checks += unresolved(
+        mechanics.link, mechanics.fidelity, seen, unmet, _NEGLIGIBLE_ROUGHNESS * forces
+    )
     checks.append((Status.LIMIT_REACHED, jnp.asarray(done) < 0.5))
     checks.append((Status.INCONSISTENT, ~consistent(scene, start_time)))
     if scene.belt is not None and scene.fence_corners:
@@ -232,7 +248,11 @@ def of_record(
 
 
 def of_normal_record(
-    scene: NormalScene, link: FlexibleLink | None, record: Record, unmet: Array | None
+    scene: NormalScene,
+    link: FlexibleLink | None,
+    fidelity: Fidelity,
+    record: Record,
+    unmet: Array | None,
 ) -> Array:
     """The largest status that applies to a scene of the normal direction, as a floating-point
     number; `unmet` as in `of_record`."""
@@ -246,7 +266,7 @@ def of_normal_record(
         (Status.STEP_TOO_COARSE, seen.unbalance > 1e-3 * seen.force.value + 1e-9),
         (Status.INCONSISTENT, ~consistent(scene)),
         (Status.NON_FINITE, ~jnp.isfinite(seen.last.body.y + seen.force.value)),
-        *unresolved(link, seen, unmet),
+        *unresolved(link, fidelity, seen, unmet),
     ]
     if scene.fence is not None:
         limit = scene.fence.flexible_length / 4
