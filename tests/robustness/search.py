@@ -111,7 +111,7 @@ class Errors(NamedTuple):
     apart: float = 0.0
 
 
-def errors(fidelity, truth, x, of, kind="impact", first=None, least=-1.0):
+def errors(fidelity, truth, x, of, kind="impact", first=None, least: np.ndarray | float = -1.0):
     """The errors of a fidelity; with a `first` truth, the truth judges only a share of what that
     finds to be above `least`, (lanes,) or a number."""
     found = run(fidelity, kind, of, x)
@@ -167,7 +167,7 @@ def search(
     """Breed designs for the largest error."""
     rng, searched = np.random.default_rng(seed), KINDS[kind]
 
-    def judged(shares, least=-1.0):
+    def judged(shares, least: np.ndarray | float = -1.0):
         return errors(fidelity, truth, searched.numbers(shares, bounds), of, kind, first, least)
 
     def largest():

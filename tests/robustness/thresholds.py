@@ -284,6 +284,7 @@ def _record(rows, given):
             name = f"{name} "
         shown[name] = {"unit": "", "values": values}
     known["thresholds"] = {"command": command, "columns": columns, "rows": shown}
+    said = {"designs": given.scenes, "designs where few are concerned": 4 * given.scenes}
     known["thresholds, all"] = {
         "command": command,
         "figures": {name: {"value": value, "unit": "1"} for name, value in said.items()},
