@@ -384,7 +384,7 @@ def _run(
         record, saved, start, unmet = normal_direction.run(
             scene, link, fidelity, recorder, recorder.saves
         )
-        status = diagnostics.of_normal_record(scene, link, record, unmet)
+        status = diagnostics.of_normal_record(scene, link, fidelity, record, unmet)
     else:
         steps = time_loop.count_steps(scene.duration, fidelity.step)
         mechanics, clock, memory = prepared(scene, fidelity)

@@ -51,9 +51,9 @@ class Resolution(NamedTuple):
     far, neither at rest nor sliding; `separated` and `sliding_reversed` are 1.0 where parcel and
     fence have touched and parted, and where a corner pressed on the fence has come to rest on it or
     turned round, `belt_slip_reversed` where C_s, pressed by the fence, has turned round on the belt
-    within a step; `residual_acceleration` [m/s^2] is the largest |N''| G under a corner, G [m/N]
-    the compliance of the modes left out, and `residual_deflection` [m] the largest deflection G N
-    that they take there."""
+    within a step; `largest` [N] is the fence's largest force at a sample; `residual_acceleration`
+    [m/s^2] is the largest |N''| G under a corner, G [m/N] the compliance of the modes left out, and
+    `residual_deflection` [m] the largest deflection G N that they take there."""
 
     roughness: Array
     border_roughness: Array
@@ -61,6 +61,7 @@ class Resolution(NamedTuple):
     separated: Array
     sliding_reversed: Array
     belt_slip_reversed: Array
+    largest: Array
     residual_acceleration: Array
     residual_deflection: Array
     at_peak: AtPeak
@@ -176,7 +177,7 @@ def ends_over_tip(step: Step) -> Array:
 
 def _start(nothing: Sample, body: Body) -> Resolution:
     zero = nothing.time
-    return Resolution(*(zero,) * 8, at_peak=AtPeak(*(zero,) * 6))
+    return Resolution(*(zero,) * 9, at_peak=AtPeak(*(zero,) * 6))
 
 
 def _update(state: Resolution, step: Step) -> Resolution:
@@ -208,6 +209,7 @@ def _update(state: Resolution, step: Step) -> Resolution:
         separated=separated,
         sliding_reversed=reversed_,
         belt_slip_reversed=on_belt,
+        largest=jnp.maximum(state.largest, jax.lax.stop_gradient(now.fence_force)),
         residual_acceleration=jnp.maximum(state.residual_acceleration, acceleration),
         residual_deflection=_residual_deflection(now, state.residual_deflection),
         at_peak=_at_peak(force, state.at_peak, now, at_peak),

@@ -37,11 +37,6 @@ def test_finite_or_flagged(seed, ranges):
     check(numbers, jax.device_get(program()(numbers)))
 
 
-KNOWN = 112
-"""A corner of the design space whose peak force is right to 1.5 % and its gradient wrong by 2.6
-times its norm, under a good status at `fast`: the largest breach on record, told in `TRUST.md`."""
-
-
 @pytest.mark.parametrize("half", HALVES)
 def test_a_good_status_keeps_its_promise(half):
     """128 real scenes, and 256 corners, most of them refused or said, beside those that the offline
@@ -53,8 +48,6 @@ def test_a_good_status_keeps_its_promise(half):
         value, gradient, same, lanes = errors(outcome, jax.device_get(truth()(numbers)))
         compared += len(lanes)
         broken = beyond("fast", value, np.where(same, gradient, 0.0))
-        if half == "wide":
-            broken &= lanes != KNOWN
         assert not broken.any(), (lanes[broken], value[broken], gradient[broken])
     assert compared >= {"usual": 75, "wide": 10}[half]
 

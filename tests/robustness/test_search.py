@@ -12,6 +12,6 @@ def test_error_found_is_in_proportion_to_the_tolerance():
     # (`search.json`); a step's defect counts once before the peak and once in its place.
     fidelity = COARSE.replace(step_tolerance=1e-2)
     truth = true_to(fidelity, 1.25e-5)
-    good, course, worst = search(fidelity, truth, "realistic", "value", 32, 3, seed=7)
-    assert good > 0.4
-    assert course[-1] < 4e-2, worst
+    found = search(fidelity, truth, "realistic", "value", 32, 3, seed=7)
+    assert found.good > 0.4
+    assert found.course[-1] < 4e-2, found.worst

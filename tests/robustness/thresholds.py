@@ -3,22 +3,24 @@ designs, with all others as they are.
 
 From the folder `tests`:
 
-    python -m robustness.thresholds                # some minutes
-    python -m robustness.thresholds --scenes 2048 --seed 7 --rungs standard
+    python -m robustness.thresholds                # half an hour
+    python -m robustness.thresholds --trials 'a clutch' --scenes 256 --seed 7
     python -m robustness.thresholds --record       # the table of TRUST.md anew
 
-Half of the designs are as real ones may be, half from end to end of what a sweep may ask for
-(`USUAL` and `WIDE` in `extreme_scenes`). Each is computed with its gradient at a named fidelity and
-compared with the truth (sixteen modes, steps of 12.5 us, a tenth of the friction's smoothing). A
-good status is *wrong* where it breaks the promise of `offline_fuzz`, and a doubt is *needless*
-where the promise is kept. A constant is changed by a factor, and told is how many good statuses are
-then wrong and how many doubts needless; one that may be left out altogether without a wrong status
-does not earn its keep by these designs.
+There is a trial for each kind of scene that a constant speaks of (`TRIALS`). Its designs get their
+statuses at a named fidelity, with the constants as they are and with each of them halved, doubled
+or left out. Those that one of these takes from a good status or gives one are computed with their
+gradients and compared with the truth (sixteen modes, steps of 12.5 us, a tenth of the friction's
+smoothing): the status is to be good where they keep the promise of `offline_fuzz`, and only there.
+So `3 / 5` under *without* means that the constant keeps three wrong results from a good status, and
+five right ones. One that keeps no wrong one from it does not earn its keep by these designs.
 """
 
 import argparse
 import functools
 import time
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import figures
 import jax
@@ -26,53 +28,165 @@ import jax.numpy as jnp
 import numpy as np
 from robustness.extreme_scenes import USUAL, WIDE, draw, impact, riding
 from robustness.offline_fuzz import PROMISE
-from robustness.peaks import gradient_error, peaks
+from robustness.peaks import gradient_error
 from robustness.searched_scenes import KINDS
 
 import fencejax as fj
 from fencejax.results import diagnostics
 
-CONSTANTS = (
-    "_ROUGHNESS", "_REBOUND_ROUGHNESS", "_RINGING", "_DAMPER_HELD", "_LAGGING",
-    "_RESIDUAL_DEFLECTION", "_NEGLIGIBLE_ROUGHNESS", "_SMOOTHED", "_CREEP_LOSS", "_CREEP_SPEED",
-    "_CREEP_SHARE", "_STEP_SLIP",
-)  # fmt: skip
 # The last one is as good as none.
-FACTORS = (0.5, 1.0, 2.0, 1e9)
-_LANES = 128
+FACTORS = (0.5, 2.0, 1e9)
+RUNGS = ("standard", "coarse")
+# Lanes of what is compared with the truth.
+_FEWER = 32
+_DURATION = 0.1
+_VARIED = KINDS["impact"].varied
+
+
+def halves(seed, count):
+    """Half of them as real designs may be, half from end to end of what a sweep may ask for."""
+    drawn = [draw(seed + k, count // 2, ranges) for k, ranges in enumerate((USUAL, WIDE))]
+    return {n: np.concatenate([half[n] for half in drawn]) for n in drawn[0]}
+
+
+def drawn(seed, count, ranges):
+    """Real designs, and further numbers of them, log-uniform."""
+    rng = np.random.default_rng([seed, 1])
+    return draw(seed, count, USUAL) | {
+        name: np.exp(rng.uniform(np.log(low), np.log(high), count))
+        for name, (low, high) in ranges.items()
+    }
+
+
+def steep(seed, count):
+    """The same on belts whose static friction is up to a hundred times the kinetic."""
+    numbers, rng = halves(seed, count), np.random.default_rng([seed, 1])
+    kinetic, ratio = (
+        np.exp(rng.uniform(np.log(low), np.log(high), count))
+        for low, high in ((0.01, 1.0), (1.5, 100.0))
+    )
+    return numbers | {"belt_kinetic": kinetic, "belt_static": np.minimum(kinetic * ratio, 5.0)}
+
+
+def at_tips(seed, count):
+    """The same where parcels come to the tip: met anywhere on the fence, by a fast belt."""
+    numbers, rng = halves(seed, count), np.random.default_rng([seed, 2])
+    belt = np.exp(rng.uniform(np.log(0.5), np.log(20.0), count))
+    place = rng.uniform(0.3, 0.99, count)
+    return numbers | {"place": place, "belt": belt, "ride": belt}
+
+
+def clutches(seed, count):
+    """Real designs on a shaft of any stiffness, its damping a share of the critical, its clutch
+    slipping under what pushes the parcel by 2 to 200 m/s^2."""
+    ranges = {"shaft": (1e3, 1e9), "lag": (1e-3, 0.3), "hub": (1e-3, 3.0), "grip": (2.0, 200.0)}
+    return drawn(seed, count, ranges)
+
+
+def on_clutch(x):
+    """The impact with the fence on such a shaft."""
+    fence = impact(x, _DURATION).fence
+    assert fence is not None
+    inertia = x["hub"] + x["reach"] ** 3 * x["width"] * x["thickness"] * x["density"] / 3
+    damping = 2 * x["lag"] * jnp.sqrt(x["shaft"] * inertia)
+    limit = x["grip"] * x["mass"] * x["place"] * x["reach"]
+    shaft = fj.Shaft(x["shaft"], damping, x["hub"], limit)
+    on_shaft = fj.Fence(
+        fence.rigid_length, fence.flexible_length, fence.width, fence.thickness, fence.material,
+        shaft=shaft,
+    )  # fmt: skip
+    return impact(x, _DURATION, fence=on_shaft)
+
+
+class Trial(NamedTuple):
+    """Scenes that constants speak of: numbers from a seed and a count; how they make a scene; the
+    constants; what of the fidelity is changed; what else is asked for, as statuses need it;
+    and how many times as many designs there are: four where few are concerned."""
+
+    numbers: Callable[[int, int], dict[str, Any]]
+    scene: Callable[[Mapping[str, Any]], fj.Scene]
+    constants: tuple[str, ...]
+    changes: Mapping[str, Any] = {}
+    only: tuple[str, ...] = ()
+    more: int = 1
+
+
+def _impact(x):
+    return impact(x, _DURATION)
+
+
+TRIALS = {
+    "impacts": Trial(
+        halves, _impact,
+        (
+            "_LAGGING", "_RESIDUAL_DEFLECTION", "_SMOOTHED", "_CREEP_LOSS", "_CREEP_SPEED",
+            "_CREEP_SHARE", "_STEP_SLIP", "_REBOUND_ROUGHNESS", "_RINGING", "_DAMPER_HELD",
+        ),
+    ),
+    "impacts, fixed steps": Trial(
+        halves, _impact,
+        (
+            "_ROUGHNESS", "_REBOUND_ROUGHNESS", "_NEGLIGIBLE_ROUGHNESS", "_RINGING",
+            "_DAMPER_HELD",
+        ),
+        {"step_tolerance": None},
+    ),
+    "their ledgers": Trial(halves, _impact, ("_UNBALANCED",), {}, ("energy", "final")),
+    "their ledgers, fixed steps": Trial(
+        halves, _impact, ("_UNBALANCED",), {"step_tolerance": None}, ("energy", "final")
+    ),
+    "much static friction": Trial(steep, _impact, ("_CREEP_LOSS",), more=4),
+    "parcels at the tip": Trial(at_tips, _impact, ("_ABOVE_SAMPLES",), more=4),
+    "a clutch": Trial(clutches, on_clutch, ("_SLIPPING",)),
+}  # fmt: skip
+"""Every trial by name."""
 
 
 @functools.cache
-def program(name):
-    """Numbers of lanes, and factors of the constants (12,), -> what `peaks` gives."""
-    fidelity = getattr(fj.Fidelity, name)()
-    usual = {constant: getattr(diagnostics, constant) for constant in CONSTANTS}
-    varied_names = KINDS["impact"].varied
+def statuses_of(trial, fidelity):
+    """Numbers of lanes, and rows of factors of the constants -> statuses (lanes, rows)."""
+    given = TRIALS[trial]
 
     def one(x, factors):
-        def peak(varied):
-            scene = impact(riding(x, varied), 0.1)
-            result = fj.simulate(scene, fidelity=fidelity, only=("peak_force", "peak_time"))
-            return result.peak_force, (result.status, result.peak_force, result.peak_time)
-
-        varied = {n: x[n] for n in varied_names}
-        for constant, factor in zip(CONSTANTS, factors, strict=True):
-            setattr(diagnostics, constant, usual[constant] * factor)
+        usual = {constant: getattr(diagnostics, constant) for constant in given.constants}
         try:
-            slopes, found = jax.jacfwd(peak, has_aux=True)(varied)
+            for constant, factor in zip(given.constants, factors, strict=True):
+                setattr(diagnostics, constant, usual[constant] * factor)
+            only = ("peak_force", *given.only)
+            return fj.simulate(given.scene(x), fidelity=fidelity, only=only).status
         finally:
             for constant, value in usual.items():
                 setattr(diagnostics, constant, value)
-        return *found, jnp.stack([slopes[n] * x[n] for n in varied_names], axis=-1)
 
-    return jax.jit(jax.vmap(one, (0, None)))
+    # The motion does not depend on the constants: it is computed once for all rows.
+    def rows(x, factors):
+        return (jax.vmap(one, (None, 0))(x, factors),)
+
+    return jax.jit(jax.vmap(rows, (0, None)))
 
 
-def batched(run, numbers, *rest):
+@functools.cache
+def peaks_of(trial, fidelity):
+    """Numbers of lanes -> status, peak force, its time and its slopes (see `peaks`)."""
+    given = TRIALS[trial]
+
+    def one(x):
+        def peak(varied):
+            scene = given.scene(riding(x, varied))
+            result = fj.simulate(scene, fidelity=fidelity, only=("peak_force", "peak_time"))
+            return result.peak_force, (result.status, result.peak_force, result.peak_time)
+
+        slopes, found = jax.jacfwd(peak, has_aux=True)({n: x[n] for n in _VARIED})
+        return *found, jnp.stack([slopes[n] * x[n] for n in _VARIED], axis=-1)
+
+    return jax.jit(jax.vmap(one))
+
+
+def batched(run, numbers, *rest, lanes=128):
     """What a program finds, on the host."""
     count, parts = len(numbers["mass"]), []
-    for first in range(0, count, _LANES):
-        rows = np.minimum(np.arange(first, first + _LANES), count - 1)
+    for first in range(0, count, lanes):
+        rows = np.minimum(np.arange(first, first + lanes), count - 1)
         found = jax.device_get(run({n: v[rows] for n, v in numbers.items()}, *rest))
         parts.append([part[: count - first] for part in found])
     return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
@@ -89,83 +203,91 @@ def kept(found, truth, name):
     return value & (gradient_error(slopes, true_slopes, size) <= of_gradient), told
 
 
-def counts(statuses, keeps, told):
-    """Good statuses that are wrong, and numerical doubts that are needless."""
+def truth_of():
+    """As fine as can be waited for."""
+    last = fj.Fidelity.reference()
+    return fj.Fidelity.standard(
+        modes=16, step=1.25e-5, step_tolerance=None, longest_stride=1, slip_speed=last.slip_speed,
+        static_speed=last.static_speed,
+    )
+
+
+def tried(trial, scenes, seed, name):
+    """Of a trial's constants, by name: of the designs that each of the `FACTORS` takes from a good
+    status or gives one, those that break the promise and those that keep it; and the share of all
+    designs that have a good status."""
+    given = TRIALS[trial]
+    numbers, constants = given.numbers(seed, given.more * scenes), given.constants
+    each = np.eye(len(constants))[:, None] * (np.array(FACTORS)[:, None] - 1) + 1
+    factors = np.concatenate([np.ones((1, len(constants))), each.reshape(-1, len(constants))])
+    fidelity = getattr(fj.Fidelity, name)(**given.changes)
+    (statuses,) = batched(statuses_of(trial, fidelity), numbers, factors)
     good = statuses <= fj.Status.LEFT_OVER_TIP
-    codes = [code for code in fj.Status if code.numerical]
-    doubted = np.isin(statuses, codes)
-    return int(np.sum(told & good & ~keeps)), int(np.sum(told & doubted & keeps))
+    changes = good[:, 1:] != good[:, :1]
+    # The others need no truth.
+    some = np.flatnonzero(changes.any(axis=1))
+    cells = {constant: [(0, 0)] * len(FACTORS) for constant in constants}
+    if some.size:
+        x = {n: value[some] for n, value in numbers.items()}
+        found, truth = (
+            batched(peaks_of(trial, f), x, lanes=_FEWER) for f in (fidelity, truth_of())
+        )
+        keeps, told = kept(found, truth, name)
+        shape = len(some), len(constants), len(FACTORS)
+        changed = changes[some].reshape(shape) & told[:, None, None]
+        for k, constant in enumerate(constants):
+            cells[constant] = [
+                (int(np.sum(by & ~keeps)), int(np.sum(by & keeps))) for by in changed[:, k].T
+            ]
+    return cells, float(np.mean(good[:, 0]))
 
 
 def main():
     flags = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    flags.add_argument("--scenes", type=int, default=1024)
+    flags.add_argument("--trials", nargs="+", choices=tuple(TRIALS), default=list(TRIALS))
+    flags.add_argument("--scenes", type=int, default=2048)
     flags.add_argument("--seed", type=int, default=20261125)
-    flags.add_argument("--rungs", nargs="+", choices=tuple(PROMISE), default=["standard", "coarse"])
+    flags.add_argument("--rungs", nargs="+", choices=tuple(PROMISE), default=list(RUNGS))
     flags.add_argument("--record", action="store_true", help="write the record anew")
     given = flags.parse_args()
     jax.config.update("jax_enable_x64", True)
-    began = time.perf_counter()
-    halves = [
-        draw(given.seed + k, given.scenes // 2, ranges) for k, ranges in enumerate((USUAL, WIDE))
-    ]
-    numbers = {n: np.concatenate([half[n] for half in halves]) for n in halves[0]}
-    last = fj.Fidelity.reference()
-    exact = fj.Fidelity.standard(
-        modes=16, step=1.25e-5, step_tolerance=None, longest_stride=1, slip_speed=last.slip_speed,
-        static_speed=last.static_speed,
-    )  # fmt: skip
-    truth = batched(peaks(exact), numbers)
-    print(f"truth ({time.perf_counter() - began:.0f} s)", flush=True)
-    rows: dict = {}
-    for name in given.rungs:
-        run = program(name)
-        found = batched(run, numbers, np.ones(len(CONSTANTS)))
-        keeps, told = kept(found, truth, name)
-        wrong, needless = counts(found[0], keeps, told)
-        print(f"{name}: {int(told.sum())} compared, {wrong} wrong, {needless} needless", flush=True)
-        rows.setdefault("all as they are", {})[name] = f"{wrong} / {needless}"
-        for k, constant in enumerate(CONSTANTS):
-            cells = []
-            for factor in FACTORS:
-                factors = np.where(np.arange(len(CONSTANTS)) == k, factor, 1.0)
-                statuses = found[0] if factor == 1 else batched(run, numbers, factors)[0]
-                cells.append("{} / {}".format(*counts(statuses, keeps, told)))
-            print(f"  {constant:24}", "   ".join(cells), flush=True)
-            rows.setdefault(constant, {}).update(
-                {f"{name}, {f:g} times": c for f, c in zip(FACTORS, cells, strict=True)}
-            )
-        print(f"{time.perf_counter() - began:.0f} s", flush=True)
+    rows, began = {}, time.perf_counter()
+    for trial in given.trials:
+        for name in given.rungs:
+            cells, good = tried(trial, given.scenes, given.seed, name)
+            seconds = time.perf_counter() - began
+            print(f"{trial}, {name}: {100 * good:.0f} % good ({seconds:.0f} s)", flush=True)
+            for constant, pairs in cells.items():
+                shown = ["{} / {}".format(*pair) for pair in pairs]
+                print(f"  {constant:24}", "   ".join(shown), flush=True)
+                value = f"{getattr(diagnostics, constant):g}"
+                rows.setdefault((constant, trial), [trial, value]).extend(shown)
     if given.record:
         _record(rows, given)
 
 
 def _record(rows, given):
-    known, command = figures.record(), "cd tests && python -m robustness.thresholds --record"
-    factors = [factor for factor in FACTORS if factor != 1]
-    heads = [
-        f"{name}, {'without it' if factor > 100 else f'{factor:g} times'}"
-        for name in given.rungs for factor in factors
-    ]  # fmt: skip
-    keys = [f"{name}, {factor:g} times" for name in given.rungs for factor in factors]
-    known["thresholds"] = {
-        "command": command,
-        "columns": ["constant", "its value", *heads],
-        "rows": {
-            f"`{constant}`": {
-                "unit": "",
-                "values": [f"{getattr(diagnostics, constant):g}", *(row[key] for key in keys)],
-            }
-            for constant, row in rows.items() if constant in CONSTANTS
-        },
-    }  # fmt: skip
-    usual = {name: cell for name, cell in rows["all as they are"].items()}
+    known = figures.record()
+    command = "cd tests && python -m robustness.thresholds --record"
+    heads = [f"{name}, {head}" for name in given.rungs for head in ("half", "twice", "without")]
+    columns = ["constant", "scenes", "its value", *heads]
+    # Rows of trials that are not made anew stay.
+    was = known["thresholds"]
+    if was["columns"] == columns:
+        old = {(n.strip("` "), row["values"][0]): row["values"] for n, row in was["rows"].items()}
+        rows = {key: row for key, row in old.items() if key[1] not in given.trials} | rows
+    shown: dict = {}
+    # Names are one each: those of a constant's further rows end with blanks.
+    for (constant, _), values in sorted(rows.items()):
+        name = f"`{constant}`"
+        while name in shown:
+            name = f"{name} "
+        shown[name] = {"unit": "", "values": values}
+    known["thresholds"] = {"command": command, "columns": columns, "rows": shown}
+    said = {"designs": given.scenes, "designs where few are concerned": 4 * given.scenes}
     known["thresholds, all"] = {
         "command": command,
-        "figures": {
-            "designs": {"value": given.scenes, "unit": "1"},
-            **{name: {"value": cell, "unit": "1"} for name, cell in usual.items()},
-        },
+        "figures": {name: {"value": value, "unit": "1"} for name, value in said.items()},
     }
     figures.write(known)
 
