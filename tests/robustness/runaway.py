@@ -41,6 +41,7 @@ def program(fidelity):
         def peak(varied):
             scene = impact(riding(x, varied), 0.1)
             result = fj.simulate(scene, fidelity=fidelity, only=("peak_force", "tip_deflection"))
+            assert scene.fence is not None
             tip = 4 * result.tip_deflection / scene.fence.flexible_length
             return result.peak_force, (result.peak_force, tip)
 

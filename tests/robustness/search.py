@@ -12,8 +12,9 @@ the same geometry with sixteen modes, fixed steps of 10 us (25 us in sorts) and 
 friction's smoothing. In sorts a first truth of eight modes and steps of 0.1 ms, a fifth of the
 work, judges all designs, and the truth itself those of each generation that come to more than
 their parents, the largest errors first, up to a tenth of all: the errors told are the truth's. A
-finding is judged again by a truth of half the step: where the two truths differ by a quarter of the
-error, it is the truth that cannot be told.
+finding, the largest error after a generation, is judged again by a truth of half the step: where
+the two truths differ by a quarter of the error, it is the truth that cannot be told. Such a design
+is left out, and how many there were is told.
 `search.json` beside this file is what the first command found.
 """
 
@@ -152,30 +153,46 @@ def bred(rng, population, fitness):
 
 class Found(NamedTuple):
     """Of a search: the share of random designs with a good status; the largest error told by the
-    truth after each generation; the worst design's numbers; how far a first truth was from it."""
+    truth after each generation; the worst design's numbers; how far a first truth was from it; and
+    how many designs were left out as the truth was not sure of them."""
 
     good: float
     course: list[float]
     worst: dict[str, float]
     apart: float
+    unsure: int
 
 
 def search(
     fidelity, truth, bounds, of, lanes, generations, seed, kind="impact", tell=lambda *_: None,
-    first=None,
+    first=None, certain=False,
 ):  # fmt: skip
-    """Breed designs for the largest error."""
+    """Breed designs for the largest error; with `certain`, of those that the truth is sure of."""
     rng, searched = np.random.default_rng(seed), KINDS[kind]
 
     def judged(shares, least: np.ndarray | float = -1.0):
         return errors(fidelity, truth, searched.numbers(shares, bounds), of, kind, first, least)
 
-    def largest():
-        return float(np.max(fitness, where=told, initial=-1.0))
+    def numbers(lane):
+        return {n: float(v[0]) for n, v in searched.numbers(population[[lane]], bounds).items()}
+
+    def largest(least):
+        """Of what the truth tells, and is sure of where it is above `least`; how many it is not."""
+        left_out = 0
+        while True:
+            best = int(np.argmax(np.where(told, fitness, -1.0)))
+            most = float(fitness[best]) if told[best] else -1.0
+            if not certain or most <= max(least, 0.0):
+                return most, left_out
+            if sure(fidelity, truth, numbers(best), of, kind, most):
+                return most, left_out
+            fitness[best], left_out = -1.0, left_out + 1
 
     population = rng.random((lanes, searched.count(bounds)))
     fitness, told, apart = judged(population)
-    good, course = float(np.mean(fitness >= 0)), [largest()]
+    good = float(np.mean(fitness >= 0))
+    most, unsure = largest(-1.0)
+    course = [most]
     for k in range(generations):
         children = bred(rng, population, fitness)
         found, by_truth, off = judged(children, fitness)
@@ -183,11 +200,12 @@ def search(
         population = np.where(better[:, None], children, population)
         fitness, told = np.where(better, found, fitness), np.where(better, by_truth, told)
         apart = max(apart, off)
-        course.append(largest())
-        tell(k + 1, course[-1])
-    best = population[[np.argmax(np.where(told, fitness, -1.0))]]
-    worst = {name: float(v[0]) for name, v in searched.numbers(best, bounds).items()}
-    return Found(good, course, worst, apart)
+        most, left_out = largest(course[-1])
+        unsure += left_out
+        course.append(most)
+        tell(k + 1, most)
+    worst = numbers(int(np.argmax(np.where(told, fitness, -1.0))))
+    return Found(good, course, worst, apart, unsure)
 
 
 def sure(fidelity, truth, worst, of, kind, error):
@@ -261,21 +279,21 @@ def main():
             for of in given.of:
                 for name, fidelity in cases.items():
                     truth = truth_of(fidelity, kind)
-                    good, course, worst, apart = search(
+                    good, course, worst, apart, unsure = search(
                         fidelity, truth, bounds, of, given.lanes, given.generations, given.seed,
                         kind, lambda k, e: print(f"  {k} {e:.2e}", flush=True),
-                        first_truth_of(fidelity, kind),
+                        first_truth_of(fidelity, kind), certain=True,
                     )  # fmt: skip
-                    is_sure = sure(fidelity, truth, worst, of, kind, course[-1])
                     report[f"{kind} | {bounds} | {of} | {name}"] = settings | {
                         "good of random": good, "error, random": course[0],
-                        "error, found": course[-1], "sure": is_sure, "truths apart": apart,
+                        "error, found": course[-1], "sure": True, "unsure, left out": unsure,
+                        "truths apart": apart,
                         "by generation": [float(f"{error:.3g}") for error in course],
                         "worst": {n: float(f"{v:.6g}") for n, v in worst.items()},
                     }  # fmt: skip
                     print(
                         f"{kind}, {bounds}, {of}, {name}: good {100 * good:.0f} %, random "
-                        f"{course[0]:.2e}, found {course[-1]:.2e}, sure {is_sure} "
+                        f"{course[0]:.2e}, found {course[-1]:.2e}, {unsure} unsure left out "
                         f"({time.perf_counter() - began:.0f} s)", flush=True,
                     )  # fmt: skip
                     given.out.write_text(json.dumps(report, indent=1) + "\n")

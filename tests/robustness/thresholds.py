@@ -204,7 +204,7 @@ def truth_of():
     return fj.Fidelity.standard(
         modes=16, step=1.25e-5, step_tolerance=None, longest_stride=1, slip_speed=last.slip_speed,
         static_speed=last.static_speed,
-    )
+    )  # fmt: skip
 
 
 def tried(trial, scenes, seed, name):
