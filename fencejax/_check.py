@@ -3,8 +3,9 @@
 import math
 import operator
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -68,6 +69,15 @@ def scalar(name: str, value: ArrayLike, *, above: float | None = None, least: fl
     return _checked(name, value, above, least, most, size, unit, remedy)
 
 
+def on_host(tree: Any) -> Any:
+    """The numbers of a tree as NumPy's, whose arithmetic compiles nothing; the tree itself where
+    one of them is traced."""
+    leaves, structure = jax.tree.flatten(tree)
+    if any(isinstance(leaf, Tracer) for leaf in leaves):
+        return tree
+    return jax.tree.unflatten(structure, [np.asarray(leaf) for leaf in leaves])
+
+
 def vector(name: str, value: ArrayLike, *, size_least: int = 1, above: float | None = None,
            least: float | None = None, most: float | None = None, size: float | None = None,
            unit: str = "1", remedy: str = "") -> Array:
@@ -109,7 +119,12 @@ def _checked(name, value, above, least, most, size, unit, remedy) -> Array:
             f"{dtype}. Write jnp.float32({name})."
         )
     floating = jnp.issubdtype(dtype, jnp.floating) and hasattr(value, "dtype")
-    array = jnp.asarray(value, dtype=dtype if floating else float)
+    dtype = dtype if floating else jnp.dtype(jnp.result_type(float))
+    if isinstance(value, (float, np.ndarray, np.generic)):
+        # On the host: there is no program to compile.
+        with np.errstate(over="ignore"):
+            value = np.asarray(value, dtype=dtype)
+    array = jnp.asarray(value, dtype=dtype)
     if isinstance(array, Tracer):
         return array
     host = np.asarray(array)
