@@ -70,12 +70,9 @@ def scalar(name: str, value: ArrayLike, *, above: float | None = None, least: fl
 
 
 def on_host(tree: Any) -> Any:
-    """The numbers of a tree as NumPy's, whose arithmetic compiles nothing; the tree itself where
-    one of them is traced."""
-    leaves, structure = jax.tree.flatten(tree)
-    if any(isinstance(leaf, Tracer) for leaf in leaves):
-        return tree
-    return jax.tree.unflatten(structure, [np.asarray(leaf) for leaf in leaves])
+    """The numbers of a tree as NumPy's, whose arithmetic compiles nothing and is not traced; those
+    that are traced stay as they are."""
+    return jax.tree.map(lambda x: x if isinstance(x, Tracer) else np.asarray(x), tree)
 
 
 def vector(name: str, value: ArrayLike, *, size_least: int = 1, above: float | None = None,

@@ -234,11 +234,13 @@ def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
     that run it: `fj.cache_programs()`, right after the imports.
 
     What has compiled for longer than `jax_persistent_cache_min_compile_time_secs`, a second by
-    default, is kept. On a CPU traced simulations are kept too, 256 MiB of them at most. They are
-    found again by this package's source, all versions and settings, and the scene's parts. Those of
-    a scene with classes or functions from elsewhere are traced anew in each process, and all of
-    them where this package's files have changed since the process began. What replaces functions of
-    this package in a running process is not seen. The folder may be deleted at any time.
+    default, is kept. On a CPU simulations are kept too, traced and, where they are run by
+    themselves, compiled, 256 MiB of them at most. They are found again by this package's source,
+    all versions and settings, and the scene's parts. What is compiled is run as it is: a folder is
+    to be trusted as a program is. Those of a scene with classes or functions from elsewhere are
+    traced anew in each process, and all of them where this package's files have changed since the
+    process began. What replaces functions of this package in a running process is not seen. The
+    folder may be deleted at any time.
 
     **Arguments:**
 

@@ -139,8 +139,7 @@ def _turned_clear(parcel: Parcel, start: AtTouch, fence: Fence) -> None:
         return
     turn, tilt, place = _check.on_host((start.parcel_angle, start.drive_angle, start.place))
     x, y = turned((np.cos(turn), np.sin(turn)), x, y)
-    rise = np.asarray(fence.rise(start.place))
-    foot = turned((np.cos(tilt), np.sin(tilt)), place, rise)
+    foot = turned((np.cos(tilt), np.sin(tilt)), place, fence.rise(start.place))
     position = foot[0] - x, foot[1] - y
     remedy = "Change `parcel_angle`, or name that corner in `corner`."
     check_clear_of_fence(parcel, position, turn, fence, tilt, remedy)
