@@ -19,42 +19,19 @@ double precision for granted (`jax.config.update("jax_enable_x64", True)`).
 1116 N, 65 mm
 """
 
+import importlib as _importlib
 from importlib import metadata as _metadata
+from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 from . import (
-    design as design,
     integrators as integrators,
     model as model,
     parts as parts,
-    plot as plot,
     results as results,
     scenes as scenes,
-    sorter as sorter,
-    study as study,
 )
 from ._kept_programs import cache_programs as cache_programs
 from ._xla import tune_compiler as tune_compiler
-from .design import (
-    LIMITS as LIMITS,
-    OBJECTIVES as OBJECTIVES,
-    DesignSpace as DesignSpace,
-    DesignVariable as DesignVariable,
-    Journal as Journal,
-    LaneProgram as LaneProgram,
-    Limit as Limit,
-    Optimum as Optimum,
-    Program as Program,
-    Quantity as Quantity,
-    Record as Record,
-    Stop as Stop,
-    Verification as Verification,
-    minimize as minimize,
-    minimize_many as minimize_many,
-    objectives as objectives,
-    risk as risk,
-    shock as shock,
-    verify as verify,
-)
 from .fidelity import Fidelity as Fidelity
 from .parts import (
     AbstractDrive as AbstractDrive,
@@ -104,30 +81,77 @@ from .results import (
 )
 from .scenes import NormalScene as NormalScene, Scene as Scene
 from .simulate import simulate as simulate
-from .sorter import Sorter as Sorter
-from .study import (
-    Choice as Choice,
-    Curvature as Curvature,
-    NoFidelityError as NoFidelityError,
-    Reliability as Reliability,
-    Response as Response,
-    SceneFamily as SceneFamily,
-    Sweep as Sweep,
-    SweepTable as SweepTable,
-    Trial as Trial,
-    choose_fidelity as choose_fidelity,
-    curvature as curvature,
-    failure_probability as failure_probability,
-    identify as identify,
-    recording as recording,
-    run_sweep as run_sweep,
-    sampling as sampling,
-    sensitivity as sensitivity,
-    simulate_many as simulate_many,
-)
+
+if _TYPE_CHECKING:
+    from . import (
+        design as design,
+        plot as plot,
+        sorter as sorter,
+        study as study,
+    )
+    from .design import (
+        LIMITS as LIMITS,
+        OBJECTIVES as OBJECTIVES,
+        DesignSpace as DesignSpace,
+        DesignVariable as DesignVariable,
+        Journal as Journal,
+        LaneProgram as LaneProgram,
+        Limit as Limit,
+        Optimum as Optimum,
+        Program as Program,
+        Quantity as Quantity,
+        Record as Record,
+        Stop as Stop,
+        Verification as Verification,
+        minimize as minimize,
+        minimize_many as minimize_many,
+        objectives as objectives,
+        risk as risk,
+        shock as shock,
+        verify as verify,
+    )
+    from .sorter import Sorter as Sorter
+    from .study import (
+        Choice as Choice,
+        Curvature as Curvature,
+        NoFidelityError as NoFidelityError,
+        Reliability as Reliability,
+        Response as Response,
+        SceneFamily as SceneFamily,
+        Sweep as Sweep,
+        SweepTable as SweepTable,
+        Trial as Trial,
+        choose_fidelity as choose_fidelity,
+        curvature as curvature,
+        failure_probability as failure_probability,
+        identify as identify,
+        recording as recording,
+        run_sweep as run_sweep,
+        sampling as sampling,
+        sensitivity as sensitivity,
+        simulate_many as simulate_many,
+    )
+
+    severity = shock  # its former name
+
+# Rooms that many programs never enter, and what is here of each: imported where it is first asked
+# for, as half of the package's files are theirs.
+_LATER = {
+    "plot": (),
+    "design": (
+        "LIMITS", "OBJECTIVES", "DesignSpace", "DesignVariable", "Journal", "LaneProgram", "Limit",
+        "Optimum", "Program", "Quantity", "Record", "Stop", "Verification", "minimize",
+        "minimize_many", "objectives", "risk", "shock", "verify",
+    ),
+    "sorter": ("Sorter",),
+    "study": (
+        "Choice", "Curvature", "NoFidelityError", "Reliability", "Response", "SceneFamily", "Sweep",
+        "SweepTable", "Trial", "choose_fidelity", "curvature", "failure_probability", "identify",
+        "recording", "run_sweep", "sampling", "sensitivity", "simulate_many",
+    ),
+}  # fmt: skip
 
 scene_numbers = scenes.numbers
-severity = shock  # its former name
 __version__ = _metadata.version("fencejax")
 
 __all__ = [
@@ -231,3 +255,14 @@ __all__ = [
 
 def __dir__():
     return [*__all__, "__version__"]
+
+
+def __getattr__(name: str):
+    if name == "severity":
+        return __getattr__("shock")  # its former name
+    for room, names in _LATER.items():
+        if name == room or name in names:
+            found = _importlib.import_module(f".{room}", __name__)
+            globals()[name] = found = found if name == room else getattr(found, name)
+            return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

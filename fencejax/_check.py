@@ -3,8 +3,9 @@
 import math
 import operator
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -68,6 +69,12 @@ def scalar(name: str, value: ArrayLike, *, above: float | None = None, least: fl
     return _checked(name, value, above, least, most, size, unit, remedy)
 
 
+def on_host(tree: Any) -> Any:
+    """The numbers of a tree as NumPy's, whose arithmetic compiles nothing and is not traced; those
+    that are traced stay as they are."""
+    return jax.tree.map(lambda x: x if isinstance(x, Tracer) else np.asarray(x), tree)
+
+
 def vector(name: str, value: ArrayLike, *, size_least: int = 1, above: float | None = None,
            least: float | None = None, most: float | None = None, size: float | None = None,
            unit: str = "1", remedy: str = "") -> Array:
@@ -109,7 +116,12 @@ def _checked(name, value, above, least, most, size, unit, remedy) -> Array:
             f"{dtype}. Write jnp.float32({name})."
         )
     floating = jnp.issubdtype(dtype, jnp.floating) and hasattr(value, "dtype")
-    array = jnp.asarray(value, dtype=dtype if floating else float)
+    dtype = dtype if floating else jnp.dtype(jnp.result_type(float))
+    if isinstance(value, (float, np.ndarray, np.generic)):
+        # On the host: there is no program to compile.
+        with np.errstate(over="ignore"):
+            value = np.asarray(value, dtype=dtype)
+    array = jnp.asarray(value, dtype=dtype)
     if isinstance(array, Tracer):
         return array
     host = np.asarray(array)

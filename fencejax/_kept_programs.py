@@ -35,7 +35,7 @@ _BOUND = 256 * 2**20
 """Size [bytes] of a folder from which on those used longest ago are deleted."""
 
 
-class _UnknownError(Exception):
+class UnknownError(Exception):
     """What cannot be told by names and fields."""
 
 
@@ -63,12 +63,12 @@ def _written(tree: Any) -> Any:
         return ["dict", *([key, _written(value)] for key, value in tree.items())]
     name = kind.__module__, kind.__qualname__
     if name[0].partition(".")[0] != __package__ or "<" in name[1]:
-        raise _UnknownError(name)
+        raise UnknownError(name)
     if dataclasses.is_dataclass(kind):
         return ["fields", *name, *([key, _written(value)] for key, value in vars(tree).items())]
     if isinstance(tree, tuple) and hasattr(tree, "_fields"):
         return ["named", *name, *map(_written, tree)]
-    raise _UnknownError(name)
+    raise UnknownError(name)
 
 
 def _read(text: Any) -> Any:
@@ -86,7 +86,7 @@ def _read(text: Any) -> Any:
         return {key: _read(value) for key, value in rest}
     module, name, *values = rest
     if module.partition(".")[0] != __package__:
-        raise _UnknownError(module)
+        raise UnknownError(module)
     found: Any = importlib.import_module(module)
     for part in name.split("."):
         found = getattr(found, part)
@@ -134,42 +134,63 @@ class _Abstract(NamedTuple):
         return jax.ShapeDtypeStruct(self.shape, self.dtype, weak_type=self.weak)
 
 
-def _abstract(leaf: Any) -> _Abstract:
+def abstract(leaf: Any) -> _Abstract:
     value = jax.typeof(leaf)
     if getattr(value, "vma", None) or not value.sharding.mesh.empty:
-        raise _UnknownError("a part of an array that is spread over devices")
+        raise UnknownError("a part of an array that is spread over devices")
     return _Abstract(value.shape, value.dtype.name, bool(value.weak_type))
 
 
 # --- The folder ------------------------------------------------------------------------------
 
 
-class _Program(NamedTuple):
-    """A program from leaves to leaves, and the structure of its result."""
+class Program(NamedTuple):
+    """A program from leaves to leaves, exported or compiled, and the structure of its result."""
 
-    exported: Any
+    run: Any
     results: Any
 
 
 @dataclasses.dataclass(frozen=True)
-class _Store:
+class Store:
     """The programs in a folder."""
 
     folder: Path
 
-    def place(self, what: tuple[Any, ...], structure: Any, leaves: list[_Abstract]) -> Path | None:
+    def place(
+        self, what: tuple[Any, ...], structure: Any, leaves: list[_Abstract], kind: str = "program"
+    ) -> Path | None:
         """Where a program is, or is to be; `None` where it is not to be kept."""
         source = _source()
         if source is None or jax.default_backend() != "cpu" or jax.config.jax_default_device:  # pyright: ignore
             return None
         settings = [*traced_settings(), os.environ.get("XLA_FLAGS", "")]
         made = json.dumps([source, settings, _written(what), _text(structure), leaves])
-        return self.folder / f"{hashlib.sha256(made.encode()).hexdigest()}.program"
+        return self.folder / f"{hashlib.sha256(made.encode()).hexdigest()}.{kind}"
 
-    def load(self, place: Path) -> _Program | None:
-        """What is kept there, if it is whole."""
+    def load(self, place: Path) -> Program | None:
+        """The traced program kept there, if it is whole."""
         from jax import export
 
+        found = self.read(place)
+        if found is None:
+            return None
+        exported = export.deserialize(bytearray(found[1]))
+        if b"lapack" not in found[1]:
+            # To call a program "of a CPU" JAX makes LAPACK ready, by an import of SciPy that takes
+            # as long as all the rest.
+            unchecked = (*exported.disabled_safety_checks, export.DisabledSafetyCheck.platform())
+            exported = dataclasses.replace(
+                exported, platforms=("host",), disabled_safety_checks=unchecked
+            )
+        return Program(exported, found[0])
+
+    def save(self, place: Path, program: Program) -> None:
+        """Keep a traced program."""
+        self.write(place, program.results, program.run.serialize())
+
+    def read(self, place: Path) -> tuple[Any, bytes] | None:
+        """The structure of the results and the program."""
         try:
             content = place.read_bytes()
             os.utime(place)
@@ -179,13 +200,11 @@ class _Store:
         if hashlib.sha256(rest).hexdigest().encode() != digest:
             return None
         results, _, program = rest.partition(b"\n")
-        structure = jax.tree.structure(_read(json.loads(results)))
-        return _Program(export.deserialize(bytearray(program)), structure)
+        return jax.tree.structure(_read(json.loads(results))), program
 
-    def save(self, place: Path, program: _Program) -> None:
-        """Keep a program; what is there may be read at any time by other processes."""
-        text = json.dumps(_text(program.results)).encode()
-        rest = text + b"\n" + program.exported.serialize()
+    def write(self, place: Path, results: Any, program: bytes) -> None:
+        """What is there may be read at any time by other processes."""
+        rest = json.dumps(_text(results)).encode() + b"\n" + program
         content = hashlib.sha256(rest).hexdigest().encode() + b"\n" + rest
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -215,11 +234,13 @@ def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
     that run it: `fj.cache_programs()`, right after the imports.
 
     What has compiled for longer than `jax_persistent_cache_min_compile_time_secs`, a second by
-    default, is kept. On a CPU traced simulations are kept too, 256 MiB of them at most. They are
-    found again by this package's source, all versions and settings, and the scene's parts. Those of
-    a scene with classes or functions from elsewhere are traced anew in each process, and all of
-    them where this package's files have changed since the process began. What replaces functions of
-    this package in a running process is not seen. The folder may be deleted at any time.
+    default, is kept. On a CPU simulations are kept too, traced and, where they are run by
+    themselves, compiled, 256 MiB of them at most. They are found again by this package's source,
+    all versions and settings, and the scene's parts. What is compiled is run as it is: a folder is
+    to be trusted as a program is. Those of a scene with classes or functions from elsewhere are
+    traced anew in each process, and all of them where this package's files have changed since the
+    process began. What replaces functions of this package in a running process is not seen. The
+    folder may be deleted at any time.
 
     **Arguments:**
 
@@ -240,7 +261,7 @@ def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
         return None
     told = settings.jax_compilation_cache_dir
     given = told if folder is None else folder
-    found = Path(given) if given else _users_caches() / "fencejax" / _processor()
+    found = Path(given) if given else _users_caches() / "fencejax" / processor()
     try:
         found.mkdir(parents=True, exist_ok=True)
     except OSError:
@@ -264,7 +285,7 @@ def _users_caches() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 
-def _processor() -> str:
+def processor() -> str:
     """A name for this kind of processor: folders of users are shared by machines of many kinds."""
     known = [platform.machine(), platform.processor()]
     try:
@@ -276,7 +297,7 @@ def _processor() -> str:
     return f"{platform.machine() or 'cpu'}-{digest[:12]}"
 
 
-_store: _Store | None = None
+_store: Store | None = None
 
 
 def keep_programs(folder: Path | None) -> None:
@@ -286,15 +307,15 @@ def keep_programs(folder: Path | None) -> None:
         import flatbuffers  # noqa: F401  # What `jax.export` writes with.
     except ImportError:
         folder = None
-    _store = None if folder is None else _Store(folder)
+    _store = None if folder is None else Store(folder)
 
 
-def keeping() -> bool:
-    """Whether programs are kept in a folder."""
-    return _store is not None
+def keeping() -> Store | None:
+    """The store that programs are kept in, if any."""
+    return _store
 
 
-def _made(function: Callable[[Any], Any], structure: Any, leaves: list[_Abstract]) -> _Program:
+def _made(function: Callable[[Any], Any], structure: Any, leaves: list[_Abstract]) -> Program:
     from jax import export
 
     results = []
@@ -305,7 +326,7 @@ def _made(function: Callable[[Any], Any], structure: Any, leaves: list[_Abstract
         return found
 
     exported = export.export(jax.jit(flat))(*(leaf.struct() for leaf in leaves))
-    return _Program(exported, results[0])
+    return Program(exported, results[0])
 
 
 def kept(function: Callable[[Any], Any], *what: Any) -> Callable[[Any], Any]:
@@ -321,20 +342,20 @@ def kept(function: Callable[[Any], Any], *what: Any) -> Callable[[Any], Any]:
         if _store is None:
             return function(argument)
         leaves, structure = jax.tree.flatten(argument)
-        abstract = []
+        known = []
         try:
-            abstract = [_abstract(leaf) for leaf in leaves]
-            place = _store.place(what, structure, abstract)
-        except _UnknownError:
+            known = [abstract(leaf) for leaf in leaves]
+            place = _store.place(what, structure, known)
+        except UnknownError:
             place = None
         if place is None:
             return function(argument)
         program = _store.load(place)
         if program is None:
-            program = _made(function, structure, abstract)
+            program = _made(function, structure, known)
             _store.save(place, program)
         # The same program for whoever makes it and for all others, so that it compiles once.
-        return jax.tree.unflatten(program.results, program.exported.call(*leaves))
+        return jax.tree.unflatten(program.results, program.run.call(*leaves))
 
     whole = jax.custom_batching.custom_vmap(run)
 

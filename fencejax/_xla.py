@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import jaxlib.version
 from equinox.internal import unvmap_any
 from jax._src.config import trace_context
+from jax._src.core import trace_state_clean
 from jax._src.xla_bridge import backends_are_initialized
 from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array
@@ -143,3 +144,13 @@ def traced_settings() -> list[str]:
     told = (repr(value) for value in trace_context())
     # What stands for the axes of transformations around a program says nothing of the program.
     return [text for text in told if " at 0x" not in text]
+
+
+def all_settings() -> tuple[Any, ...]:
+    """JAX's settings as it tells compiled programs apart by."""
+    return trace_context()
+
+
+def nothing_is_traced() -> bool:
+    """Whether no transformation is going on around what calls this."""
+    return trace_state_clean()

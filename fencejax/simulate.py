@@ -4,7 +4,6 @@ import dataclasses
 import functools
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +12,7 @@ from jaxtyping import Array
 
 from . import _check
 from ._forward_mode import by_columns, once_alone
+from ._kept_executables import compiled
 from ._xla import fusion_barrier, sound
 from .fidelity import Fidelity
 from .integrators import (
@@ -263,18 +263,12 @@ def raise_for(result: Result) -> None:
 
 # A compiled program takes some 30 MB, one with its gradient 50 MB, a whole sort 100 MB.
 @functools.lru_cache(maxsize=32)
-def _program(
-    structure,
-    fidelity: Fidelity,
-    history: bool,
-    only: tuple[str, ...] | None,
-    own: tuple[Measure, ...],
-):
-    """The map from a scene's numbers to its result and to what tells the error of its slopes, for
-    scenes of one structure: as it is, and compiled. Kept, so that what was traced and compiled once
-    serves again."""
+def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Measure, ...]):
+    """The map from a scene's numbers to its result, for scenes of one structure: as it is, and
+    compiled. Kept, so that what was traced and compiled once serves again."""
 
     def outcome(numbers):
+        """The result, and what tells the error of its slopes."""
         if fidelity.gradient == "reverse":
             numbers = once_alone(numbers)
         given = jnp.result_type(*numbers)
@@ -289,29 +283,34 @@ def _program(
         return diagnostics.of_result(scene, result), slopes
 
     run = outcome
+    what = structure, fidelity, history, only, own
     if fidelity.gradient == "forward":
-        what = structure, fidelity, history, only, own
         run = by_columns(outcome, diagnostics.of_derivatives, what)
     # Others' programs are ten times as large: as one kernel they take many minutes to optimise.
     modal = fidelity.integrator == "modal"
     options = None if modal else {"xla_backend_optimization_level": 0}
-    return run, jax.jit(run, compiler_options=options)
+
+    def with_status(numbers):
+        result, _ = run(numbers)
+        return dataclasses.replace(result, status=result.status.astype(jnp.int32))
+
+    return with_status, compiled(with_status, options, *what)
 
 
 def _result(scene, fidelity: Fidelity, history: bool, only, own=()) -> Result:
     numbers, structure = jax.tree.flatten(scene)
-    plain, compiled = _program(structure, fidelity, history, only, own)
+    plain, ready = _program(structure, fidelity, history, only, own)
     # Within a transformation the numbers are traced already: one layer less to go through.
     traced = any(isinstance(number, Tracer) for number in numbers)
-    result, _ = (plain if traced else compiled)(numbers)
-    result = eqx.tree_at(lambda r: r.status, result, result.status.astype(jnp.int32))
+    result = (plain if traced else ready)(numbers)
     samples = result.history
     if not traced and samples is not None and samples.time.ndim == 1:
         # Longer strides leave room at the end, filled with the last sample.
         times = np.asarray(samples.time)
         taken = 1 + int(np.searchsorted(times, times[-1]))
         if taken < times.size:
-            samples = jax.tree.map(lambda leaf: leaf[:taken], samples)
+            short = jax.tree.map(lambda leaf: np.asarray(leaf)[:taken], samples)
+            samples = jax.device_put(short)
             result = dataclasses.replace(result, history=samples)
     return result
 

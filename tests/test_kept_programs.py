@@ -11,7 +11,7 @@ import jax
 import pytest
 
 import fencejax as fj
-from fencejax import _kept_programs as kept_programs
+from fencejax import _kept_executables as kept_executables, _kept_programs as kept_programs
 from fencejax._forward_mode import by_columns
 
 PACKAGE = Path(fj.__file__).parent
@@ -65,8 +65,9 @@ def first(folder):
 def test_another_process_traces_nothing_and_finds_the_same(folder, first):
     assert first[0] == 3
     assert run(folder) == (0, first[1])
-    # The result, the value, the derivative and that of two lanes.
-    assert len(list((folder / "traced").iterdir())) == 4
+    # The result, the value, the derivative and that of two lanes; the result compiled, too.
+    kinds = [file.suffix for file in (folder / "traced").iterdir()]
+    assert sorted(kinds) == [".executable", *4 * [".program"]]
     # As one that is not kept.
     scene = fj.scenes.rigid_wall(duration=0.03)
     result = fj.simulate(scene, fidelity=fj.Fidelity.fast())
@@ -175,3 +176,108 @@ def test_second_derivatives_and_lanes_of_lanes_are_kept(store):
     assert count == 4
     assert float(jax.grad(slope)(2.0)) == 12.0
     assert len(list(store.iterdir())) == count
+
+
+# --- Executables -----------------------------------------------------------------------------
+
+
+def executable(what="a", options=None, traced=None):
+    """A map of two numbers to a tree, kept compiled; `traced` counts how often it is traced."""
+
+    def function(numbers):
+        if traced is not None:
+            traced.append(1)
+        return {"sum": jax.numpy.sin(numbers[0]) + numbers[1], "none": None}
+
+    return kept_executables.compiled(function, options, what)
+
+
+NUMBERS = [jax.numpy.float64(1.0), jax.numpy.float64(2.0)]
+SUM = 2.8414709848
+
+
+def test_an_executable_is_found_again(store):
+    traced = []
+    for _ in range(2):
+        # Another one each time, as in another process.
+        found = executable(traced=traced)
+        for _ in range(2):
+            assert float(found(NUMBERS)["sum"]) == pytest.approx(SUM)
+            assert found(NUMBERS)["none"] is None
+        assert len(traced) == 1
+    (file,) = store.iterdir()
+    assert file.suffix == ".executable"
+
+
+def test_executables_differ_by_name_type_options_and_settings(store):
+    executable()(NUMBERS)
+    executable("b")(NUMBERS)
+    executable(options={"xla_backend_optimization_level": 0})(NUMBERS)
+    executable()([jax.numpy.ones(2), *NUMBERS[1:]])
+    assert len(list(store.iterdir())) == 4
+    run = executable()
+    with jax.default_matmul_precision("highest"):
+        run(NUMBERS)
+    run(NUMBERS)
+    assert len(list(store.iterdir())) == 5
+
+
+@pytest.mark.parametrize("spoilt", ["cut", "nonsense", "written again"])
+def test_an_executable_that_does_not_run_is_compiled_anew(store, spoilt):
+    executable()(NUMBERS)
+    (file,) = store.iterdir()
+    content = file.read_bytes()
+    if spoilt == "cut":
+        file.write_bytes(content[: len(content) // 2])
+    else:
+        keeper = kept_programs.keeping()
+        if spoilt == "nonsense":
+            keeper.write(file, keeper.read(file)[0], b"2\nnonsense")
+        else:
+            # JAX writes what it has read itself without its kernels.
+            read = kept_executables._load(keeper, file)
+            kept_executables._save(keeper, file, read, len(NUMBERS))
+    assert float(executable()(NUMBERS)["sum"]) == pytest.approx(SUM)
+    traced = []
+    assert float(executable(traced=traced)(NUMBERS)["sum"]) == pytest.approx(SUM)
+    assert not traced
+
+
+def test_an_executable_is_whole_where_jax_has_the_program_in_its_cache(store):
+    # Known to JAX in this process and in its folder alike.
+    jax.jit(lambda numbers: jax.numpy.sin(numbers[0]) + numbers[1])(NUMBERS)
+    executable()(NUMBERS)
+    traced = []
+    assert float(executable(traced=traced)(NUMBERS)["sum"]) == pytest.approx(SUM)
+    assert not traced
+    assert jax.config.jax_enable_compilation_cache
+
+
+def test_executables_are_for_numbers_alone_that_nothing_is_done_to(store):
+    run = executable()
+    assert float(run([1.0, 2.0])["sum"]) == pytest.approx(SUM)
+    assert float(jax.jit(lambda: run(NUMBERS)["sum"])()) == pytest.approx(SUM)
+    with jax.disable_jit():
+        assert float(run(NUMBERS)["sum"]) == pytest.approx(SUM)
+    assert list(store.iterdir()) == []
+    executable(Swing())(NUMBERS)
+    assert list(store.iterdir()) == []
+
+
+def test_a_first_scene_compiles_nothing():
+    """Nor do an import of the package and the making of a scene import what they do not need."""
+    script = """
+import sys
+import jax
+compiled = []
+jax.monitoring.register_event_duration_secs_listener(
+    lambda event, _, **__: compiled.append(event) if "backend_compile" in event else None
+)
+import fencejax as fj
+fj.scenes.oblique_impact()
+rooms = [f"fencejax.{room}" for room in ("design", "plot", "sorter", "study")]
+print(len(compiled), *(name for name in [*rooms, "optax", "scipy"] if name in sys.modules))
+"""
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["0"]

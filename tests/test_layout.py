@@ -34,8 +34,12 @@ FLOORS = {
     "_forward_mode": 0,
     "_loop_carry": 0,
     "_kept_programs": 0,
+    "_kept_executables": 0,
 }
-TOOLS = {"fidelity", "printing", "_check", "_xla", "_forward_mode", "_loop_carry", "_kept_programs"}
+TOOLS = {
+    "fidelity", "printing", "_check", "_xla", "_forward_mode", "_loop_carry", "_kept_programs",
+    "_kept_executables",
+}  # fmt: skip
 # Private tools have no face; the tests of a tool import its file, and nobody else outside does.
 TESTED_TOOLS = {
     "tests/conftest.py",

@@ -102,9 +102,8 @@ class Parcel(Part):
             ("center_x", self.center_x, self.length),
             ("center_y", self.center_y, self.breadth),
         ):
-            _check.scalar(
-                f"|{name}| / half side", 2 * jnp.abs(offset) / side, most=1, remedy=inside
-            )
+            offset, side = _check.on_host((offset, side))
+            _check.scalar(f"|{name}| / half side", 2 * abs(offset) / side, most=1, remedy=inside)
         self.given_inertia = None if inertia is None else _check.field(self, "inertia", inertia)
         judged = dict(
             height=height, critical_load=critical_load,

@@ -97,11 +97,12 @@ def belt_of(belt: Belt | None | Default) -> Belt | None:
 
 def place_of(distance: ArrayLike, fence: Fence) -> Array:
     place = _check.scalar("distance", distance, least=0, size=1.0, unit="m")
-    if not isinstance(place + fence.reach, Tracer):
+    if not traced(place, fence.rigid_length, fence.flexible_length):
+        links = _check.on_host((fence.rigid_length, fence.flexible_length))
         _check.scalar(
             "distance",
             place,
-            most=float(np.min(np.asarray(fence.reach))),
+            most=float(np.min(sum(links))),
             unit="m",
             remedy="The fence ends at rigid_length + flexible_length.",
         )
@@ -114,7 +115,12 @@ def drive_angle_of(angle: ArrayLike, drive: AbstractDrive, fence: Fence) -> Arra
     torque = isinstance(drive, AbstractTorqueDrive)
     if traced(drive, checked) or (torque and traced(fence)):
         return checked
-    nearest, furthest = _ends(drive, fence.inertia, checked) if torque else _ends(drive)
+    if type(drive) is HarmonicDrive:
+        # In closed form: the first scene of a process compiles nothing.
+        speed, cycle = _check.on_host((drive.top_speed, drive.cycle_time))
+        nearest, furthest = 0.0 * speed, speed * cycle / np.pi
+    else:
+        nearest, furthest = _ends(drive, fence.inertia, checked) if torque else _ends(drive)
     # Inside a program that is traced they are so too, whatever they are made from.
     if not traced(nearest, furthest):
         _check.scalar(
@@ -175,9 +181,9 @@ def check_clear_of_fence(parcel: Parcel, position, angle, fence: Fence, tilt, re
     by more than rounding. `position` is that of C_s [m]."""
     if traced(parcel, position, angle, fence, tilt):
         return
-    turn, tilt = np.asarray(angle), np.asarray(tilt)
+    parcel, turn, tilt = _check.on_host((parcel, angle, tilt))
     for number in _CORNERS:
-        x, y = turned((np.cos(turn), np.sin(turn)), *map(np.asarray, parcel.corner(number)))
+        x, y = turned((np.cos(turn), np.sin(turn)), *parcel.corner(number))
         place_x, place_y = position[0] + x, position[1] + y
         along = place_x * np.cos(tilt) + place_y * np.sin(tilt)
         beyond = place_x * np.sin(tilt) - place_y * np.cos(tilt) + np.asarray(fence.rise(along))

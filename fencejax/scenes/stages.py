@@ -125,9 +125,9 @@ def oblique_impact(
 def _turned_clear(parcel: Parcel, start: AtTouch, fence: Fence) -> None:
     """Refuse a parcel that touches with one corner and lies beyond the fence with another one, or
     has no direction from C_s to the corner."""
-    x, y = parcel.corner(start.corner)
-    if traced(x, y):
+    if traced(parcel.length, parcel.breadth, parcel.center_x, parcel.center_y):
         return
+    x, y = _check.on_host(parcel).corner(start.corner)
     if start.parcel_angle is None:
         if np.any((np.asarray(x) == 0) & (np.asarray(y) == 0)):
             raise ValueError(
@@ -137,9 +137,9 @@ def _turned_clear(parcel: Parcel, start: AtTouch, fence: Fence) -> None:
         return
     if traced(start, fence):
         return
-    turn, tilt = start.parcel_angle, start.drive_angle
-    x, y = turned((jnp.cos(turn), jnp.sin(turn)), x, y)
-    foot = turned((jnp.cos(tilt), jnp.sin(tilt)), start.place, fence.rise(start.place))
+    turn, tilt, place = _check.on_host((start.parcel_angle, start.drive_angle, start.place))
+    x, y = turned((np.cos(turn), np.sin(turn)), x, y)
+    foot = turned((np.cos(tilt), np.sin(tilt)), place, fence.rise(start.place))
     position = foot[0] - x, foot[1] - y
     remedy = "Change `parcel_angle`, or name that corner in `corner`."
     check_clear_of_fence(parcel, position, turn, fence, tilt, remedy)

@@ -108,7 +108,7 @@ DRIVES = {
 def test_every_drive_is_here():
     drives = {type(make()) for make in DRIVES.values()}
     exported = {
-        value for value in vars(fj).values()
+        value for value in (getattr(fj, name) for name in fj.__all__)
         if isinstance(value, type) and issubclass(value, fj.AbstractDrive)
     }
     # What a torque drives has no law of the angle: `test_torque_drive.py`.

@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -243,3 +244,14 @@ def test_a_scene_is_made_inside_a_program_with_parts_of_numbers():
         return fj.scenes.oblique_impact(parcel=parcel, drive=swing, duration=0.1).parcel.mass
 
     assert jax.jit(mass)(3.0) == 3.0
+
+
+def test_a_scene_is_made_within_a_program_that_traces_some_of_its_numbers():
+    # What is known is checked on the host, what is traced is not, whatever else is.
+    def start(mass):
+        parcel = eqx.tree_at(lambda parcel: parcel.mass, fj.Parcel(), mass)
+        for angle in (None, 0.5):
+            scene = fj.scenes.oblique_impact(parcel=parcel, parcel_angle=angle)
+        return scene.parcel.mass + scene.start.place
+
+    assert float(jax.jit(start)(2.0)) == 3.0

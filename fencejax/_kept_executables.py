@@ -1,0 +1,129 @@
+"""Executables kept in the folder of `_kept_programs`: where one is found there is nothing to
+trace, to lower or to compile.
+
+An executable is found by what finds a traced program and by the kind of processor. It is written as
+JAX writes it, a pickle: as much to be trusted as what JAX's own cache in the same folder makes run.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+from jax.experimental.compilation_cache import compilation_cache
+
+from ._kept_programs import Program, Store, UnknownError, abstract, keeping, processor
+from ._xla import all_settings, nothing_is_traced
+
+
+def compiled(
+    function: Callable[[list[Any]], Any], options: dict[str, Any] | None, *what: Any
+) -> Callable[[list[Any]], Any]:
+    """`jax.jit(function)`, a map from a list of arrays to a pytree, whose executable is in the
+    folder of `keep_programs` too: where it is found there is nothing to trace, lower or compile.
+
+    `what` tells it from all others, as for `kept`.
+    """
+    jitted = jax.jit(function, compiler_options=options)
+    ready: dict[Any, Program | None] = {}
+    of: list[Store | None] = [None]
+
+    def run(numbers: list[Any]) -> Any:
+        store = keeping()
+        if store is None or jax.config.jax_disable_jit or not nothing_is_traced():  # pyright: ignore
+            return jitted(numbers)
+        if not all(isinstance(number, jax.Array) for number in numbers):
+            return jitted(numbers)
+        if of[0] is not store:
+            ready.clear()
+            of[0] = store
+        key = tuple((number.aval, number.sharding) for number in numbers), all_settings()
+        if key not in ready:
+            place = _place(store, numbers, options, what)
+            ready[key] = None
+            if place is not None:
+                program = _load(store, place)
+                if program is None or not _runs(program, numbers):
+                    program = _compile(function, numbers, options)
+                    _save(store, place, program, len(numbers))
+                ready[key] = program
+        program = ready[key]
+        if program is None:
+            return jitted(numbers)
+        return jax.tree.unflatten(program.results, program.run(numbers))
+
+    return run
+
+
+def _place(store: Store, numbers, options, what) -> Path | None:
+    """Where the executable for such numbers is, if they are all of one device."""
+    if any(number.device != jax.devices()[0] for number in numbers):
+        return None
+    what = "compiled", processor(), [list(pair) for pair in (options or {}).items()], *what
+    try:
+        known = [abstract(number) for number in numbers]
+        return store.place(what, jax.tree.structure(numbers), known, "executable")
+    except UnknownError:
+        return None
+
+
+def _runs(program: Program, numbers) -> bool:
+    """Whether an executable runs here: a part that it lacks is missed no sooner."""
+    try:
+        jax.block_until_ready(program.run(numbers))
+    except Exception:
+        return False
+    return True
+
+
+def _compile(function, numbers, options) -> Program:
+    """A program compiled anew. One that JAX itself has read from its cache cannot be written
+    whole."""
+    structure = []
+
+    def flat(numbers):
+        found, shape = jax.tree.flatten(function(numbers))
+        structure.append(shape)
+        return found
+
+    lowered = jax.jit(flat, compiler_options=options).lower(numbers)
+    was = jax.config.jax_enable_compilation_cache  # pyright: ignore
+    jax.config.update("jax_enable_compilation_cache", False)
+    compilation_cache.reset_cache()
+    try:
+        return Program(lowered.compile(), structure[0])
+    finally:
+        jax.config.update("jax_enable_compilation_cache", was)
+        compilation_cache.reset_cache()
+
+
+def _load(store: Store, place: Path) -> Program | None:
+    """The executable kept there, if it is whole and JAX can read it."""
+    from jax.experimental import serialize_executable
+
+    found = store.read(place)
+    if found is None:
+        return None
+    results, content = found
+    count, _, program = content.partition(b"\n")
+    given = jax.tree.structure((([0] * int(count),), {}))
+    flat = jax.tree.structure([0] * results.num_leaves)
+    devices = jax.devices()[:1]
+    try:
+        run = serialize_executable.deserialize_and_load(
+            program, given, flat, execution_devices=devices
+        )
+    except Exception:
+        return None
+    return Program(run, results)
+
+
+def _save(store: Store, place: Path, program: Program, count: int) -> None:
+    """Keep an executable that takes so many arrays, if JAX can write it."""
+    from jax.experimental import serialize_executable
+
+    try:
+        written, _, _ = serialize_executable.serialize(program.run)
+    except Exception:
+        return
+    store.write(place, program.results, b"%d\n" % count + written)
