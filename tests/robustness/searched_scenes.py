@@ -15,7 +15,8 @@ _FENCE_AND_PARCEL = {
     "damping_ratio": (0.002, 0.1), "mass": (0.2, 60), "stiffness": (1e7, 1e13),
     "damping": (1e1, 1e7),
 }  # fmt: skip
-"""What a real fence and parcel can have; E / rho is at most 1e8 m^2/s^2, besides."""
+"""What a real fence and parcel can have; E / rho is at most 1e8 m^2/s^2, besides, and static
+friction no less than kinetic."""
 REALISTIC = {**USUAL, **_FENCE_AND_PARCEL, "flexible": (0.15, 1.0)}
 # A sort's numbers, as far as a scene of its own does not already name them.
 _SORT = {
@@ -66,6 +67,9 @@ class Searched(NamedTuple):
             found[n] = low + column * (high - low)
         found["modulus"] = np.minimum(found["modulus"], 1e8 * found["density"])
         found["ride"] = found["belt"]
+        if name == "realistic":
+            for kinetic, static in (("belt_kinetic", "belt_static"), ("kinetic", "static")):
+                found[static] = np.maximum(found[static], found[kinetic])
         return found
 
     def count(self, name: str) -> int:
