@@ -51,6 +51,9 @@ class Fidelity(Readable):
       forces are balanced, 4e-3. `None`: no control, fixed steps of `step`, as those of `reference`.
     - `halvings`: how often a step may be halved for it. Where the shortest ones still miss it, the
       status says `STEP_TOO_COARSE`.
+    - `gradient_tolerance`: how far the gradient of the peak force may be off, relative to its norm,
+      by the estimate that the steps make of it (`Result.gradient_error`): above it the status says
+      `STEP_TOO_COARSE`, where a gradient is asked for.
     - `step` [s]: the integrator's step where forces change smoothly, and the distance of samples in
       a contact (of a general integrator: of all samples).
     - `longest_stride`: how many such steps may be taken in one, a power of two, where nothing is
@@ -95,6 +98,7 @@ class Fidelity(Readable):
     load: str = "consistent"
     step_tolerance: float | None = 5e-4
     halvings: int = 3
+    gradient_tolerance: float = 0.1
     step: float = 5e-4
     longest_stride: int | None = None
     stride_tolerance: float = 1e-3
@@ -127,7 +131,10 @@ class Fidelity(Readable):
                     "Argument `longest_stride` must be a power of two, but is "
                     f"{self.longest_stride}."
                 )
-        positive = "step", "stride_tolerance", "slip_speed", "static_speed", "tip_fade", "tolerance"
+        positive = (
+            "gradient_tolerance", "step", "stride_tolerance", "slip_speed", "static_speed",
+            "tip_fade", "tolerance",
+        )  # fmt: skip
         for name in positive:
             _check.number(name, getattr(self, name), above=0.0)
         _check.choice("geometry", self.geometry, ("small", "arc", "chord"))
@@ -253,8 +260,8 @@ class Fidelity(Readable):
         """A tolerance of 1 %, steps of 1 ms at most, two modes, friction smoothed over 1 mm/s: for
         sweeps."""
         settings = dict(
-            modes=2, step=1e-3, step_tolerance=1e-2, stride_tolerance=5e-3, slip_speed=1e-3,
-            static_speed=5e-3,
+            modes=2, step=1e-3, step_tolerance=1e-2, gradient_tolerance=1 / 3,
+            stride_tolerance=5e-3, slip_speed=1e-3, static_speed=5e-3,
         )  # fmt: skip
         return cls(**{**settings, **changes})
 
@@ -264,7 +271,8 @@ class Fidelity(Readable):
         mm/s: for searches. Its worst gradients are those of parcels whose friction turns round near
         the peak.
         """
-        return cls(**{"step_tolerance": 2e-3, "stride_tolerance": 5e-3, **changes})
+        settings = dict(step_tolerance=2e-3, gradient_tolerance=0.2, stride_tolerance=5e-3)
+        return cls(**{**settings, **changes})
 
     @classmethod
     def standard(cls, **changes) -> "Fidelity":

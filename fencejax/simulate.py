@@ -13,6 +13,7 @@ from jaxtyping import Array
 from . import _check
 from ._forward_mode import by_columns, once_alone
 from ._kept_executables import compiled
+from ._refusals import refuse, refuse_fence
 from ._xla import fusion_barrier, sound
 from .fidelity import Fidelity
 from .integrators import (
@@ -34,7 +35,7 @@ from .model import (
     fence_pose,
     swung,
 )
-from .parts import AbstractDrive, AbstractTaper, DriveMotion, Fence
+from .parts import DriveMotion
 from .results import (
     MEASURES,
     Kept,
@@ -133,7 +134,7 @@ def simulate(
             f"alone, but is {fidelity.integrator!r}. Write fidelity.replace(integrator=\"modal\")."
         )
     if scene.fence is not None:
-        _refuse_fence(scene, scene.fence, fidelity)
+        refuse_fence(scene, scene.fence, fidelity)
     if fidelity.precision == "float64" and not jax.config.read("jax_enable_x64"):
         raise ValueError(
             "Argument `fidelity.precision` is 'float64', but JAX is set to single precision. Write "
@@ -152,7 +153,7 @@ def simulate(
             _check.choice("only", name, (*MEASURES, *(m.name for m in own), *_PARTS, "status"))
         only = tuple(sorted({*only, "status"}))
         history = "history" in only
-    _refuse(scene, fidelity)
+    refuse(scene, fidelity)
     result = _result(scene, fidelity, history, only, own)
     if refine:
         fidelity, result = _refined(scene, fidelity, result, history, only, own)
@@ -162,69 +163,6 @@ def simulate(
     if throw:
         raise_for(result)
     return result
-
-
-# More steps than these are no longer counted exactly in single and in double precision [1].
-_STEPS = {"float32": 2**24, "float64": 2**31 - 2}
-
-
-def _refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
-    """Raise where the scene's numbers are of a wrong type or shape, or single precision cannot give
-    what the fidelity asks for."""
-    vectors = (AbstractTaper, AbstractDrive)
-    for path, leaf in jax.tree_util.tree_leaves_with_path(
-        scene, is_leaf=lambda part: isinstance(part, vectors)
-    ):
-        if isinstance(leaf, vectors):
-            continue
-        name = jax.tree_util.keystr(path).lstrip(".")
-        shape = np.shape(leaf)
-        if shape:
-            raise ValueError(
-                f"Argument `scene` must hold one number in each field, but `{name}` has the shape "
-                f"{shape}. Write jax.vmap(lambda scene: fj.simulate(scene))(scenes) for a batch."
-            )
-    numbers = jax.tree.leaves(scene)
-    for number in numbers:
-        if jnp.result_type(number) not in (jnp.float32, jnp.float64):
-            raise TypeError(
-                f"Argument `scene` must hold floating-point numbers in single or double precision, "
-                f"but holds {number!r} of the type {jnp.result_type(number)}. Give numbers to the "
-                "constructors, which convert them."
-            )
-    precision = fidelity.precision or str(jnp.result_type(*numbers))
-    steps = scene.duration / fidelity.step
-    if steps > _STEPS[precision]:
-        raise ValueError(
-            f"Argument `duration` / `fidelity.step` must be at most {_STEPS[precision]} [1] in "
-            f"{precision}, but is {steps:g}. Raise `step` or lower `duration`."
-        )
-    if precision == "float64" or isinstance(scene, NormalScene):
-        return
-    for name, least in fidelity.beyond_single().items():
-        raise ValueError(
-            f"Argument `fidelity.{name}` must be at least {least:g} in single precision, but is "
-            f"{getattr(fidelity, name):g}: smaller changes are lost in rounding. Raise it, or "
-            'write fidelity.replace(precision="float64") with JAX\'s jax_enable_x64.'
-        )
-
-
-def _refuse_fence(scene: NormalScene | Scene, fence: Fence, fidelity: Fidelity) -> None:
-    """Raise where a part of the fence has a state that the integrator does not have."""
-    slips = fence.shaft is not None and fence.shaft.slip_torque is not None
-    yields = fence.pad is not None or fence.shear is not None
-    if (yields or slips) and fidelity.integrator != "modal":
-        raise ValueError(
-            "Argument `fidelity.integrator` must be 'modal' for a fence with a pad, a clutch or "
-            f"shear, which have states of their own, but is {fidelity.integrator!r}. Write "
-            'fidelity.replace(integrator="modal").'
-        )
-    if slips and isinstance(scene, NormalScene):
-        raise ValueError(
-            "Argument `slip_torque` of the fence's shaft must be None in a scene of the normal "
-            "direction alone, whose fence is held still. Write fj.Shaft(stiffness) without it, or "
-            "use fj.scenes.oblique_impact."
-        )
 
 
 # What a result holds beside its measures.
@@ -242,7 +180,7 @@ def _refined(scene, fidelity: Fidelity, result: Result, history: bool, only, own
     ladder = fidelity.ladder()
 
     def compute(rung: int) -> Result:
-        _refuse(scene, ladder[rung])
+        refuse(scene, ladder[rung])
         return _result(scene, ladder[rung], history, only, own)
 
     def doubted(found: Result) -> bool:
@@ -285,7 +223,10 @@ def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Meas
     run = outcome
     what = structure, fidelity, history, only, own
     if fidelity.gradient == "forward":
-        run = by_columns(outcome, diagnostics.of_derivatives, what)
+        judge = functools.partial(
+            diagnostics.of_derivatives, tolerance=fidelity.gradient_tolerance
+        )
+        run = by_columns(outcome, judge, what)
     # Others' programs are ten times as large: as one kernel they take many minutes to optimise.
     modal = fidelity.integrator == "modal"
     options = None if modal else {"xla_backend_optimization_level": 0}

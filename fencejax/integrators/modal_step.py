@@ -30,12 +30,12 @@ from ..model import (
     bending_loads,
     force_tolerance,
 )
-from ..parts import AbstractFriction, DriveMotion
+from ..parts import DriveMotion
 from ..scenes import Body
 from . import friction_tangent, newton, newton_matrix
 from .fence_response import FenceEnd
-from .step_control import Control, controlled
-from .step_defect import Ends, Pair
+from .step_control import Control, contacts, controlled
+from .step_defect import Pair
 from .step_size import Clock, StepSize, Stride, next_step_size, stride_counts
 
 
@@ -314,7 +314,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
                 mechanics.law, mechanics.viscosity, mechanics.mass, mechanics.frictions,
                 mechanics.fidelity.smoothing,
             )  # fmt: skip
-            now = _contacts(
+            now = contacts(
                 forces, () if frame is None else frame.shares, mechanics.frictions
             )
             was = memory.fence
@@ -354,21 +354,6 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         step_size=size,
     )
     return memory, SceneState(time, after, forces, state), h, unbalance
-
-
-def _contacts(
-    forces: Forces,
-    shares: tuple[Array, ...],
-    frictions: tuple[AbstractFriction | None, ...],
-) -> tuple[Ends, ...]:
-    """What the control of the next step has to know of each contact; `shares` [1] of the contact
-    law act at the fence's corners."""
-    found = []
-    for k, (what, touch, _, _) in enumerate(forces.meetings):
-        share = touch.remaining(shares[k]) if k < len(shares) else jnp.ones_like(what.gap)
-        rubs = () if frictions[k] is None else (what.friction, what.sliding)
-        found.append(Ends(what.normal, what.gap, what.gap_rate, share, *rubs))
-    return tuple(found)
 
 
 def at_rest(

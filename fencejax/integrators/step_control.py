@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..model import FenceState, force_tolerance
+from ..model import FenceState, Forces, force_tolerance
 from ..parts import AbstractFriction
 from .fence_response import FenceEnd
 from .step_defect import INNER, Ends, Pair, defects, friction_defect
@@ -56,6 +56,21 @@ class Control(NamedTuple):
     def unmet(self) -> Array:
         """Whether the steps missed more, in excess of what is allowed, than what is allowed."""
         return self.excess > self.allowed
+
+
+def contacts(
+    forces: Forces,
+    shares: tuple[Array, ...],
+    frictions: tuple[AbstractFriction | None, ...],
+) -> tuple[Ends, ...]:
+    """What the control of the next step has to know of each contact; `shares` [1] of the contact
+    law act at the fence's corners."""
+    found = []
+    for k, (what, touch, _, _) in enumerate(forces.meetings):
+        share = touch.remaining(shares[k]) if k < len(shares) else jnp.ones_like(what.gap)
+        rubs = () if frictions[k] is None else (what.friction, what.sliding)
+        found.append(Ends(what.normal, what.gap, what.gap_rate, share, *rubs))
+    return tuple(found)
 
 
 def _judged(

@@ -53,16 +53,16 @@ _CREEP_LOSS = 0.00105
 _CREEP_SPEED = 3.0
 # Share of the slip at the peak that may be the creep of a parcel that stuck before.
 _CREEP_SHARE = 0.0082
-# Tip deflection that only a motion out of control has, in limits of the linear beam [1]: beyond it
-# no force has to do with that of finer steps (`tests/robustness/runaway.py`).
-_RUNAWAY = 10.0
+# Share of the slip at the peak that the belt's friction may add within a step, of a parcel that
+# turned round on it before: when in the step it did so counts.
+_STEP_SLIP = 0.015
+# Tip deflection that only a motion out of control has, in limits of the linear beam [1]. From 10 on
+# no force has to do with that of finer steps (`tests/robustness/runaway.py`); up to here it is only
+# said, so that what longer steps have driven there is computed finer.
+_RUNAWAY = 40.0
 # Turn of the hinge's oscillation against its shaft within a step [rad], above which a clutch that
 # slips holds its moment too late.
 _SLIPPING = 1.0
-# Share of a gradient's norm that its estimated error may be, above which the steps are too long for
-# it: two thirds of what a good status promises at `standard` (`offline_fuzz.py`), as the true error
-# may be above the estimate where friction turns round.
-_SLOPES = 2 / 3 * 0.15
 
 
 class Evidence(NamedTuple):
@@ -121,6 +121,15 @@ def _smoothed(scene: Scene, fidelity: Fidelity, seen: Evidence, weight: Array) -
     creep = largest * fidelity.slip_speed + jump * fidelity.static_speed
     early = (peak.creep_time > 0.25 * fidelity.step) & (creep > _CREEP_SHARE * largest * peak.slip)
     return (seen.force.value > 0) & (now | late | early)
+
+
+def _belt_slip_unresolved(scene: Scene, fidelity: Fidelity, seen: Evidence) -> Array:
+    """Whether it is too much beside the slip at the peak what friction adds in a step's length h,
+    mu g h, of a parcel that turned round on the belt before."""
+    assert scene.belt is not None
+    peak = seen.resolution.at_peak
+    jump = scene.belt.friction.scales(peak.slip).largest * scene.belt.gravity * fidelity.step
+    return (peak.belt_slip_reversed > 0) & (jump > _STEP_SLIP * peak.slip)
 
 
 def unresolved(
@@ -186,6 +195,8 @@ def of_record(
     if scene.belt is not None and scene.fence_corners:
         smoothed = _smoothed(scene, mechanics.fidelity, seen, weight)
         checks.append((Status.FRICTION_SMOOTHED, smoothed))
+        too_coarse = _belt_slip_unresolved(scene, mechanics.fidelity, seen)
+        checks.append((Status.STEP_TOO_COARSE, too_coarse))
     if mechanics.link is not None and mechanics.link.frequency_squared:
         assert scene.fence is not None
         allowed = _RESIDUAL_DEFLECTION * scene.fence.flexible_length
@@ -305,11 +316,13 @@ def of_result(scene: NormalScene | Scene, result: Result) -> Result:
 Outcome = tuple[Result, SlopeEvidence | None]
 
 
-def of_derivatives(outcome: Outcome, columns: Outcome, at: Array) -> tuple[Outcome, Outcome]:
+def of_derivatives(
+    outcome: Outcome, columns: Outcome, at: Array, tolerance: float
+) -> tuple[Outcome, Outcome]:
     """The same with what the derivatives in numbers of the values `at` say of the status:
-    `STEP_TOO_COARSE` where the steps miss too much of those of the peak force, and `NON_FINITE`,
-    with derivatives of 0, where one is not finite, as of a state that runs away and is finite
-    still.
+    `STEP_TOO_COARSE` where the steps miss more of those of the peak force than the `tolerance` [1];
+    and `NON_FINITE`, with derivatives of 0, where one is not finite, as of a state that runs away
+    and is finite still.
 
     A motion whose derivative is lost ends without one. So in a whole result the end and the tip
     tell: looking at all of it would cost the derivatives that nobody reads.
@@ -320,7 +333,7 @@ def of_derivatives(outcome: Outcome, columns: Outcome, at: Array) -> tuple[Outco
     if slopes is not None and of_slopes is not None and of_slopes.force.shape == at.shape:
         error = relative_error(of_slopes, slopes.force, at)
         result = eqx.tree_at(lambda r: r.gradient_error, result, error)
-        coarse = (error > _SLOPES) & (status <= Status.LEFT_OVER_TIP)
+        coarse = (error > tolerance) & (status <= Status.LEFT_OVER_TIP)
         status = jnp.where(coarse, float(Status.STEP_TOO_COARSE), status)
     whole = of_result.final is not None
     finite = _finite({f: c for f, c in _fields(of_result).items() if not whole or f in _TELLING})

@@ -30,25 +30,29 @@ from .sample import Sample
 class AtPeak(NamedTuple):
     """What was so when the fence's force was largest: `slip` [m/s] is the speed at which C_s
     slipped on the belt, `creep_time` [s] how long it had crept on it until then, `over_tip` 1.0
-    where a corner ran over the tip then or a step later."""
+    where a corner ran over the tip then or a step later, `belt_slip_reversed` where C_s, pressed by
+    the fence, had turned round on the belt."""
 
     slip: Array
     creep_time: Array
     over_tip: Array
+    belt_slip_reversed: Array
 
 
 class Resolution(NamedTuple):
     """`roughness`, `border_roughness` [N] are the largest second differences of the forces of the
     fence, but for its end over the tip, and of the still surfaces from step to step; `creep_time`
     [s] is how long C_s, under the fence's force, has let go of the belt or come to rest on it so
-    far, neither at rest nor sliding; `largest` [N] is the fence's largest force at a sample;
-    `residual_acceleration` [m/s^2] is the largest |N''| G under a corner, G [m/N] the compliance of
-    the modes left out, and `residual_deflection` [m] the largest deflection G N that they take
-    there."""
+    far, neither at rest nor sliding; `belt_slip_reversed` is 1.0 where C_s, pressed by the fence,
+    has turned round on the belt within a step; `largest` [N] is the fence's largest force at a
+    sample; `residual_acceleration` [m/s^2] is the largest |N''| G under a corner, G [m/N] the
+    compliance of the modes left out, and `residual_deflection` [m] the largest deflection G N that
+    they take there."""
 
     roughness: Array
     border_roughness: Array
     creep_time: Array
+    belt_slip_reversed: Array
     largest: Array
     residual_acceleration: Array
     residual_deflection: Array
@@ -107,6 +111,17 @@ def _creep_time(
     return known + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
 
 
+def _belt_slip_reversed(
+    before: Slip, now: Slip, sample: Sample, smoothing: Smoothing, known: Array
+) -> Array:
+    """1.0 from when C_s, pressed by the fence, has turned round on the belt from step to step."""
+    if sample.belt is None or not sample.fence:
+        return known
+    slides = jnp.maximum(before.speed, now.speed) > 2 * smoothing.slip_speed
+    turns = (before.x * now.x + before.y * now.y < 0) & slides & (sample.fence_force > 0)
+    return jnp.where(turns, 1.0, known)
+
+
 def _at_peak(peak: Peak, known: AtPeak, sample: Sample, new: AtPeak) -> AtPeak:
     """`known`, or what is so now where the force has not been larger; `peak` lacks this sample."""
     higher = sample.fence_force > peak.value
@@ -144,7 +159,7 @@ def ends_over_tip(step: Step) -> Array:
 
 def _start(nothing: Sample, body: Body) -> Resolution:
     zero = nothing.time
-    return Resolution(*(zero,) * 6, at_peak=AtPeak(*(zero,) * 3))
+    return Resolution(*(zero,) * 7, at_peak=AtPeak(*(zero,) * 4))
 
 
 def _update(state: Resolution, step: Step) -> Resolution:
@@ -162,12 +177,14 @@ def _update(state: Resolution, step: Step) -> Resolution:
             surface.before, surface.now, at_surfaces, step.span, step.second
         )
         of_border = jnp.maximum(of_border, of_surfaces)
-    at_peak = AtPeak(slip.speed, creep_time, now.over_tip)
+    on_belt = _belt_slip_reversed(slip_before, slip, now, smoothing, state.belt_slip_reversed)
+    at_peak = AtPeak(slip.speed, creep_time, now.over_tip, on_belt)
     acceleration = _residual_acceleration(now, roughness, length)
     return Resolution(
         roughness=jnp.maximum(state.roughness, roughness),
         border_roughness=jnp.maximum(state.border_roughness, of_border),
         creep_time=creep_time,
+        belt_slip_reversed=on_belt,
         largest=jnp.maximum(state.largest, jax.lax.stop_gradient(now.fence_force)),
         residual_acceleration=jnp.maximum(state.residual_acceleration, acceleration),
         residual_deflection=_residual_deflection(now, state.residual_deflection),

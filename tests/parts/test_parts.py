@@ -122,8 +122,9 @@ def test_size_of_the_state():
     assert cost("free motion beside a fence")[0] == 12 + 3 * MODES
     assert cost("oblique impact")[0] == 12 + 3 * MODES + 8 + 4
     # Error control: steps taken and to come 2, what it judges by 4; of each contact its force, gap,
-    # rate and share at the step's end, and how its foot drifts, 5.
-    assert cost("oblique impact, under control")[0] == cost("oblique impact")[0] + 6 + 5
+    # rate and share at the step's end, and how its foot drifts, 5; its friction and its sliding
+    # speed, 2.
+    assert cost("oblique impact, under control")[0] == cost("oblique impact")[0] + 6 + 7
     assert cost("without fence friction")[0] == 12 + 3 * MODES + 8
     assert cost("without static correction")[0] == 12 + 3 * MODES + 5
     assert cost("one mode")[0] == 12 + 3 + 5

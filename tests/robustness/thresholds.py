@@ -120,7 +120,7 @@ TRIALS = {
         halves, _impact,
         (
             "_LAGGING", "_RESIDUAL_DEFLECTION", "_SMOOTHED", "_CREEP_LOSS", "_CREEP_SPEED",
-            "_CREEP_SHARE",
+            "_CREEP_SHARE", "_STEP_SLIP",
         ),
     ),
     "impacts, fixed steps": Trial(
