@@ -8,16 +8,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-# Programs here run once: the least of the compiler's effort does for them, without the passes that
-# only make them faster and go through a program again and again. Not where speed is measured.
-_SPEED_ALONE = (
-    "while-loop-invariant-code-motion", "while-loop-trip-count-annotator", "reshape-mover",
-    "tree_reduction_rewriter", "post_scatter_expansion_simplification", "simplify-conditional",
-    "constant_folding",
-)  # fmt: skip
+# Programs here run once: the least of the compiler's effort does for them. Not where speed is
+# measured.
 if not any(argument.startswith("--bench") for argument in sys.argv):
-    passes = f"--xla_disable_hlo_passes={','.join(_SPEED_ALONE)}"
-    os.environ.setdefault("XLA_FLAGS", f"--xla_backend_optimization_level=0 {passes}")
+    os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
 
 # Tracing makes millions of objects that stay: to look for garbage among them as often as usual
 # takes a fifth of its time.
