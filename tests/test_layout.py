@@ -25,6 +25,7 @@ FLOORS = {
     "integrators": 3,
     "results": 3,
     "model": 2,
+    "_refusals": 2,
     "scenes": 1,
     "parts": 0,
     "fidelity": 0,

@@ -154,6 +154,12 @@ class FlexibleLink(eqx.Module):
         """omega_i^2 [1/s^2] of the fence clamped at its root."""
         return self.eigenvalues if self.hinge is None else self.hinge.link.eigenvalues
 
+    @property
+    def slowest(self) -> Array:
+        """Omega^2 [1/s^2] of the first mode that bends, or of the only one."""
+        free = self.hinge is not None and self.hinge.driven and self.eigenvalues.size > 1
+        return self.eigenvalues[int(free)]
+
     def motion(self, drive: DriveMotion, state: Vibration, force: Blocks = ()) -> DriveMotion:
         """The drive's motion, or, where it is the hinge's that a torque drives, that of the `state`
         under the modal forces [m/s^2]; without these, but for its acceleration."""

@@ -30,12 +30,21 @@ _SETTLED = NUMERICAL - {Status.LIMIT_REACHED}
 # resolved: the peak is off by up to a fifth of that share (the most that a search finds,
 # `tests/robustness/search.py`), its gradient by up to twice of it.
 _ROUGHNESS = 0.12
+# The same where parcel and fence had parted before the peak: a blow depends on when the one before
+# it ended, and its derivative far more so.
+_REBOUND_ROUGHNESS = 0.01
 # How far above its samples a force may peak, in tolerances of the error control: that has each
 # contact's force within one of them of the line between two samples, half way too, where a parabola
 # is furthest off; and two corners may press at a time. A peak beyond that is a kink of the force,
 # such as where a corner comes to the tip, seen as a parabola: its derivative follows how the
 # samples happen to lie.
 _ABOVE_SAMPLES = 2.0
+# The first mode's angular frequency times the step: above it a friction that turns round within a
+# step rings the fence as it would not in time, by little, but the derivative counts its phase.
+_RINGING = 1.5
+# So it does under a contact that is all damper, which holds the fence to the corner: its time of
+# relaxation dN/dDdot over the secant stiffness N(D, 0) / D, in steps.
+_DAMPER_HELD = 1e6
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
 # contact: |N''| G / w^2 with their compliance G and w between the highest frequency kept and the
 # lowest left out.
@@ -142,14 +151,15 @@ def unresolved(
     """Whether steps do not resolve the fence's force, or the modes kept do not. Steps under error
     control say so themselves, by `unmet`, and by a peak that is further above its samples than
     they allow; of fixed ones the force's second difference tells, of which `tolerated` [N] do not
-    matter."""
+    matter. A peak of a later blow asks for more."""
     if unmet is None or fidelity.step_tolerance is None:
         rough = seen.resolution.roughness > _ROUGHNESS * seen.force.value + tolerated
     else:
         tolerance = max(fidelity.step_tolerance, 2 * force_tolerance(seen.force.value.dtype))
         above = seen.force.value - seen.resolution.largest
         rough = unmet | (above > _ABOVE_SAMPLES * tolerance * seen.force.value)
-    checks = [(Status.STEP_TOO_COARSE, rough)]
+    again = seen.resolution.at_peak.rebound_roughness > _REBOUND_ROUGHNESS * seen.force.value
+    checks = [(Status.STEP_TOO_COARSE, rough | again)]
     if link is not None and link.clamped_eigenvalues.size:
         # A clamped beam's n-th frequency goes with (n - 1/2)^2.
         clamped = jax.lax.stop_gradient(link.clamped_eigenvalues)
@@ -198,6 +208,14 @@ def of_record(
         too_coarse = _belt_slip_unresolved(scene, mechanics.fidelity, seen)
         checks.append((Status.STEP_TOO_COARSE, too_coarse))
     if mechanics.link is not None and mechanics.link.frequency_squared:
+        frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.slowest))
+        rings = frequency * mechanics.fidelity.step > _RINGING
+        still = jnp.zeros_like(seen.deepest)
+        elastic = mechanics.law.force(seen.deepest, still, mechanics.viscosity).force
+        damper = mechanics.law.force(seen.deepest, still + 1, mechanics.viscosity).by_rate
+        pinned = damper * seen.deepest > _DAMPER_HELD * mechanics.fidelity.step * elastic
+        reversed_ = seen.resolution.at_peak.sliding_reversed > 0
+        checks.append((Status.STEP_TOO_COARSE, rings & (pinned | reversed_)))
         assert scene.fence is not None
         allowed = _RESIDUAL_DEFLECTION * scene.fence.flexible_length
         bends = seen.resolution.residual_deflection > allowed

@@ -15,6 +15,7 @@ from ..fidelity import Smoothing
 from ..scenes import Body
 from .accumulators import (
     BORDER,
+    CONTACT,
     FORCE,
     OVER_TIP,
     SURFACE,
@@ -30,12 +31,16 @@ from .sample import Sample
 class AtPeak(NamedTuple):
     """What was so when the fence's force was largest: `slip` [m/s] is the speed at which C_s
     slipped on the belt, `creep_time` [s] how long it had crept on it until then, `over_tip` 1.0
-    where a corner ran over the tip then or a step later, `belt_slip_reversed` where C_s, pressed by
-    the fence, had turned round on the belt."""
+    where a corner ran over the tip then or a step later, `rebound_roughness` [N] the largest second
+    difference of the force from step to step until then if parcel and fence had parted before, else
+    0; `sliding_reversed` 1.0 where a corner pressed on the fence had come to rest on it, or turned
+    round, before, `belt_slip_reversed` where C_s, pressed by it, had turned round on the belt."""
 
     slip: Array
     creep_time: Array
     over_tip: Array
+    rebound_roughness: Array
+    sliding_reversed: Array
     belt_slip_reversed: Array
 
 
@@ -43,15 +48,18 @@ class Resolution(NamedTuple):
     """`roughness`, `border_roughness` [N] are the largest second differences of the forces of the
     fence, but for its end over the tip, and of the still surfaces from step to step; `creep_time`
     [s] is how long C_s, under the fence's force, has let go of the belt or come to rest on it so
-    far, neither at rest nor sliding; `belt_slip_reversed` is 1.0 where C_s, pressed by the fence,
-    has turned round on the belt within a step; `largest` [N] is the fence's largest force at a
-    sample; `residual_acceleration` [m/s^2] is the largest |N''| G under a corner, G [m/N] the
-    compliance of the modes left out, and `residual_deflection` [m] the largest deflection G N that
-    they take there."""
+    far, neither at rest nor sliding; `separated` and `sliding_reversed` are 1.0 where parcel and
+    fence have touched and parted, and where a corner pressed on the fence has come to rest on it or
+    turned round, `belt_slip_reversed` where C_s, pressed by the fence, has turned round on the belt
+    within a step; `largest` [N] is the fence's largest force at a sample; `residual_acceleration`
+    [m/s^2] is the largest |N''| G under a corner, G [m/N] the compliance of the modes left out, and
+    `residual_deflection` [m] the largest deflection G N that they take there."""
 
     roughness: Array
     border_roughness: Array
     creep_time: Array
+    separated: Array
+    sliding_reversed: Array
     belt_slip_reversed: Array
     largest: Array
     residual_acceleration: Array
@@ -111,6 +119,16 @@ def _creep_time(
     return known + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
 
 
+def _sliding_reversed(before: Sample, sample: Sample, smoothing: Smoothing, known: Array) -> Array:
+    """1.0 from when a corner pressed on the fence has come to rest on it or turned round."""
+    for was, now in zip(before.fence, sample.fence, strict=True):
+        pressed = (was.normal > 0) & (now.normal > 0)
+        rests = jnp.abs(now.sliding) < smoothing.slip_speed
+        turns = pressed & (rests | (was.sliding * now.sliding < 0))
+        known = jnp.where(turns, 1.0, known)
+    return known
+
+
 def _belt_slip_reversed(
     before: Slip, now: Slip, sample: Sample, smoothing: Smoothing, known: Array
 ) -> Array:
@@ -159,7 +177,7 @@ def ends_over_tip(step: Step) -> Array:
 
 def _start(nothing: Sample, body: Body) -> Resolution:
     zero = nothing.time
-    return Resolution(*(zero,) * 7, at_peak=AtPeak(*(zero,) * 4))
+    return Resolution(*(zero,) * 9, at_peak=AtPeak(*(zero,) * 6))
 
 
 def _update(state: Resolution, step: Step) -> Resolution:
@@ -177,13 +195,19 @@ def _update(state: Resolution, step: Step) -> Resolution:
             surface.before, surface.now, at_surfaces, step.span, step.second
         )
         of_border = jnp.maximum(of_border, of_surfaces)
+    apart = (step.known["contact"].touched > 0) & (now.fence_force <= 0)
+    separated = jnp.where(apart, 1.0, state.separated)
+    roughest = jnp.maximum(state.roughness, roughness)
+    reversed_ = _sliding_reversed(before, now, smoothing, state.sliding_reversed)
     on_belt = _belt_slip_reversed(slip_before, slip, now, smoothing, state.belt_slip_reversed)
-    at_peak = AtPeak(slip.speed, creep_time, now.over_tip, on_belt)
+    at_peak = AtPeak(slip.speed, creep_time, now.over_tip, separated * roughest, reversed_, on_belt)
     acceleration = _residual_acceleration(now, roughness, length)
     return Resolution(
-        roughness=jnp.maximum(state.roughness, roughness),
+        roughness=roughest,
         border_roughness=jnp.maximum(state.border_roughness, of_border),
         creep_time=creep_time,
+        separated=separated,
+        sliding_reversed=reversed_,
         belt_slip_reversed=on_belt,
         largest=jnp.maximum(state.largest, jax.lax.stop_gradient(now.fence_force)),
         residual_acceleration=jnp.maximum(state.residual_acceleration, acceleration),
@@ -192,4 +216,6 @@ def _update(state: Resolution, step: Step) -> Resolution:
     )
 
 
-RESOLUTION = Accumulator("resolution", _start, _update, needs=(FORCE, BORDER, SURFACE, OVER_TIP))
+RESOLUTION = Accumulator(
+    "resolution", _start, _update, needs=(FORCE, BORDER, SURFACE, CONTACT, OVER_TIP)
+)

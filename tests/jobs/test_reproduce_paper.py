@@ -144,7 +144,7 @@ def test_open_numbers_move_what_they_should(quick):
 
 
 @eqx.filter_jit
-def impact(fence, mass, distance):
+def impact(fence, mass, distance, fidelity=_FAST):
     """Peak force [N] and tip deflection [m] of the library's own oblique impact."""
     scene = fj.scenes.oblique_impact(
         fence=fence,
@@ -153,7 +153,7 @@ def impact(fence, mass, distance):
         drive_angle=0.30,
         duration=maps.DURATION,
     )
-    result = fj.simulate(scene, fidelity=_FAST, history=False)
+    result = fj.simulate(scene, fidelity=fidelity, history=False)
     return result.peak_force, result.tip_deflection
 
 
@@ -188,7 +188,9 @@ def test_sensitivities_are_differences(quick):
             thickness=thickness,
             material=fj.Material(*material),
         )
-        return float(impact(varied, mass, place)[0])
+        # Fixed steps: one step more between two ends is a jump, which a difference would count.
+        steady = _FAST.replace(step_tolerance=None)
+        return float(impact(varied, mass, place, steady)[0])
 
     for index, fence in enumerate((fj.Fence(), fj.Fence.one_link())):
         material = fence.material
@@ -209,7 +211,8 @@ def test_sensitivities_are_differences(quick):
                 ends[shift] = force(fence, moved)
             (low, below), (high, above) = ends.items()
             slope = (above - below) / (high - low) * (1.0 if ratio else value) / unmoved
-            # The ends are off by shares of the steps' tolerance, here 3e-4, over 2 %.
+            # The slopes are off by some shares of a per cent at `fast`, the differences by the square
+            # of their width.
             assert found.slope[index, at, number] == pytest.approx(slope, rel=1e-2, abs=2e-2)
 
 

@@ -39,8 +39,12 @@ GIVEN = {
     "flat-impact", "all-but-flat", "corner-first", "other-corner-first", "far-out", "at-the-tip",
     "grazing", "chatter", "jam",
 }
-# They stick and are let go, over a speed that is not small beside theirs at the peak.
-WARNED = {("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse")}
+# They stick and are let go, over a speed that is not small beside theirs at the peak; or, light,
+# bounce so often that the errors of all blows in the gradient, summed in size, are half of it.
+WARNED = {
+    ("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse"), ("mass-1g", "coarse"),
+    ("mass-100g", "coarse"),
+}
 # What the rungs cannot give is said, and by which status.
 SAID = {
     ("static-far-above", "coarse"): fj.Status.STEP_TOO_COARSE,

@@ -33,8 +33,9 @@ GIVEN = {
     },
 }
 # Two modes, steps of 1 ms or friction smoothed over 1 mm/s are not enough for them, and the status
-# says so.
+# says so; or, undamped, the errors that blow after blow makes in the gradient, summed in size.
 WARNED = {
+    ("flush", "undamped"), ("flush", "mass-100kg"),
     ("flush", "one-link"), ("flush", "steel"), ("flush", "drive-fast"), ("flush", "centre-low"),
     ("flush", "stiffness-1e6"), ("flush", "ordinary"), ("flush", "static-is-kinetic"),
     ("flush", "drive-at-its-start"), ("border", "size-1m"), ("border", "hinge"),

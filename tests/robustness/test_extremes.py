@@ -23,9 +23,12 @@ GRADIENT_PROMISE = {"coarse": 0.035, "fast": 0.02, "standard": 0.015, "reference
 """The same for its gradient, as elasticities and relative to its norm; for the rows of `GIVEN`."""
 HARD = {"coarse": 0.05, "fast": 0.11, "standard": 0.065}
 """The same for the other rows: a contact of ten steps, one without stiffness."""
-KINK = {"belt-friction-5": 0.08}
-"""The same where a corner comes to rest on the fence at the peak: the derivative jumps there, from
-one side to the other by an eighth."""
+KINK = {"belt-friction-5": 0.2}
+"""The same where a corner comes to rest on the fence at the peak: the derivative jumps there, the
+more so the less friction is smoothed. Fixed steps of 25 us find slopes that are 13 % off with the
+smoothing of `standard`, 20 % with a quarter of it."""
+RINGS = {("undamped", "fast"): 0.06}
+"""The same where nothing damps the fence: its phase at the peak depends on every step before."""
 
 # Designs: (changes of the ordinary impact).
 ROWS = {
@@ -262,6 +265,7 @@ def test_gradients_are_within_the_promise(name, fidelity):
         assert name not in GIVEN or (name, fidelity) in WARNED
         return
     promise = KINK.get(name, (GRADIENT_PROMISE if name in GIVEN else HARD)[fidelity])
+    promise = RINGS.get((name, fidelity), promise)
     off = np.linalg.norm(slopes[0] - true_slopes()[lane])
     assert off <= promise * np.linalg.norm(true_slopes()[lane])
 

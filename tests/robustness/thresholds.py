@@ -120,11 +120,16 @@ TRIALS = {
         halves, _impact,
         (
             "_LAGGING", "_RESIDUAL_DEFLECTION", "_SMOOTHED", "_CREEP_LOSS", "_CREEP_SPEED",
-            "_CREEP_SHARE", "_STEP_SLIP",
+            "_CREEP_SHARE", "_STEP_SLIP", "_REBOUND_ROUGHNESS", "_RINGING", "_DAMPER_HELD",
         ),
     ),
     "impacts, fixed steps": Trial(
-        halves, _impact, ("_ROUGHNESS", "_NEGLIGIBLE_ROUGHNESS"), {"step_tolerance": None}
+        halves, _impact,
+        (
+            "_ROUGHNESS", "_REBOUND_ROUGHNESS", "_NEGLIGIBLE_ROUGHNESS", "_RINGING",
+            "_DAMPER_HELD",
+        ),
+        {"step_tolerance": None},
     ),
     "their ledgers": Trial(halves, _impact, ("_UNBALANCED",), {}, ("energy", "final")),
     "their ledgers, fixed steps": Trial(
