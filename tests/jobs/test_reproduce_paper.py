@@ -211,8 +211,8 @@ def test_sensitivities_are_differences(quick):
                 ends[shift] = force(fence, moved)
             (low, below), (high, above) = ends.items()
             slope = (above - below) / (high - low) * (1.0 if ratio else value) / unmoved
-            # The slopes are off by some shares of a per cent at `fast`, the differences by the square
-            # of their width.
+            # The slopes are off by shares of a per cent at `fast`, the differences by the square of
+            # their width.
             assert found.slope[index, at, number] == pytest.approx(slope, rel=1e-2, abs=2e-2)
 
 
