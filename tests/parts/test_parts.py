@@ -164,8 +164,9 @@ def test_only_what_is_asked_for():
     part = fj.simulate(scene, only=["peak_force", "impulse"])
     assert part.energy is None
     assert part.history is None
-    assert float(part.peak_force) == float(whole.peak_force)
-    assert float(part.impulse) == float(whole.impulse)
+    # Two programs: the compiler may sum in another order, over some hundred steps.
+    assert float(part.peak_force) == pytest.approx(float(whole.peak_force), rel=1e-13)
+    assert float(part.impulse) == pytest.approx(float(whole.impulse), rel=1e-13)
     assert int(part.status) == int(whole.status)
     assert "peak_force  3294 N" in str(part)
     assert fj.simulate(scene, only=["history"]).history is not None
