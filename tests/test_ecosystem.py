@@ -33,8 +33,8 @@ def test_an_exported_simulation_is_the_same(compiled):
     again = jax.export.deserialize(compiled.serialize())
     value, slope = again.call(jnp.asarray(1.3))
     expected, other = jax.value_and_grad(peak)(1.3)
-    # What a scene works out of its numbers is traced in one and done on the host in the other: their
-    # last digits differ, and a derivative's by as many more as it has steps behind it.
+    # What a scene works out of its numbers is traced in one and done on the host in the other: last
+    # digits differ, and a derivative's by as many more as it has steps behind it.
     np.testing.assert_allclose([value, slope], [expected, other], rtol=1e-12)
 
 
