@@ -263,6 +263,7 @@ def __getattr__(name: str):
     for room, names in _LATER.items():
         if name == room or name in names:
             found = _importlib.import_module(f".{room}", __name__)
-            globals()[name] = found = found if name == room else getattr(found, name)
+            found = found if name == room else getattr(found, name)
+            globals()[name] = found
             return found
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

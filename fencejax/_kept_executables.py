@@ -43,10 +43,12 @@ def compiled(
             ready[key] = None
             if place is not None:
                 program = _load(store, place)
-                if program is None or not _runs(program, numbers):
-                    program = _compile(function, numbers, options)
-                    _save(store, place, program, len(numbers))
-                ready[key] = program
+                found = None if program is None else _tried(program, numbers)
+                if program is not None and found is not None:
+                    ready[key] = program
+                    return jax.tree.unflatten(program.results, found)
+                ready[key] = program = _compile(function, numbers, options)
+                _save(store, place, program, len(numbers))
         program = ready[key]
         if program is None:
             return jitted(numbers)
@@ -67,13 +69,12 @@ def _place(store: Store, numbers, options, what) -> Path | None:
         return None
 
 
-def _runs(program: Program, numbers) -> bool:
-    """Whether an executable runs here: a part that it lacks is missed no sooner."""
+def _tried(program: Program, numbers) -> list[jax.Array] | None:
+    """What an executable finds, if it runs here: a part that it lacks is missed no sooner."""
     try:
-        jax.block_until_ready(program.run(numbers))
+        return jax.block_until_ready(program.run(numbers))
     except Exception:
-        return False
-    return True
+        return None
 
 
 def _compile(function, numbers, options) -> Program:

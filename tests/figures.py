@@ -84,6 +84,12 @@ def record() -> dict[str, dict[str, Any]]:
     return json.loads(RECORD.read_text())
 
 
+def group(command: str, found: dict[str, tuple[Any, str]]) -> dict[str, Any]:
+    """A group of the record: what a command has found, each a value and its unit, by name."""
+    named = {name: {"value": value, "unit": unit} for name, (value, unit) in found.items()}
+    return {"command": command, "figures": named}
+
+
 def write(groups: dict[str, dict[str, Any]]) -> None:
     """Write the record, a line a figure."""
     parts = []

@@ -73,6 +73,12 @@ def contacts(
     return tuple(found)
 
 
+def _over(found: Array, allowed: Array) -> Array:
+    """A defect over what is allowed of it [1]; 0 where nothing is yet."""
+    some = allowed > 0
+    return jnp.where(some, found / jnp.where(some, allowed, 1.0), 0.0)
+
+
 def _judged(
     pair: Pair,
     tolerance: float,
@@ -103,8 +109,7 @@ def _judged(
         slows = give_rate > 0
         by_speed = _OF_SPEED * speed / jnp.where(slows, give_rate, 1.0)
         allowed = tolerance * jnp.maximum(largest, jnp.where(slows, by_speed, 0.0))
-        some = allowed > 0
-        worst = jnp.maximum(worst, jnp.where(some, force / jnp.where(some, allowed, 1.0), 0.0))
+        worst = jnp.maximum(worst, _over(force, allowed))
         touches = (a.normal > 0) | (b.normal > 0)
         most = jnp.maximum(most, jnp.where(touches, allowed, 0.0))
     rubs = jnp.zeros_like(largest)
@@ -112,9 +117,7 @@ def _judged(
         if friction is not None:
             assert pair.smoothing is not None
             off = friction_defect(friction, pair.smoothing, a, b)
-            allowed = tolerance * largest
-            some = allowed > 0
-            rubs = jnp.maximum(rubs, jnp.where(some, off / jnp.where(some, allowed, 1.0), 0.0))
+            rubs = jnp.maximum(rubs, _over(off, tolerance * largest))
     # A state that is no longer finite has no step that helps.
     worst, rubs = (jnp.where(jnp.isfinite(found), found, 0.0) for found in (worst, rubs))
     return worst, rubs, most, largest

@@ -117,8 +117,8 @@ def drive_angle_of(angle: ArrayLike, drive: AbstractDrive, fence: Fence) -> Arra
         return checked
     if type(drive) is HarmonicDrive:
         # In closed form: the first scene of a process compiles nothing.
-        speed, cycle = _check.on_host((drive.top_speed, drive.cycle_time))
-        nearest, furthest = 0.0 * speed, speed * cycle / np.pi
+        furthest = _check.on_host(drive).amplitude
+        nearest = np.zeros_like(furthest)
     else:
         nearest, furthest = _ends(drive, fence.inertia, checked) if torque else _ends(drive)
     # Inside a program that is traced they are so too, whatever they are made from.

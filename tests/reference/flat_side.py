@@ -112,10 +112,8 @@ def main():
         import figures
 
         known = figures.record()
-        known["flat side"] = {
-            "command": "cd tests && python -m reference.flat_side --record",
-            "figures": {name: {"value": v, "unit": u} for name, (v, u) in found.items()},
-        }
+        command = "cd tests && python -m reference.flat_side --record"
+        known["flat side"] = figures.group(command, found)
         figures.write(known)
 
 

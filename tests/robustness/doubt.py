@@ -91,8 +91,7 @@ def main():
             "designs": (given.designs, "1"), "time": (longer, "1"),
             "in doubt at standard": (before, "%"), "left in doubt": (after, "%"),
         }  # fmt: skip
-        cost = {name: {"value": value, "unit": unit} for name, (value, unit) in cost.items()}
-        known["doubt's cost"] = {"command": command, "figures": cost}
+        known["doubt's cost"] = figures.group(command, cost)
         figures.write(known)
 
 

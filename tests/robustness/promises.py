@@ -26,6 +26,7 @@ from robustness.extreme_scenes import USUAL, draw, impact
 from robustness.peaks import gradient_error
 
 import fencejax as fj
+from fencejax.study import in_chunks
 
 MEASURES = (
     "peak_force", "impulse", "tip_deflection", "peak_stress", "peak_torque", "last_contact",
@@ -38,6 +39,8 @@ NUMBERS = (
 )  # fmt: skip
 NAMES = ("coarse", "fast", "standard")
 _ENDS = ("last_contact", "leave_x", "leave_y")
+# Lanes that run side by side.
+_LANES = 64
 
 
 def scenes(kind, seed, count):
@@ -77,17 +80,6 @@ def _program(fidelity):
         return values, slopes, *rest
 
     return jax.jit(jax.vmap(one))
-
-
-def measured(fidelity, given, lanes=64):
-    """All of it, on the host, in batches."""
-    run, parts = _program(fidelity), []
-    count = len(jax.tree.leaves(given)[0])
-    for first in range(0, count, lanes):
-        chosen = np.minimum(np.arange(first, first + lanes), count - 1)
-        found = jax.device_get(run(jax.tree.map(lambda leaf, c=chosen: leaf[c], given)))
-        parts.append([part[: count - first] for part in found])
-    return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
 
 
 def errors(found, truth, reach):
@@ -131,11 +123,11 @@ def main():
     for kind, count in counts.items():
         some = scenes(kind, given.seed, count)
         reach = np.asarray(some.fence.rigid_length + some.fence.flexible_length)
-        truth = measured(true_to(fj.Fidelity.standard(), kind), some)
+        truth = in_chunks(_program(true_to(fj.Fidelity.standard(), kind)), some, _LANES)
         print(f"truth of {kind} ({time.perf_counter() - began:.0f} s)", flush=True)
         by_rung = {}
         for name in NAMES:
-            found = measured(getattr(fj.Fidelity, name)(), some)
+            found = in_chunks(_program(getattr(fj.Fidelity, name)()), some, _LANES)
             by_rung[name], good = errors(found, truth, reach)
             print(f"{kind} {name}: good {100 * good:.0f} %", flush=True)
             for measure, (off, bent, where) in by_rung[name].items():
@@ -148,10 +140,8 @@ def main():
         known, command = figures.record(), "cd tests && python -m robustness.promises --record"
         heads = [f"{kind}, `{name}`" for name in NAMES for kind in ("value", "gradient")]
         known["every measure"] = {"command": command, "columns": ["measure", *heads], "rows": rows}
-        known["every measure's designs"] = {
-            "command": command,
-            "figures": {kind: {"value": count, "unit": "1"} for kind, count in counts.items()},
-        }
+        designs = {kind: (count, "1") for kind, count in counts.items()}
+        known["every measure's designs"] = figures.group(command, designs)
         figures.write(known)
 
 

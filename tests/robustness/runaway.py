@@ -25,6 +25,7 @@ from robustness.searched_scenes import KINDS
 
 import fencejax as fj
 from fencejax.results import diagnostics
+from fencejax.study import in_chunks
 
 RUNGS = ("coarse", "fast", "standard")
 LIMP = USUAL | {"thickness": (1e-3, 2e-2), "modulus": (1e8, 1e10), "belt": (0.5, 8.0)}
@@ -60,15 +61,6 @@ def program(fidelity):
     return jax.jit(run)
 
 
-def computed(fidelity, numbers):
-    """What the `program` finds, on the host."""
-    run, parts = program(fidelity), []
-    for first in range(0, len(numbers["mass"]), _LANES):
-        lanes = {n: v[first : first + _LANES] for n, v in numbers.items()}
-        parts.append(jax.device_get(run(lanes)))
-    return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
-
-
 def judged(found, finer):
     """For each range of the deflection: designs, those whose force has to do with the finer one's,
     and those whose gradient is of a sensible size."""
@@ -93,7 +85,9 @@ def main():
     cells = {}
     for name in RUNGS:
         ladder = getattr(fj.Fidelity, name)().ladder()
-        cells[name] = judged(*(computed(f, numbers) for f in (ladder[0], ladder[-1])))
+        cells[name] = judged(
+            *(in_chunks(program(f), numbers, _LANES) for f in (ladder[0], ladder[-1]))
+        )
         print(name, cells[name], flush=True)
     if given.record:
         _record(cells, given.scenes)
@@ -108,11 +102,8 @@ def _record(cells, scenes):
         rows[of] = {"unit": "", "values": shown}
     columns = ["quarters", *(f"`{name}`" for name in RUNGS)]
     known["runaway"] = {"command": command, "columns": columns, "rows": rows}
-    said = {"designs": scenes, "limit": diagnostics._RUNAWAY}
-    known["runaway, all"] = {
-        "command": command,
-        "figures": {name: {"value": value, "unit": "1"} for name, value in said.items()},
-    }
+    said = {"designs": (scenes, "1"), "limit": (diagnostics._RUNAWAY, "1")}
+    known["runaway, all"] = figures.group(command, said)
     figures.write(known)
 
 

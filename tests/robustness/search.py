@@ -31,6 +31,7 @@ from robustness.peaks import gradient_error, peaks
 from robustness.searched_scenes import KINDS
 
 import fencejax as fj
+from fencejax.study import in_chunks
 
 RECORD = Path(__file__).with_suffix(".json")
 BOUNDS = ("realistic", "wide")
@@ -74,12 +75,7 @@ def run(fidelity, kind, of, x, batch=_BATCH):
     lanes = len(x["mass"])
     # Few sizes, as each is compiled.
     batch = min(batch, 1 << (lanes - 1).bit_length())
-    parts = []
-    for first in range(0, lanes, batch):
-        rows = np.minimum(np.arange(first, first + batch), lanes - 1)
-        found = jax.device_get(peaks(fidelity, of, kind)({n: v[rows] for n, v in x.items()}))
-        parts.append([part[: lanes - first] for part in found])
-    return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
+    return in_chunks(peaks(fidelity, of, kind), x, batch)
 
 
 def _against(truth, x, found, of, kind, where, batch=_BATCH):

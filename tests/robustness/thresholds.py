@@ -33,12 +33,13 @@ from robustness.searched_scenes import KINDS
 
 import fencejax as fj
 from fencejax.results import diagnostics
+from fencejax.study import in_chunks
 
 # The last one is as good as none.
 FACTORS = (0.5, 2.0, 1e9)
 RUNGS = ("standard", "coarse")
-# Lanes of what is compared with the truth.
-_FEWER = 32
+# Lanes that run side by side, and those of what is compared with the truth.
+_LANES, _FEWER = 128, 32
 _DURATION = 0.1
 _VARIED = KINDS["impact"].varied
 
@@ -159,10 +160,7 @@ def statuses_of(trial, fidelity):
                 setattr(diagnostics, constant, value)
 
     # The motion does not depend on the constants: it is computed once for all rows.
-    def rows(x, factors):
-        return (jax.vmap(one, (None, 0))(x, factors),)
-
-    return jax.jit(jax.vmap(rows, (0, None)))
+    return jax.jit(jax.vmap(jax.vmap(one, (None, 0)), (0, None)))
 
 
 @functools.cache
@@ -180,16 +178,6 @@ def peaks_of(trial, fidelity):
         return *found, jnp.stack([slopes[n] * x[n] for n in _VARIED], axis=-1)
 
     return jax.jit(jax.vmap(one))
-
-
-def batched(run, numbers, *rest, lanes=128):
-    """What a program finds, on the host."""
-    count, parts = len(numbers["mass"]), []
-    for first in range(0, count, lanes):
-        rows = np.minimum(np.arange(first, first + lanes), count - 1)
-        found = jax.device_get(run({n: v[rows] for n, v in numbers.items()}, *rest))
-        parts.append([part[: count - first] for part in found])
-    return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
 
 
 def kept(found, truth, name):
@@ -221,7 +209,8 @@ def tried(trial, scenes, seed, name):
     each = np.eye(len(constants))[:, None] * (np.array(FACTORS)[:, None] - 1) + 1
     factors = np.concatenate([np.ones((1, len(constants))), each.reshape(-1, len(constants))])
     fidelity = getattr(fj.Fidelity, name)(**given.changes)
-    (statuses,) = batched(statuses_of(trial, fidelity), numbers, factors)
+    told = statuses_of(trial, fidelity)
+    statuses = in_chunks(lambda some: told(some, factors), numbers, _LANES)
     good = statuses <= fj.Status.LEFT_OVER_TIP
     changes = good[:, 1:] != good[:, :1]
     # The others need no truth.
@@ -230,7 +219,7 @@ def tried(trial, scenes, seed, name):
     if some.size:
         x = {n: value[some] for n, value in numbers.items()}
         found, truth = (
-            batched(peaks_of(trial, f), x, lanes=_FEWER) for f in (fidelity, truth_of())
+            in_chunks(peaks_of(trial, f), x, _FEWER) for f in (fidelity, truth_of())
         )
         keeps, told = kept(found, truth, name)
         shape = len(some), len(constants), len(FACTORS)
@@ -285,10 +274,7 @@ def _record(rows, given):
         shown[name] = {"unit": "", "values": values}
     known["thresholds"] = {"command": command, "columns": columns, "rows": shown}
     said = {"designs": given.scenes, "designs where few are concerned": 4 * given.scenes}
-    known["thresholds, all"] = {
-        "command": command,
-        "figures": {name: {"value": value, "unit": "1"} for name, value in said.items()},
-    }
+    known["thresholds, all"] = figures.group(command, {n: (v, "1") for n, v in said.items()})
     figures.write(known)
 
 

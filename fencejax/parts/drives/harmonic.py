@@ -36,8 +36,12 @@ class HarmonicDrive(AbstractDrive):
 
     def angle(self, time: Array) -> Array:
         phase = within(time / self.cycle_time)
-        amplitude = self.top_speed * self.cycle_time / jnp.pi
-        return 0.5 * amplitude * (1.0 - jnp.cos(2.0 * jnp.pi * phase))
+        return 0.5 * self.amplitude * (1.0 - jnp.cos(2.0 * jnp.pi * phase))
+
+    @property
+    def amplitude(self) -> Array:
+        """alpha_max [rad], where the drive turns back."""
+        return self.top_speed * self.cycle_time / jnp.pi
 
     @property
     def cycle(self) -> Array:
