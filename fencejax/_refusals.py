@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .fidelity import Fidelity
+from .fidelity import SINGLE_STEP, Fidelity
 from .parts import AbstractDrive, AbstractTaper, Fence
 from .scenes import NormalScene, Scene
 
@@ -46,10 +46,10 @@ def refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
         )
     if precision == "float64" or isinstance(scene, NormalScene):
         return
-    for name, least in fidelity.beyond_single().items():
+    if fidelity.step < SINGLE_STEP:
         raise ValueError(
-            f"Argument `fidelity.{name}` must be at least {least:g} in single precision, but is "
-            f"{getattr(fidelity, name):g}: smaller changes are lost in rounding. Raise it, or "
+            f"Argument `fidelity.step` must be at least {SINGLE_STEP:g} in single precision, but "
+            f"is {fidelity.step:g}: smaller changes are lost in rounding. Raise it, or "
             'write fidelity.replace(precision="float64") with JAX\'s jax_enable_x64.'
         )
 

@@ -16,8 +16,9 @@ _LONG, _STRIDE = 0.5, 2e-3
 
 _INTEGRATORS = ("modal", "kvaerno5", "tsit5")
 
-# What single precision still resolves: a step's change of the motion [s], a smoothing [m/s].
-_SINGLE = {"step": 1e-4, "slip_speed": 2e-4}
+# What single precision still resolves: a step's change of the motion [s], and a smoothing [m/s],
+# some thousand roundings of a belt's speed.
+SINGLE_STEP, _SINGLE_SLIP = 1e-4, 2e-4
 
 
 class Smoothing(NamedTuple):
@@ -64,7 +65,8 @@ class Fidelity(Readable):
       may be from their straight continuation. Derivatives mind it more than values.
     - `iterations`: the most Newton iterations a step on contact force and parcel's velocity; one
       or two are the rule, more where friction turns round.
-    - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s.
+    - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s. In single
+      precision they are no finer than 2e-4 and 1e-3.
     - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends or, with
       `tip_contact` in the scene, on either side of where it passes from the corner to the tip.
     - `integrator`: `"modal"`, this package's own (exact in the beam, implicit in contact and
@@ -103,8 +105,8 @@ class Fidelity(Readable):
     longest_stride: int | None = None
     stride_tolerance: float = 1e-3
     iterations: int = 20
-    slip_speed: float = 5e-4
-    static_speed: float = 2.5e-3
+    slip_speed: float = 5e-5
+    static_speed: float = 2.5e-4
     tip_fade: float = 5e-3
     integrator: "str | AbstractSolver" = "modal"
     tolerance: float = 1e-7
@@ -174,9 +176,12 @@ class Fidelity(Readable):
         """Whether modes are left out whose compliance is still there."""
         return self.static_correction and 0 < self.mode_count < 2 * self.elements
 
-    def beyond_single(self) -> dict[str, float]:
-        """The knobs that single precision does not resolve, each with the least that it does."""
-        return {name: least for name, least in _SINGLE.items() if getattr(self, name) < least}
+    def single(self) -> "Fidelity":
+        """The same with friction smoothed as far as single precision resolves it."""
+        return self.replace(
+            slip_speed=max(self.slip_speed, _SINGLE_SLIP),
+            static_speed=max(self.static_speed, 5 * _SINGLE_SLIP),
+        )
 
     def settled(self, duration: float) -> "Fidelity":
         """The same with a longest stride for contacts of a duration [s]; without error control
@@ -228,7 +233,7 @@ class Fidelity(Readable):
         single = self.precision == "float32" or not jax.config.read("jax_enable_x64")
 
         def resolved(*rungs: Fidelity) -> tuple[Fidelity, ...]:
-            return tuple(rung for rung in rungs if not (single and rung.beyond_single()))
+            return tuple(rung for rung in rungs if not (single and rung.step < SINGLE_STEP))
 
         if self.step <= last.step:
             beyond = self.replace(
@@ -257,19 +262,17 @@ class Fidelity(Readable):
 
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":
-        """A tolerance of 1 %, steps of 1 ms at most, two modes, friction smoothed over 1 mm/s: for
-        sweeps."""
+        """A tolerance of 1 %, steps of 1 ms at most, two modes: for sweeps."""
         settings = dict(
             modes=2, step=1e-3, step_tolerance=1e-2, gradient_tolerance=1 / 3,
-            stride_tolerance=5e-3, slip_speed=1e-3, static_speed=5e-3,
+            stride_tolerance=5e-3,
         )  # fmt: skip
         return cls(**{**settings, **changes})
 
     @classmethod
     def fast(cls, **changes) -> "Fidelity":
-        """A tolerance of 0.2 %, steps of 0.5 ms at most, four modes, friction smoothed over 0.5
-        mm/s: for searches. Its worst gradients are those of parcels whose friction turns round near
-        the peak.
+        """A tolerance of 0.2 %, steps of 0.5 ms at most, four modes: for searches. Its worst
+        gradients are those of parcels whose friction turns round near the peak.
         """
         settings = dict(step_tolerance=2e-3, gradient_tolerance=0.2, stride_tolerance=5e-3)
         return cls(**{**settings, **changes})
@@ -277,19 +280,19 @@ class Fidelity(Readable):
     @classmethod
     def standard(cls, **changes) -> "Fidelity":
         """The default: a tolerance of 0.05 %, steps of 0.5 ms at most, four modes, friction
-        smoothed over 0.5 mm/s. Wider ranges than those of ordinary impacts give worse cases: ask
+        smoothed over 0.05 mm/s. Wider ranges than those of ordinary impacts give worse cases: ask
         `choose_fidelity`.
         """
         return cls(**changes)
 
     @classmethod
     def reference(cls, **changes) -> "Fidelity":
-        """Twelve modes, the paper's chords, fixed steps of 25 us, friction smoothed over 0.05 mm/s;
+        """Twelve modes, the paper's chords, fixed steps of 25 us, friction smoothed over 5 um/s;
         for double precision, and some ten times the cost of `standard`. It shares no error control
         with the settings that are measured against it.
         """
         settings = dict(
             modes=12, geometry="chord", step=2.5e-5, step_tolerance=None, longest_stride=1,
-            slip_speed=5e-5, static_speed=2.5e-4,
+            slip_speed=5e-6, static_speed=2.5e-5,
         )
         return cls(**{**settings, **changes})

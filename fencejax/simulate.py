@@ -213,7 +213,8 @@ def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Meas
         precision = given if fidelity.precision is None else jnp.dtype(fidelity.precision)
         numbers = [number.astype(precision) for number in numbers]
         scene = jax.tree.unflatten(structure, numbers)
-        result, slopes = _run(scene, fidelity, history, only, own)
+        used = fidelity.single() if precision == jnp.float32 else fidelity
+        result, slopes = _run(scene, used, history, only, own)
         if slopes is not None:
             unknown = jnp.full_like(result.status, jnp.inf)
             result = dataclasses.replace(result, gradient_error=unknown)

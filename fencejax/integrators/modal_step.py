@@ -320,9 +320,12 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             was = memory.fence
             if fence is not None and was is not None and frictions:
                 was = fence.begun(was, normals, frictions)
+            scale = mechanics.force_scale(forces)
+            unsolved = unbalance > 2 * force_tolerance(scale.dtype) * scale
             size = controlled(
-                pair, tolerance, clock, control, size, end, stride, now, fence, was, state
-            )
+                pair, tolerance, clock, control, size, end, stride, now, fence, was, state,
+                unsolved,
+            )  # fmt: skip
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)
     feet = tuple(p + t.foot_offset for p, t in zip(loaded, touches, strict=True))

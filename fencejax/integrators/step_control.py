@@ -10,6 +10,9 @@ The friction of a contact is held against the same share of the largest normal f
 short steps where sliding comes to rest: the peak force hardly minds what these bring, its
 derivatives do, as the moment of rest moves with the parameters. Where the shortest steps still miss
 it, they are taken; only what normal forces miss makes the status `STEP_TOO_COARSE`.
+
+A step whose equations are not solved, as Newton's method has come to no end, is taken again as
+well: friction that holds is less stiff over a shorter one, next to the inertia.
 """
 
 from typing import NamedTuple
@@ -135,21 +138,23 @@ def controlled(
     fence: FenceEnd | None,
     was: FenceState | None,
     after: FenceState | None,
+    unsolved: Array | bool = False,
 ) -> StepSize:
     """Whether the step of `foreseen.last` that came to `end`, with the contacts `now`, is accepted,
     and how long the next trial is: up to the clock's unit by the defect, beyond it at most
     `foreseen.next` too.
 
-    The fence, if any, was in the state `was` and is in the state `after`. No derivative follows
-    from it.
+    The fence, if any, was in the state `was` and is in the state `after`; `unsolved` is whether the
+    step's equations are left out of balance. No derivative follows from it.
     """
     count = foreseen.last
     missed_force, rubs, allowed, largest = _judged(
         pair, tolerance, clock, before, stride, count, now, fence, was, after
     )
     worst = jnp.maximum(missed_force, rubs)
+    unsolved = jnp.asarray(unsolved)
     first, shortest = count == 0, count <= 1
-    accepted = (worst <= 1) | shortest
+    accepted = ((worst <= 1) & ~unsolved) | shortest
     grown = (worst * _GROWTH < 1) & (jnp.mod(end, 2 * count) == 0)
     step = jnp.where(grown, 2 * count, count)
     step = jnp.minimum(step, jnp.maximum(foreseen.next, clock.unit))
@@ -157,7 +162,7 @@ def controlled(
     for longer in reversed([each for each in clock.counts if each > clock.unit]):
         step = jnp.where((step >= longer) & (jnp.mod(end, longer) != 0), longer / 2, step)
     # As the defect goes with the square of the length, at least where the force is smooth.
-    shorter = jnp.where(worst > 256, 0.125, jnp.where(worst > 16, 0.25, 0.5))
+    shorter = jnp.where(worst > 256, 0.125, jnp.where((worst > 16) | unsolved, 0.25, 0.5))
     step = jnp.where(accepted, step, jnp.maximum(shorter * count, 1.0))
     step = jnp.where(first, float(clock.unit), step)
     missed = jnp.where(first, 0.0, stride.length * allowed)
