@@ -211,7 +211,7 @@ class Fidelity(Readable):
         """This fidelity and two finer ones, for numbers in doubt (`Status.numerical`).
 
         The second has at least eight modes, an eighth of the tolerance, half the step and an eighth
-        of a millisecond at most, and a quarter of the friction's smoothing; the third has the
+        of a millisecond at most, and half of the friction's smoothing; the third has the
         modes, the fixed step and the smoothing of `reference`. Both keep this one's geometry, so
         that what is refined is the same model: the paper's chords are within 5e-4 of the arc, and
         their derivatives cost ten times as much. They keep its longest stride, too, over which
@@ -220,7 +220,7 @@ class Fidelity(Readable):
         resolve.
 
         What has the step of `reference` or a shorter one has one finer rung: twice the modes, half
-        the step and a quarter of the smoothing.
+        the step and half of the smoothing.
         """
         last = Fidelity.reference()
 
@@ -239,8 +239,8 @@ class Fidelity(Readable):
             beyond = self.replace(
                 modes=with_modes(2 * self.mode_count),
                 step=self.step / 2,
-                slip_speed=self.slip_speed / 4,
-                static_speed=self.static_speed / 4,
+                slip_speed=self.slip_speed / 2,
+                static_speed=self.static_speed / 2,
             )
             return self, *resolved(beyond)
 
@@ -248,8 +248,8 @@ class Fidelity(Readable):
             modes=with_modes(8),
             step=min(self.step / 2, 1.25e-4),
             step_tolerance=None if self.step_tolerance is None else self.step_tolerance / 8,
-            slip_speed=self.slip_speed / 4,
-            static_speed=self.static_speed / 4,
+            slip_speed=self.slip_speed / 2,
+            static_speed=self.static_speed / 2,
         )
         finest = self.replace(
             modes=with_modes(last.mode_count),
@@ -287,12 +287,12 @@ class Fidelity(Readable):
 
     @classmethod
     def reference(cls, **changes) -> "Fidelity":
-        """Twelve modes, the paper's chords, fixed steps of 25 us, friction smoothed over 5 um/s;
+        """Twelve modes, the paper's chords, fixed steps of 25 us, friction smoothed over 10 um/s;
         for double precision, and some ten times the cost of `standard`. It shares no error control
         with the settings that are measured against it.
         """
         settings = dict(
             modes=12, geometry="chord", step=2.5e-5, step_tolerance=None, longest_stride=1,
-            slip_speed=5e-6, static_speed=2.5e-5,
+            slip_speed=1e-5, static_speed=5e-5,
         )
         return cls(**{**settings, **changes})

@@ -172,7 +172,9 @@ OFF = [
 def told(name):
     """Status and peak force of impacts at a fidelity: a heavy parcel that bends the fence far, one
     that sticks to the belt until the fence lets it go, and those of `OFF`."""
-    fixed = fj.Fidelity(step=5e-4, step_tolerance=None)
+    fixed = fj.Fidelity(
+        step=5e-4, step_tolerance=None, slip_speed=5e-4, static_speed=2.5e-3
+    )
     known = {"truth": TRUTH, "fixed": fixed}
     fidelity = known.get(name) or getattr(fj.Fidelity, name)()
     rows = [

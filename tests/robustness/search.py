@@ -8,7 +8,7 @@ From the folder `tests`:
 
 Designs of each kind of scene (`searched_scenes`) are bred, by differential evolution, for the
 largest error of the peak force, or of its gradient, among those with a good status. The truth is
-the same geometry with sixteen modes, fixed steps of 10 us (25 us in sorts) and a tenth of the
+the same geometry with sixteen modes, fixed steps of 10 us (25 us in sorts) and a fifth of the
 friction's smoothing. In sorts a first truth of eight modes and steps of 0.1 ms, a fifth of the
 work, judges all designs, and the truth itself those of each generation that come to more than
 their parents, the largest errors first, up to a tenth of all: the errors told are the truth's. A

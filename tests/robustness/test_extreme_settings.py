@@ -168,7 +168,9 @@ def test_gradient_in_single_precision():
     def slope(**settings):
         def peak(thickness):
             scene = fj.scenes.oblique_impact(fence=fj.Fence(thickness=thickness), duration=0.08)
-            fidelity = fj.Fidelity.coarse(step_tolerance=None, **settings)
+            fidelity = fj.Fidelity.coarse(
+                step_tolerance=None, slip_speed=1e-3, static_speed=5e-3, **settings
+            )
             return fj.simulate(scene, fidelity=fidelity, only=("peak_force",)).peak_force
 
         return float(jax.grad(peak)(0.05))

@@ -10,7 +10,7 @@ From the folder `tests`:
 There is a trial for each kind of scene that a constant speaks of (`TRIALS`). Its designs get their
 statuses at a named fidelity, with the constants as they are and with each of them halved, doubled
 or left out. Those that one of these takes from a good status or gives one are computed with their
-gradients and compared with the truth (sixteen modes, steps of 12.5 us, a tenth of the friction's
+gradients and compared with the truth (sixteen modes, steps of 12.5 us, a fifth of the friction's
 smoothing): the status is to be good where they keep the promise of `offline_fuzz`, and only there.
 So `3 / 5` under *without* means that the constant keeps three wrong results from a good status, and
 five right ones. One that keeps no wrong one from it does not earn its keep by these designs.
