@@ -65,8 +65,10 @@ class Fidelity(Readable):
       may be from their straight continuation. Derivatives mind it more than values.
     - `iterations`: the most Newton iterations a step on contact force and parcel's velocity; one
       or two are the rule, more where friction turns round.
-    - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s. In single
-      precision they are no finer than 2e-4 and 1e-3.
+    - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s. What sliding
+      changes by within the shortest step should be less than w_s, or static friction above the
+      kinetic one may be stepped over where a corner comes to rest: the named settings have it up to
+      12 m/s^2. In single precision they are no finer than 2e-4 and 1e-3.
     - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends or, with
       `tip_contact` in the scene, on either side of where it passes from the corner to the tip.
     - `integrator`: `"modal"`, this package's own (exact in the beam, implicit in contact and
@@ -105,8 +107,8 @@ class Fidelity(Readable):
     longest_stride: int | None = None
     stride_tolerance: float = 1e-3
     iterations: int = 20
-    slip_speed: float = 5e-5
-    static_speed: float = 2.5e-4
+    slip_speed: float = 1.5e-4
+    static_speed: float = 7.5e-4
     tip_fade: float = 5e-3
     integrator: "str | AbstractSolver" = "modal"
     tolerance: float = 1e-7
@@ -262,10 +264,11 @@ class Fidelity(Readable):
 
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":
-        """A tolerance of 1 %, steps of 1 ms at most, two modes: for sweeps."""
+        """A tolerance of 1 %, steps of 1 ms at most, two modes, friction smoothed over 0.3
+        mm/s: for sweeps."""
         settings = dict(
             modes=2, step=1e-3, step_tolerance=1e-2, gradient_tolerance=1 / 3,
-            stride_tolerance=5e-3,
+            stride_tolerance=5e-3, slip_speed=3e-4, static_speed=1.5e-3,
         )  # fmt: skip
         return cls(**{**settings, **changes})
 
@@ -280,19 +283,19 @@ class Fidelity(Readable):
     @classmethod
     def standard(cls, **changes) -> "Fidelity":
         """The default: a tolerance of 0.05 %, steps of 0.5 ms at most, four modes, friction
-        smoothed over 0.05 mm/s. Wider ranges than those of ordinary impacts give worse cases: ask
+        smoothed over 0.15 mm/s. Wider ranges than those of ordinary impacts give worse cases: ask
         `choose_fidelity`.
         """
         return cls(**changes)
 
     @classmethod
     def reference(cls, **changes) -> "Fidelity":
-        """Twelve modes, the paper's chords, fixed steps of 25 us, friction smoothed over 10 um/s;
+        """Twelve modes, the paper's chords, fixed steps of 25 us, friction smoothed over 0.03 mm/s;
         for double precision, and some ten times the cost of `standard`. It shares no error control
         with the settings that are measured against it.
         """
         settings = dict(
             modes=12, geometry="chord", step=2.5e-5, step_tolerance=None, longest_stride=1,
-            slip_speed=1e-5, static_speed=5e-5,
+            slip_speed=3e-5, static_speed=1.5e-4,
         )
         return cls(**{**settings, **changes})
