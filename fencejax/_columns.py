@@ -161,7 +161,7 @@ def _plain(equation, ins):
 
 
 def _of_shape(aval, ins, rates):
-    """Operands and their derivatives, single numbers repeated where the others are arrays."""
+    """Operands and their derivatives, repeated along the axes that others alone have."""
     if all(np.shape(x) == aval.shape for x in ins):
         return ins, rates
     ins = [jnp.broadcast_to(x, aval.shape) for x in ins]
@@ -169,7 +169,8 @@ def _of_shape(aval, ins, rates):
     for dot in rates:
         if dot is not None and dot.vector.shape[1:] != aval.shape:
             shape = (dot.vector.shape[0], *aval.shape)
-            dot = _Dot(None, lax.broadcast_in_dim(dot.all(), shape, (0,)))
+            axes = range(dot.vector.ndim)
+            dot = _Dot(None, lax.broadcast_in_dim(dot.all(), shape, axes))
         found.append(dot)
     return ins, found
 

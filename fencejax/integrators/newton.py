@@ -47,7 +47,7 @@ def solve(
     guess: Unknowns,
     most: Array,
     wanted: Callable[[Any], Any] = lambda extra: extra,
-    reverse: bool = False,
+    together: bool = False,
 ) -> tuple[Unknowns, Any]:
     """A root near `guess` by at most `most` steps of Newton's method, and what goes with it.
 
@@ -57,8 +57,8 @@ def solve(
     - `shorten(given, extra, change, last)` returns the share of a step x - change that may be
       taken after the change `last`, so that no friction force is carried across its jump.
     - `wanted(extra)`: what of it is returned, and differentiated.
-    - `reverse`: whether the derivative is carried back, one direction at a time; otherwise all
-      directions of a batch are carried on at once.
+    - `together`: make the derivative for all directions of a batch at once, which is shorter, and
+      not to be transposed as reverse mode would.
     - `most` is a traced number (floating-point). The compiler so keeps the loop: one copy of
       `evaluate` in the program, its results in memory.
 
@@ -106,7 +106,7 @@ def solve(
             one = jax.tree.map(lambda dot: dot[None], dots)
             return jax.tree.map(lambda found: found[0], _directions(at, leaves, root, one))
 
-        change = along if reverse else _together(along, functools.partial(_directions, at))
+        change = _together(along, functools.partial(_directions, at)) if together else along
         some = fusion_barrier(
             count > 0, lambda dots: change(leaves, root, dots), {i: dots[i] for i in moved}
         )
