@@ -97,6 +97,8 @@ def solve(
         leaves, structure = jax.tree.flatten(given)
         dots = jax.tree.leaves(tangents[0], is_leaf=lambda x: isinstance(x, SymbolicZero))
         moved = [i for i, dot in enumerate(dots) if not isinstance(dot, SymbolicZero)]
+        if not moved:
+            return ((root, extra), count), jax.tree.map(jnp.zeros_like, ((root, extra), count))
 
         def at(leaves, x):
             residual, _, _, extra = evaluate(jax.tree.unflatten(structure, leaves), x)

@@ -78,10 +78,11 @@ class Clock(eqx.Module):
         if link is not None:
             assert maps is not None
             decay = [jnp.ones_like(start), *(relaxation(link.lag, h) + zero for h in moving)]
-            every = Propagator(**{
+            named = {
                 name: jnp.concatenate([jnp.full_like(values[:1], name in ("qq", "vv")), values])
                 for name, values in maps._asdict().items()
-            })
+            }
+            every = (Propagator(**named),)
         gains = [zero, *((1 - d) / h for d, h in zip(decay[1:], moving, strict=True))]
         pad = slip = (None, None)
         if link is not None and link.cover is not None:
@@ -113,8 +114,12 @@ class Clock(eqx.Module):
             leaves.append(row[at : at + size].reshape(shape))
             at += size
         stride = jax.tree.unflatten(self.structure, leaves)
-        by_mode = zip(*map(blocks, stride.maps), strict=True)
-        return stride._replace(maps=tuple(Propagator(*parts) for parts in by_mode))
+        by_mode = [
+            Propagator(*parts)
+            for every in stride.maps
+            for parts in zip(*map(blocks, every), strict=True)
+        ]
+        return stride._replace(maps=tuple(by_mode))
 
     def time(self, index: Array) -> Array:
         """Time [s] of a sample since the scene's start."""
