@@ -15,7 +15,7 @@ from jax.extend.core import Jaxpr, Literal, jaxpr_as_fun
 from jaxtyping import Array
 
 from ._column_rules import ARITHMETIC, RULES, Dot, of_shape, ones, total_of
-from ._dependence import CALLS, CONSTANT, is_number, reached, repeated
+from ._dependence import CALLS, CONSTANT, is_number, kept, matters, reached, repeated
 
 # Operations number by number, whose derivative in each operand is a factor.
 _BY_NUMBER = {
@@ -34,12 +34,13 @@ def pushed(
     the results as well.
     """
     given = [None if dot is None else Dot(None, dot) for dot in dots]
-    outs, found = _evaluate(program, consts, values, given)
+    outs, found = _evaluate(program, consts, values, given, [True] * len(program.outvars))
     return outs, [None if dot is None else dot.all() for dot in found]
 
 
-def _evaluate(program: Jaxpr, consts, values, dots):
-    known, moving = {}, {}
+def _evaluate(program: Jaxpr, consts, values, dots, wanted):
+    """The results of a program, and the derivatives of those that are `wanted`."""
+    known, moving, needed = {}, {}, matters(program, wanted)
 
     def read(v):
         return v.val if isinstance(v, Literal) else known[v]
@@ -53,7 +54,7 @@ def _evaluate(program: Jaxpr, consts, values, dots):
     for equation in program.eqns:
         ins = [read(v) for v in equation.invars]
         rates = [read_dot(v) for v in equation.invars]
-        outs, found = _apply(equation, ins, rates)
+        outs, found = _apply(equation, ins, rates, [v in needed for v in equation.outvars])
         known.update(zip(equation.outvars, outs, strict=True))
         for v, dot in zip(equation.outvars, found, strict=True):
             if dot is not None:
@@ -61,22 +62,22 @@ def _evaluate(program: Jaxpr, consts, values, dots):
     return [read(v) for v in program.outvars], [read_dot(v) for v in program.outvars]
 
 
-def _apply(equation, ins, rates):
-    """The results of one operation and their derivatives."""
+def _apply(equation, ins, rates, wanted):
+    """The results of one operation and the derivatives of those that are `wanted`."""
     name = equation.primitive.name
     none = [None] * len(equation.outvars)
     if name in CALLS:
         inner = equation.params.get("jaxpr", equation.params.get("call_jaxpr"))
-        return _evaluate(inner.jaxpr, inner.consts, ins, rates)
+        return _evaluate(inner.jaxpr, inner.consts, ins, rates, wanted)
     moves = any(dot is not None for dot in rates)
-    smooth = name not in CONSTANT and any(is_number(v.aval) for v in equation.outvars)
-    if not moves or not smooth:
+    if not moves or name in CONSTANT or not any(wanted):
         return _plain(equation, ins), none
     if name == "custom_vmap_call":
         inner = equation.params["call"]
-        return _plain(equation, ins), _evaluate(inner.jaxpr, inner.consts, ins, rates)[1]
+        found = _evaluate(inner.jaxpr, inner.consts, ins, rates, wanted)[1]
+        return _plain(equation, ins), found
     if name in _LOOPS:
-        return _LOOPS[name](equation.params, ins, rates)
+        return _LOOPS[name](equation, ins, rates, wanted)
     if name in _BY_NUMBER or name in ARITHMETIC:
         ins, rates = of_shape(equation.outvars[0].aval, ins, rates)
     if name in RULES:
@@ -146,15 +147,22 @@ def _any(equation, ins, rates):
 # --- Loops and branches ----------------------------------------------------------------------
 
 
-def _while(params, ins, rates):
+def _while(equation, ins, rates, wanted):
+    params = equation.params
     first, second = params["cond_nconsts"], params["body_nconsts"]
     test, body = params["cond_jaxpr"], params["body_jaxpr"]
     of_test, consts, begin = ins[:first], ins[first : first + second], ins[first + second :]
+    needed, wanted = kept(body.jaxpr, wanted, second)
     const_rates, begin_rates = rates[first : first + second], rates[first + second :]
+    const_rates = [dot if n else None for dot, n in zip(const_rates, needed, strict=True)]
+    begin_rates = [dot if w else None for dot, w in zip(begin_rates, wanted, strict=True)]
     marks = [dot is not None for dot in begin_rates]
     # Worked out before the loop, and once.
     const_rates = [None if dot is None else Dot(None, dot.all()) for dot in const_rates]
-    moves = repeated(body.jaxpr, marks, [dot is not None for dot in const_rates], second)
+    moved = repeated(body.jaxpr, marks, [dot is not None for dot in const_rates], second)
+    moves = [a and b for a, b in zip(moved, wanted, strict=True)]
+    if not any(moves):
+        return _plain(equation, ins), [None] * len(begin)
     begin_dots = _begun(begin, begin_rates, const_rates, moves)
 
     def go_on(carry):
@@ -164,8 +172,9 @@ def _while(params, ins, rates):
         values, dots = carry
         some = iter(dots)
         now = [Dot(None, next(some)) if move else None for move in moves]
-        outs, found = _evaluate(body.jaxpr, body.consts, [*consts, *values], [*const_rates, *now])
-        return outs, _kept(found, moves, dots)
+        given = [*consts, *values], [*const_rates, *now]
+        outs, found = _evaluate(body.jaxpr, body.consts, *given, moves)
+        return outs, _all(found, moves, dots)
 
     outs, dots = lax.while_loop(go_on, trip, (list(map(jnp.asarray, begin)), begin_dots))
     some = iter(dots)
@@ -187,7 +196,7 @@ def _begun(begin, begin_rates, const_rates, moves) -> list[Array]:
     return found
 
 
-def _kept(found, moves, like) -> list[Array]:
+def _all(found, moves, like) -> list[Array]:
     """The derivatives of the numbers that move."""
     moved = [dot for dot, move in zip(found, moves, strict=True) if move]
     return [
@@ -196,24 +205,27 @@ def _kept(found, moves, like) -> list[Array]:
     ]
 
 
-def _branches(params, ins, rates):
-    branches, (index, *ins), rates = params["branches"], ins, rates[1:]
+def _branches(equation, ins, rates, wanted):
+    branches, rates = equation.params["branches"], rates[1:]
     marks = [dot is not None for dot in rates]
     each = [reached(branch.jaxpr, marks) for branch in branches]
-    moves = [any(outs) for outs in zip(*each, strict=True)]
+    moves = [any(outs) and w for *outs, w in zip(*each, wanted, strict=True)]
+    if not any(moves):
+        return _plain(equation, ins), [None] * len(moves)
+    index, *ins = ins
     size = next(dot for dot in rates if dot is not None).vector.shape[0]
 
     def through(branch):
         def run(values, dots):
             some = iter(dots)
             now = [None if dot is None else Dot(None, next(some)) for dot in rates]
-            outs, found = _evaluate(branch.jaxpr, branch.consts, values, now)
+            outs, found = _evaluate(branch.jaxpr, branch.consts, values, now, moves)
             like = [
                 jax.ShapeDtypeStruct((size, *jnp.shape(out)), jnp.result_type(out))
                 for out, move in zip(outs, moves, strict=True)
                 if move
             ]
-            return outs, _kept(found, moves, like)
+            return outs, _all(found, moves, like)
 
         return run
 

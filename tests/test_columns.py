@@ -136,3 +136,24 @@ def test_a_chain_costs_one_product_with_the_directions():
     )
     wide = [e for e in equations(columns.jaxpr) if e.outvars[0].aval.shape == (5,)]
     assert sum(e.primitive.name == "mul" for e in wide) == 1
+
+
+def test_what_nothing_needs_has_no_derivative():
+    """Neither outside a loop nor in one."""
+
+    def both(x):
+        def trip(carry):
+            count, a, peak = carry
+            return count + 1, a * x, jnp.maximum(peak, jnp.cos(a))
+
+        _, a, peak = jax.lax.while_loop(lambda carry: carry[0] < 5, trip, (0, x, x))
+        return a, jnp.where(peak + jnp.exp(x) > 1, 1.0, 0.0)
+
+    program = jax.make_jaxpr(both)(0.9)
+    columns = jax.make_jaxpr(lambda dot: pushed(program.jaxpr, program.consts, [0.9], [dot])[1])(
+        jnp.ones(5)
+    )
+    names = {e.primitive.name for e in equations(columns.jaxpr)}
+    assert "sin" not in names
+    loop = next(e for e in columns.jaxpr.eqns if e.primitive.name == "while")
+    assert sum(v.aval.shape == (5,) for v in loop.outvars) == 1

@@ -118,7 +118,6 @@ def solve(
     return run(given, jax.lax.stop_gradient(guess), most)[0]
 
 
-
 def _together(along, directions):
     """`along(leaves, root, dots)`, which in a batch of `dots` alone is made by `directions`."""
     along = jax.custom_batching.custom_vmap(along)
@@ -165,7 +164,7 @@ def _directions(at, leaves, root, dots):
             dot = jnp.zeros((*like.shape[:1], *out.shape), out.dtype)
         if slope is not None:
             for j, of_root in enumerate(root_dot):
-                dot = dot + slope[j] * of_root.reshape(-1, *[1] * out.ndim)
+                dot = dot + slope[j][None] * of_root.reshape(-1, *[1] * out.ndim)
         return dot
 
     rest = [total(*each) for each in zip(outs[size:], moved[size:], slopes[size:], strict=True)]
