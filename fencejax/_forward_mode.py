@@ -7,10 +7,11 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.custom_derivatives import SymbolicZero
-from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jax.interpreters.partial_eval import dce_jaxpr
 
+from ._columns import pushed
 from ._kept_programs import keeping, kept
 
 
@@ -59,26 +60,21 @@ def _differentiable(function, judge, evaluate, what):
 
         def value_and_columns(leaves):
             sizes = [leaves[i].size for i in moved]
-            dtype = jnp.result_type(*(leaves[i] for i in moved))
             # Traced once as it is, so that only what the results need is differentiated.
             plain, shapes = jax.make_jaxpr(flat, return_shape=True)(leaves)
             needed, _ = dce_jaxpr(plain.jaxpr, [True] * len(plain.out_avals), instantiate=True)
-            run = jaxpr_as_fun(ClosedJaxpr(needed, plain.consts))
+            directions, unit, at = [None] * len(leaves), np.eye(sum(sizes)), 0
+            for i, size in zip(moved, sizes, strict=True):
+                column = unit[:, at : at + size].reshape(-1, *leaves[i].shape)
+                directions[i] = jnp.asarray(column, leaves[i].dtype)
+                at += size
+            outs, changes = pushed(needed, plain.consts, leaves, directions)
+            columns = [
+                jnp.zeros((at, *out.shape), out.dtype) if change is None else change
+                for out, change in zip(outs, changes, strict=True)
+            ]
             results = jax.tree.structure(shapes)
-
-            def along(direction):
-                unit, at = {}, 0
-                for i, size in zip(moved, sizes, strict=True):
-                    unit[i] = direction[at : at + size].reshape(leaves[i].shape)
-                    at += size
-
-                def restricted(parts):
-                    full = [parts.get(i, leaf) for i, leaf in enumerate(leaves)]
-                    return jax.tree.unflatten(results, run(*full))
-
-                return jax.jvp(restricted, ({i: leaves[i] for i in moved},), (unit,))
-
-            found = jax.vmap(along, out_axes=(None, 0))(jnp.eye(sum(sizes), dtype=dtype))
+            found = jax.tree.unflatten(results, outs), jax.tree.unflatten(results, columns)
             if judge is None:
                 return found
             return judge(*found, jnp.concatenate([leaves[i].reshape(-1) for i in moved]))

@@ -25,6 +25,8 @@ _EXTRA = {
     "xla_cpu_small_while_loop_byte_threshold": str(_LARGE),
     # Results that share their arithmetic are computed together.
     "xla_cpu_use_multi_output_fusion": "true",
+    # Loops over a few numbers, such as the columns of a derivative, are short as they are.
+    "xla_cpu_disable_loop_unrolling": "true",
 }
 # An unknown flag of this kind stops the process: given only to versions that are known to have it.
 _FLAGS = {"xla_cpu_use_fusion_emitters": "false"}

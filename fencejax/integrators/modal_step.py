@@ -294,6 +294,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         guess,
         clock.iterations,
         lambda extra: (extra[0].outcome(), *extra[1:-1]),
+        mechanics.fidelity.gradient == "forward",
     )
     after = equations.body_at(root[:3])
     normals = tuple(meeting.contact.normal for meeting in forces.fence)

@@ -1,13 +1,17 @@
 """Newton's method for a few scalar unknowns, differentiated through the converged equation."""
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import jax
+import jax.custom_batching
 import jax.numpy as jnp
 from equinox.internal import unvmap_any
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
+from .._columns import pushed
 from .._xla import fusion_barrier
 
 Unknowns = tuple[Array, ...]
@@ -43,6 +47,7 @@ def solve(
     guess: Unknowns,
     most: Array,
     wanted: Callable[[Any], Any] = lambda extra: extra,
+    together: bool = False,
 ) -> tuple[Unknowns, Any]:
     """A root near `guess` by at most `most` steps of Newton's method, and what goes with it.
 
@@ -52,12 +57,17 @@ def solve(
     - `shorten(given, extra, change, last)` returns the share of a step x - change that may be
       taken after the change `last`, so that no friction force is carried across its jump.
     - `wanted(extra)`: what of it is returned, and differentiated.
+    - `together`: make the derivative for all directions of a batch at once, which is shorter, and
+      not to be transposed as reverse mode would.
     - `most` is a traced number (floating-point). The compiler so keeps the loop: one copy of
       `evaluate` in the program, its results in memory.
 
     In a batch all lanes go on until the last one is done. The derivative is by the implicit
     function theorem, dx = -F_x^-1 dF at fixed x, with the exact F_x whatever the iterations used.
     """
+
+    # Traced once, however often it is looked at.
+    evaluate = jax.jit(evaluate)
 
     @jax.custom_jvp
     def run(given, guess, most):
@@ -81,33 +91,81 @@ def solve(
         count, _, _, root, extra = jax.lax.while_loop(go_on, trip, start)
         return (root, extra), count
 
-    @run.defjvp
-    def _(primals, tangents):
+    def rule(primals, tangents):
         given, guess, most = primals
         (root, extra), count = run(given, guess, most)
+        leaves, structure = jax.tree.flatten(given)
+        dots = jax.tree.leaves(tangents[0], is_leaf=lambda x: isinstance(x, SymbolicZero))
+        moved = [i for i, dot in enumerate(dots) if not isinstance(dot, SymbolicZero)]
+        if not moved:
+            return ((root, extra), count), jax.tree.map(jnp.zeros_like, ((root, extra), count))
 
-        def at(given, x):
-            residual, _, _, extra = evaluate(given, x)
+        def at(leaves, x):
+            residual, _, _, extra = evaluate(jax.tree.unflatten(structure, leaves), x)
             return residual, wanted(extra)
 
-        def moved(given_dot):
-            # The whole Jacobian in x, column by column: `matrix` is only close to it.
-            columns = jax.vmap(
-                lambda *unit: jax.jvp(lambda x: at(given, x), (root,), (unit,))[1], out_axes=-1
-            )(*jnp.eye(len(root), dtype=root[0].dtype))
-            slopes, extra_slopes = columns
-            matrix = [[row[j] for j in range(len(root))] for row in slopes]
-            _, (residual_dot, extra_dot) = jax.jvp(lambda g: at(g, root), (given,), (given_dot,))
-            root_dot = tuple(-d for d in eliminate(matrix, residual_dot))
+        def along(leaves, root, dots):
+            one = jax.tree.map(lambda dot: dot[None], dots)
+            return jax.tree.map(lambda found: found[0], _directions(at, leaves, root, one))
 
-            def total(held, slope):
-                for j, dot in enumerate(root_dot):
-                    held = held + slope[j] * dot
-                return held
+        change = _together(along, functools.partial(_directions, at)) if together else along
+        some = fusion_barrier(
+            count > 0, lambda dots: change(leaves, root, dots), {i: dots[i] for i in moved}
+        )
+        return ((root, extra), count), (some, jnp.zeros_like(count))
 
-            return root_dot, jax.tree.map(total, extra_dot, extra_slopes)
-
-        root_dot, extra_dot = fusion_barrier(count > 0, moved, tangents[0])
-        return ((root, extra), count), ((root_dot, extra_dot), jnp.zeros_like(count))
-
+    run.defjvp(rule, symbolic_zeros=True)
     return run(given, jax.lax.stop_gradient(guess), most)[0]
+
+
+def _together(along, directions):
+    """`along(leaves, root, dots)`, which in a batch of `dots` alone is made by `directions`."""
+    along = jax.custom_batching.custom_vmap(along)
+
+    @along.def_vmap
+    def _(size, in_batched, leaves, root, dots):
+        batched = jax.tree.leaves(in_batched[:2])
+        if any(batched):
+            axes = jax.tree.map(lambda b: 0 if b else None, in_batched)
+            found = jax.vmap(along, tuple(axes))(leaves, root, dots)
+        else:
+            every = {
+                i: dot if in_batched[2][i] else jnp.broadcast_to(dot, (size, *dot.shape))
+                for i, dot in dots.items()
+            }
+            found = directions(leaves, root, every)
+        return found, jax.tree.map(lambda _: True, found)
+
+    return along
+
+
+def _directions(at, leaves, root, dots):
+    """The derivatives of a root and of what goes with it, along all directions.
+
+    `dots` are the derivatives of some of the `leaves` by their number, the directions in a first
+    axis. `at(leaves, x)` gives the residual at x and what goes with it.
+    """
+    traced, shapes = jax.make_jaxpr(at, return_shape=True)(leaves, root)
+    size = len(root)
+    values, none = [*leaves, *root], [None] * len(leaves)
+    program = traced.jaxpr, traced.consts, values
+    # The whole Jacobian in x, column by column: the matrix of the iterations is only close to it.
+    _, slopes = pushed(*program, [*none, *jnp.eye(size, dtype=root[0].dtype)])
+    outs, moved = pushed(*program, [*map(dots.get, range(len(leaves))), *[None] * size])
+    like = next(iter(dots.values()))
+    zero = jnp.zeros_like(root[0])
+    matrix = [[zero if row is None else row[j] for j in range(size)] for row in slopes[:size]]
+    nothing = jnp.zeros(like.shape[:1], root[0].dtype)
+    right = tuple(nothing if dot is None else dot for dot in moved[:size])
+    root_dot = tuple(-d for d in eliminate(matrix, right))
+
+    def total(out, dot, slope):
+        if dot is None:
+            dot = jnp.zeros((*like.shape[:1], *out.shape), out.dtype)
+        if slope is not None:
+            for j, of_root in enumerate(root_dot):
+                dot = dot + slope[j][None] * of_root.reshape(-1, *[1] * out.ndim)
+        return dot
+
+    rest = [total(*each) for each in zip(outs[size:], moved[size:], slopes[size:], strict=True)]
+    return root_dot, jax.tree.unflatten(jax.tree.structure(shapes[1]), rest)

@@ -111,7 +111,7 @@ def run(
     begin = _Memory(zero, scene.speed + zero, zero, zero, fence, size)
     reach = zero if link is None else link.reach
     given = (scene.parcel, link, shape, clock)
-    advance_one = functools.partial(_step, fidelity.step_tolerance)
+    advance_one = functools.partial(_step, fidelity)
 
     def advance(args, y, begins, ends):
         memory, record = y
@@ -132,7 +132,7 @@ def run(
     return record, samples, zero, time_loop.unmet(memory)
 
 
-def _step(tolerance: float | None, given, memory: _Memory, begins: Array, ends: Array):
+def _step(fidelity: Fidelity, given, memory: _Memory, begins: Array, ends: Array):
     """The memory one step on, the scene's state there, the step's length [s] and the force that its
     equation leaves unbalanced [N]."""
     parcel, link, shape, clock = given
@@ -158,11 +158,13 @@ def _step(tolerance: float | None, given, memory: _Memory, begins: Array, ends: 
         ratio = (ends - begins) / jnp.maximum(memory.step_size.last, 1.0)
     guess = (jnp.maximum(memory.force + ratio * (memory.force - memory.force_before), 0.0),)
     (force,), (gap, rate, unbalance) = newton.solve(
-        _Blow.evaluate, _Blow.shorten, blow, guess, clock.iterations
-    )
+        _Blow.evaluate, _Blow.shorten, blow, guess, clock.iterations,
+        together=fidelity.gradient == "forward",
+    )  # fmt: skip
     held = None if fence is None else fence.state((force,))
     size = None
     if memory.step_size is not None:
+        tolerance = fidelity.step_tolerance
         assert tolerance is not None
         foreseen = StepSize(ends - begins, jnp.full_like(ends, clock.unit))
         now = (Ends(force, gap, rate, jnp.ones_like(gap)),)

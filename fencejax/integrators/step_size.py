@@ -74,18 +74,15 @@ class Clock(eqx.Module):
         self.unit = units(fidelity)
         zero = jnp.zeros_like(start)
         moving = [zero + step * count for count in self.counts[1:]]
-        decay, by_mode = [jnp.ones_like(start)] * len(self.counts), ()
+        decay, every = [jnp.ones_like(start)] * len(self.counts), ()
         if link is not None:
             assert maps is not None
             decay = [jnp.ones_like(start), *(relaxation(link.lag, h) + zero for h in moving)]
-            every = [
-                jnp.concatenate([jnp.full_like(values[:1], name in ("qq", "vv")), values])
+            named = {
+                name: jnp.concatenate([jnp.full_like(values[:1], name in ("qq", "vv")), values])
                 for name, values in maps._asdict().items()
-            ]
-            by_mode = tuple(
-                Propagator(*parts)
-                for parts in zip(*(blocks(values) for values in every), strict=True)
-            )
+            }
+            every = (Propagator(**named),)
         gains = [zero, *((1 - d) / h for d, h in zip(decay[1:], moving, strict=True))]
         pad = slip = (None, None)
         if link is not None and link.cover is not None:
@@ -95,7 +92,7 @@ class Clock(eqx.Module):
         strides = Stride(
             length=jnp.stack([zero, *moving]),
             rate=jnp.stack([zero, *(1 / h for h in moving)]),
-            maps=by_mode,
+            maps=every,
             lag_decay=jnp.stack(decay),
             lag_gain=jnp.stack(gains),
             pad_decay=pad[0],
@@ -116,7 +113,13 @@ class Clock(eqx.Module):
             size = math.prod(shape)
             leaves.append(row[at : at + size].reshape(shape))
             at += size
-        return jax.tree.unflatten(self.structure, leaves)
+        stride = jax.tree.unflatten(self.structure, leaves)
+        by_mode = [
+            Propagator(*parts)
+            for every in stride.maps
+            for parts in zip(*map(blocks, every), strict=True)
+        ]
+        return stride._replace(maps=tuple(by_mode))
 
     def time(self, index: Array) -> Array:
         """Time [s] of a sample since the scene's start."""

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._loop_carry import complete
+from .._loop_carry import complete, one_a_lane
 from ..fidelity import Fidelity
 from ..model import Mechanics
 from . import modal_step
@@ -110,7 +110,8 @@ def run_steps(
 
     reverse = fidelity.gradient == "reverse"
     one = jnp.ones((), precision)
-    begin = complete(strict(begin), trip, (one, one, args))
+    begin, given = strict(begin), (one, one, args)
+    begin = complete(begin, trip, given) if reverse else one_a_lane(begin, given)
     if clock is None or clock.counts[-1] == 1:
         ends = jnp.arange(steps + 1, dtype=precision)
 

@@ -5,6 +5,7 @@ What each of the constants here refuses and lets pass is measured by `thresholds
 in `tests/robustness`, and told in `TRUST.md` beside them.
 """
 
+import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -292,10 +293,13 @@ def _fields(result: Result) -> dict[str, Any]:
 
 def _finite(fields: Mapping[str, Any]) -> Array:
     """Whether all numbers of a result's fields are finite that have to be."""
-    finite = jnp.asarray(True)
+    alike: dict[Any, Array] = {}
     for leaf in jax.tree.leaves({f: v for f, v in fields.items() if f not in _MAY_BE_NAN}):
-        finite = finite & jnp.all(jnp.isfinite(leaf))
-    return finite
+        # 0 where it is finite and not a number elsewhere: so one look is enough for all of a shape.
+        zeros, kind = 0.0 * leaf, (leaf.shape, leaf.dtype)
+        alike[kind] = alike[kind] + zeros if kind in alike else zeros
+    finite = [jnp.all(jnp.isfinite(zeros)) for zeros in alike.values()]
+    return functools.reduce(jnp.logical_and, finite, jnp.asarray(True))
 
 
 # Share of the energy turned over by which a ledger may fail to close: a force goes with the root of

@@ -103,6 +103,27 @@ def test_two_unknowns_and_their_derivatives():
         np.testing.assert_allclose(ours[1], by_s, rtol=10 * TOLERATED)
 
 
+def test_directions_together():
+    """The same derivatives for all directions at once, in a batch of lanes as well."""
+
+    def found(r, s, together):
+        guess = (jnp.ones_like(r), jnp.ones_like(r))
+        most = jnp.asarray(12.0)
+        (x, y), product = solve(
+            circle_and_line, full_step, (r, s), guess, most, together=together
+        )
+        return jnp.stack([x, y, product])
+
+    for function in (jax.jacfwd(found, (0, 1)), jax.jacfwd(found, 1)):
+        many = jax.vmap(function, (0, None, None))
+        lanes = jnp.linspace(1.0, 2.0, 3)
+        for ours, theirs in (
+            (function(1.7, 0.6, True), function(1.7, 0.6, False)),
+            (many(lanes, 0.6, True), many(lanes, 0.6, False)),
+        ):
+            jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-13), ours, theirs)
+
+
 def test_the_derivative_does_not_pass_through_the_guess():
     # The root does not depend on where it was looked for.
     def root(guess):

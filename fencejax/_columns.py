@@ -1,0 +1,242 @@
+"""Forward mode for several directions at once, made from a traced program operation by operation.
+
+`jax.vmap` of `jax.jvp` does the same, but traces each loop's body for every pass of each of the two
+until it knows which numbers of the carry move. Here that is read off the program, and one pass is
+enough.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jax.extend.core import Jaxpr, Literal, jaxpr_as_fun
+from jaxtyping import Array
+
+from ._column_rules import ARITHMETIC, RULES, Dot, of_shape, ones, total_of
+from ._dependence import CALLS, CONSTANT, is_number, kept, matters, reached, repeated
+
+# Operations number by number, whose derivative in each operand is a factor.
+_BY_NUMBER = {
+    "abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "cos", "cosh",
+    "erf", "erf_inv", "erfc", "exp", "exp2", "expm1", "integer_pow", "log", "log1p", "logistic",
+    "pow", "rsqrt", "sin", "sinh", "sqrt", "square", "tan", "tanh",
+}  # fmt: skip
+
+
+def pushed(
+    program: Jaxpr, consts: Sequence[Any], values: Sequence[Any], dots: Sequence[Array | None]
+) -> tuple[list[Any], list[Array | None]]:
+    """The results of a traced program, and their derivatives along all directions.
+
+    `dots` are those of the `values`, the directions in a first axis; `None` stands for zeros, in
+    the results as well.
+    """
+    given = [None if dot is None else Dot(None, dot) for dot in dots]
+    outs, found = _evaluate(program, consts, values, given, [True] * len(program.outvars))
+    return outs, [None if dot is None else dot.all() for dot in found]
+
+
+def _evaluate(program: Jaxpr, consts, values, dots, wanted):
+    """The results of a program, and the derivatives of those that are `wanted`."""
+    known, moving, needed = {}, {}, matters(program, wanted)
+
+    def read(v):
+        return v.val if isinstance(v, Literal) else known[v]
+
+    def read_dot(v):
+        return None if isinstance(v, Literal) else moving.get(v)
+
+    known.update(zip(program.constvars, consts, strict=True))
+    known.update(zip(program.invars, values, strict=True))
+    moving.update((v, dot) for v, dot in zip(program.invars, dots, strict=True) if dot is not None)
+    for equation in program.eqns:
+        ins = [read(v) for v in equation.invars]
+        rates = [read_dot(v) for v in equation.invars]
+        outs, found = _apply(equation, ins, rates, [v in needed for v in equation.outvars])
+        known.update(zip(equation.outvars, outs, strict=True))
+        for v, dot in zip(equation.outvars, found, strict=True):
+            if dot is not None:
+                moving[v] = dot
+    return [read(v) for v in program.outvars], [read_dot(v) for v in program.outvars]
+
+
+def _apply(equation, ins, rates, wanted):
+    """The results of one operation and the derivatives of those that are `wanted`."""
+    name = equation.primitive.name
+    none = [None] * len(equation.outvars)
+    if name in CALLS:
+        inner = equation.params.get("jaxpr", equation.params.get("call_jaxpr"))
+        return _evaluate(inner.jaxpr, inner.consts, ins, rates, wanted)
+    moves = any(dot is not None for dot in rates)
+    if not moves or name in CONSTANT or not any(wanted):
+        return _plain(equation, ins), none
+    if name == "custom_vmap_call":
+        inner = equation.params["call"]
+        found = _evaluate(inner.jaxpr, inner.consts, ins, rates, wanted)[1]
+        return _plain(equation, ins), found
+    if name in _LOOPS:
+        return _LOOPS[name](equation, ins, rates, wanted)
+    if name in _BY_NUMBER or name in ARITHMETIC:
+        ins, rates = of_shape(equation.outvars[0].aval, ins, rates)
+    if name in RULES:
+        out = _plain(equation, ins)
+        return out, [RULES[name](equation.params, ins, rates, out[0])]
+    if name in _BY_NUMBER:
+        return _by_number(equation, ins, rates)
+    return _any(equation, ins, rates)
+
+
+def _plain(equation, ins):
+    params = equation.primitive.get_bind_params(equation.params)
+    # With the functions among them apart in JAX before 0.10.
+    subprograms, params = params if isinstance(params, tuple) else ((), params)
+    outs = equation.primitive.bind(*subprograms, *ins, **params)
+    return outs if equation.primitive.multiple_results else [outs]
+
+
+def _function(equation) -> Callable[..., list[Any]]:
+    """An operation as a function of all its operands, differentiated by its own rule."""
+
+    def run(*ins):
+        return _plain(equation, ins)
+
+    return run
+
+
+def _by_number(equation, ins, rates):
+    """An operation on each number by itself: the factor of each operand is worked out once."""
+    run, total, out = _function(equation), None, None
+    for i, dot in enumerate(rates):
+        if dot is None:
+            continue
+        at = jnp.asarray(ins[i])
+        scale = ones(dot) if dot.scale is None else dot.scale
+
+        def of_one(value, i=i):
+            return run(*ins[:i], value, *ins[i + 1 :])[0]
+
+        out, factor = jax.jvp(of_one, (at,), (scale,))
+        total = total_of(total, Dot(factor, dot.vector))
+    return [out], [total]
+
+
+def _any(equation, ins, rates):
+    """Any other operation, by JAX's own rules for it."""
+    run, places = _function(equation), [i for i, dot in enumerate(rates) if dot is not None]
+    smooth = [is_number(v.aval) for v in equation.outvars]
+
+    def of_moving(*parts):
+        full = list(ins)
+        for i, part in zip(places, parts, strict=True):
+            full[i] = part
+        outs = run(*full)
+        return [out for out, s in zip(outs, smooth, strict=True) if s], outs
+
+    def along(*directions):
+        at = tuple(jnp.asarray(ins[i]) for i in places)
+        _, change, outs = jax.jvp(of_moving, at, directions, has_aux=True)
+        return outs, change
+
+    outs, changes = jax.vmap(along, out_axes=(None, 0))(*(rates[i].all() for i in places))
+    found = iter(changes)
+    return outs, [Dot(None, next(found)) if s else None for s in smooth]
+
+
+# --- Loops and branches ----------------------------------------------------------------------
+
+
+def _while(equation, ins, rates, wanted):
+    params = equation.params
+    first, second = params["cond_nconsts"], params["body_nconsts"]
+    test, body = params["cond_jaxpr"], params["body_jaxpr"]
+    of_test, consts, begin = ins[:first], ins[first : first + second], ins[first + second :]
+    needed, wanted = kept(body.jaxpr, wanted, second)
+    const_rates, begin_rates = rates[first : first + second], rates[first + second :]
+    const_rates = [dot if n else None for dot, n in zip(const_rates, needed, strict=True)]
+    begin_rates = [dot if w else None for dot, w in zip(begin_rates, wanted, strict=True)]
+    marks = [dot is not None for dot in begin_rates]
+    # Worked out before the loop, and once.
+    const_rates = [None if dot is None else Dot(None, dot.all()) for dot in const_rates]
+    moved = repeated(body.jaxpr, marks, [dot is not None for dot in const_rates], second)
+    moves = [a and b for a, b in zip(moved, wanted, strict=True)]
+    if not any(moves):
+        return _plain(equation, ins), [None] * len(begin)
+    begin_dots = _begun(begin, begin_rates, const_rates, moves)
+
+    def go_on(carry):
+        return jaxpr_as_fun(test)(*of_test, *carry[0])[0]
+
+    def trip(carry):
+        values, dots = carry
+        some = iter(dots)
+        now = [Dot(None, next(some)) if move else None for move in moves]
+        given = [*consts, *values], [*const_rates, *now]
+        outs, found = _evaluate(body.jaxpr, body.consts, *given, moves)
+        return outs, _all(found, moves, dots)
+
+    outs, dots = lax.while_loop(go_on, trip, (list(map(jnp.asarray, begin)), begin_dots))
+    some = iter(dots)
+    return outs, [Dot(None, next(some)) if move else None for move in moves]
+
+
+def _begun(begin, begin_rates, const_rates, moves) -> list[Array]:
+    """The derivatives that a loop begins with. Zeros come from one that is not, so that they too
+    are one a lane in a batch from the start."""
+    known = next(dot for dot in (*begin_rates, *const_rates) if dot is not None).vector
+    size, zero = known.shape[0], 0 * jnp.ravel(known)[0]
+    found = []
+    for value, dot, move in zip(begin, begin_rates, moves, strict=True):
+        if move and dot is not None:
+            found.append(dot.all())
+        elif move:
+            shape, dtype = jnp.shape(value), jnp.result_type(value)
+            found.append(jnp.broadcast_to(zero.astype(dtype), (size, *shape)))
+    return found
+
+
+def _all(found, moves, like) -> list[Array]:
+    """The derivatives of the numbers that move."""
+    moved = [dot for dot, move in zip(found, moves, strict=True) if move]
+    return [
+        jnp.zeros(old.shape, old.dtype) if dot is None else dot.all()
+        for dot, old in zip(moved, like, strict=True)
+    ]
+
+
+def _branches(equation, ins, rates, wanted):
+    branches, rates = equation.params["branches"], rates[1:]
+    marks = [dot is not None for dot in rates]
+    each = [reached(branch.jaxpr, marks) for branch in branches]
+    moves = [any(outs) and w for *outs, w in zip(*each, wanted, strict=True)]
+    if not any(moves):
+        return _plain(equation, ins), [None] * len(moves)
+    index, *ins = ins
+    size = next(dot for dot in rates if dot is not None).vector.shape[0]
+
+    def through(branch):
+        def run(values, dots):
+            some = iter(dots)
+            now = [None if dot is None else Dot(None, next(some)) for dot in rates]
+            outs, found = _evaluate(branch.jaxpr, branch.consts, values, now, moves)
+            like = [
+                jax.ShapeDtypeStruct((size, *jnp.shape(out)), jnp.result_type(out))
+                for out, move in zip(outs, moves, strict=True)
+                if move
+            ]
+            return outs, _all(found, moves, like)
+
+        return run
+
+    dots = [dot.all() for dot in rates if dot is not None]
+    if len(branches) == 2:
+        no, yes = map(through, branches)
+        outs, found = lax.cond(index.astype(bool), yes, no, ins, dots)
+    else:
+        outs, found = lax.switch(index, [through(branch) for branch in branches], ins, dots)
+    some = iter(found)
+    return outs, [Dot(None, next(some)) if move else None for move in moves]
+
+
+_LOOPS = {"while": _while, "cond": _branches}

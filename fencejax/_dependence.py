@@ -1,0 +1,109 @@
+"""Which numbers of a traced program depend on which others, read off its operations."""
+
+import jax.numpy as jnp
+from jax.extend.core import Jaxpr, Literal, Var
+
+# Operations on numbers whose derivative is zero everywhere.
+CONSTANT = {"stop_gradient", "floor", "ceil", "round", "sign"}
+# Programs called as they are.
+CALLS = {"jit", "pjit", "closed_call", "core_call"}
+
+
+def repeated(body: Jaxpr, carry: list[bool], others: list[bool], lead: int = 0) -> list[bool]:
+    """Which numbers of a carry depend on the marked ones after any number of trips. The body's
+    inputs are the first `lead` of the `others`, the carry, and the rest of the others."""
+    while True:
+        after = reached(body, [*others[:lead], *carry, *others[lead:]])
+        found = [a or b for a, b in zip(carry, after, strict=True)]
+        if found == carry:
+            return carry
+        carry = found
+
+
+def reached(program: Jaxpr, marks: list[bool]) -> list[bool]:
+    """Which results of a program depend, smoothly, on its marked inputs."""
+    moving = {v for v, mark in zip(program.invars, marks, strict=True) if mark}
+
+    def moves(v) -> bool:
+        return not isinstance(v, Literal) and v in moving
+
+    for equation in program.eqns:
+        ins = [moves(v) for v in equation.invars]
+        if any(ins) and equation.primitive.name not in CONSTANT:
+            outs = _results(equation, ins)
+            moving.update(
+                v
+                for v, out in zip(equation.outvars, outs, strict=True)
+                if out and is_number(v.aval)
+            )
+    return [moves(v) for v in program.outvars]
+
+
+def _results(equation, ins: list[bool]) -> list[bool]:
+    """Which results of an operation depend on its marked operands; all, where it is a rule of its
+    own."""
+    name, params = equation.primitive.name, equation.params
+    if name in CALLS:
+        inner = params.get("jaxpr", params.get("call_jaxpr"))
+        return reached(inner.jaxpr, ins)
+    if name == "while":
+        first, second = params["cond_nconsts"], params["body_nconsts"]
+        others, carry = ins[first : first + second], ins[first + second :]
+        return repeated(params["body_jaxpr"].jaxpr, carry, others, second)
+    if name == "cond":
+        each = [reached(branch.jaxpr, ins[1:]) for branch in params["branches"]]
+        return [any(outs) for outs in zip(*each, strict=True)]
+    return [True] * len(equation.outvars)
+
+
+def matters(program: Jaxpr, wanted: list[bool]) -> set[Var]:
+    """The numbers of a program whose derivatives those of its `wanted` results depend on."""
+    found = {
+        v
+        for v, want in zip(program.outvars, wanted, strict=True)
+        if want and not isinstance(v, Literal) and is_number(v.aval)
+    }
+    for equation in reversed(program.eqns):
+        outs = [v in found for v in equation.outvars]
+        if any(outs) and equation.primitive.name not in CONSTANT:
+            found.update(
+                v
+                for v, needed in zip(equation.invars, _operands(equation, outs), strict=True)
+                if needed and not isinstance(v, Literal) and is_number(v.aval)
+            )
+    return found
+
+
+def kept(body: Jaxpr, wanted: list[bool], lead: int) -> tuple[list[bool], list[bool]]:
+    """Which of its first `lead` inputs, and of the carry after them, matter to the `wanted` numbers
+    of a loop's carry after any number of trips."""
+    while True:
+        found = matters(body, wanted)
+        needed = [v in found for v in body.invars]
+        carry = [a or b for a, b in zip(wanted, needed[lead:], strict=True)]
+        if carry == wanted:
+            return needed[:lead], carry
+        wanted = carry
+
+
+def _operands(equation, outs: list[bool]) -> list[bool]:
+    """Which operands of an operation matter to its marked results."""
+    name, params = equation.primitive.name, equation.params
+    if name in CALLS:
+        inner = params.get("jaxpr", params.get("call_jaxpr")).jaxpr
+        found = matters(inner, outs)
+        return [v in found for v in inner.invars]
+    if name == "while":
+        others, carry = kept(params["body_jaxpr"].jaxpr, outs, params["body_nconsts"])
+        return [*[False] * params["cond_nconsts"], *others, *carry]
+    if name == "cond":
+        every = [matters(branch.jaxpr, outs) for branch in params["branches"]]
+        places = zip(*(branch.jaxpr.invars for branch in params["branches"]), strict=True)
+        found = [any(v in each for v, each in zip(vs, every, strict=True)) for vs in places]
+        return [False, *found]
+    return [True] * len(equation.invars)
+
+
+def is_number(aval) -> bool:
+    """Whether something traced is of floating-point numbers."""
+    return hasattr(aval, "dtype") and jnp.issubdtype(aval.dtype, jnp.floating)
