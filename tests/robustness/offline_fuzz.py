@@ -38,10 +38,10 @@ FIELDS = (
 
 
 @functools.cache
-def program(name="fast"):
+def program(name="fast", **changes):
     """Numbers of lanes -> status, values (lanes, fields), slopes x df/dx (lanes, fields, varied),
     ledger's residual over what was turned over."""
-    fidelity = getattr(fj.Fidelity, name)()
+    fidelity = getattr(fj.Fidelity, name)(**changes)
 
     @jax.jit
     @jax.vmap

@@ -47,13 +47,13 @@ WARNED = {
 }
 # What the rungs cannot give is said, and by which status.
 SAID = {
-    ("static-far-above", "coarse"): fj.Status.STEP_TOO_COARSE,
+    ("static-far-above", "coarse"): fj.Status.FRICTION_SMOOTHED,
     ("belt-still", "coarse"): fj.Status.FRICTION_SMOOTHED,
     ("drive-slow", "coarse"): fj.Status.MODES_TOO_FEW,
-    ("rubber", "standard"): fj.Status.STEP_TOO_COARSE,
+    ("rubber", "standard"): fj.Status.NON_FINITE,
     ("belt-20", "standard"): fj.Status.MODES_TOO_FEW,
     ("thickness-5mm", "standard"): fj.Status.MODES_TOO_FEW,
-    ("size-1cm", "standard"): fj.Status.FRICTION_SMOOTHED,
+    ("size-1cm", "standard"): fj.Status.DEEP_PENETRATION,
     ("never-touched", "coarse"): fj.Status.NEVER_TOUCHED,
     ("drive-still", "standard"): fj.Status.NEVER_TOUCHED,
     ("at-the-tip", "coarse"): fj.Status.NEVER_TOUCHED,

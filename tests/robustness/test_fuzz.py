@@ -56,7 +56,8 @@ def test_a_derivative_that_is_not_finite_is_said():
     """One lane in 50,000: a limp fence at a step far too long runs away; its values are finite
     still, and its derivatives are not."""
     numbers = draw([20260101, 245], LANES, WIDE)
-    status, found, slopes, _ = jax.device_get(program()(numbers))
+    run = program("fast", slip_speed=5e-4, static_speed=2.5e-3)
+    status, found, slopes, _ = jax.device_get(run(numbers))
     assert status[85] == fj.Status.NON_FINITE
     assert np.isfinite(found[85]).all()
     assert np.all(slopes[85] == 0)

@@ -10,7 +10,8 @@ from robustness.random_scenes import impacts
 
 import fencejax as fj
 
-COARSE = fj.Fidelity.coarse()
+# Friction smoothed so far that some lanes are in doubt.
+COARSE = fj.Fidelity.coarse(slip_speed=2e-3, static_speed=1e-2)
 
 
 def scenes():
@@ -48,8 +49,9 @@ def test_simulate_refines_as_the_batch_does():
     scene = jax.tree.map(lambda leaf: leaf[lane], scenes())
     one = fj.simulate(scene, fidelity=COARSE, only="peak_force", refine=True)
     assert int(one.rung) == refined.rung[lane]
-    # The same program but for the batch: round-off, grown over some hundred steps.
-    assert float(one.peak_force) == pytest.approx(refined.peak_force[lane], rel=1e-9)
+    # In a batch Newton's method goes on until the last lane is done; alone it stops where forces
+    # balance within 5e-7.
+    assert float(one.peak_force) == pytest.approx(refined.peak_force[lane], rel=5e-7)
 
 
 def test_refusals():
