@@ -195,7 +195,7 @@ def outcome(name):
 def values_program(fidelity):
     """The same without derivatives: status, values, whether these are finite."""
 
-    @jax.jit
+    @RUNS_LONG
     @jax.vmap
     def run(x):
         result = fj.simulate(impact(x), fidelity=fidelity, only=FIELDS)
