@@ -10,9 +10,7 @@ from pathlib import Path
 
 # Programs here run once: the least of the compiler's effort does for them, without three passes
 # that only make programs faster, and that take a tenth of the time to compile, of whole sorts a
-# third. Others may look as needless: without `constant_folding` the loop of diffrax gives other
-# numbers than ours does, by a fifth (`test_stepper_runs_a_whole_scene_under_diffeqsolve`). Not
-# where speed is measured.
+# third. Not where speed is measured.
 _FOR_SPEED_ALONE = "while-loop-invariant-code-motion", "reshape-mover", "tree_reduction_rewriter"
 if not any(argument.startswith("--bench") for argument in sys.argv):
     passes = f"--xla_disable_hlo_passes={','.join(_FOR_SPEED_ALONE)}"
