@@ -9,8 +9,8 @@ import tempfile
 from pathlib import Path
 
 # Programs here run once: the least of the compiler's effort does for them, without three passes
-# that only make programs faster, and that take a tenth of the time to compile, of whole sorts a
-# third. Not where speed is measured.
+# that only make programs faster, and that take 6 to 10 % of the time to compile. Not where speed is
+# measured.
 _FOR_SPEED_ALONE = "while-loop-invariant-code-motion", "reshape-mover", "tree_reduction_rewriter"
 if not any(argument.startswith("--bench") for argument in sys.argv):
     passes = f"--xla_disable_hlo_passes={','.join(_FOR_SPEED_ALONE)}"
