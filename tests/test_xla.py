@@ -83,7 +83,7 @@ fidelity = fj.Fidelity.fast(modes=1, geometry="small")
 def peak(thickness):
     scene = fj.scenes.oblique_impact(fence=fj.Fence(thickness=thickness), duration=0.05)
     return fj.simulate(scene, fidelity=fidelity, only=["peak_force"]).peak_force
-print(*jax.value_and_grad(peak)(0.045))
+print(*jax.jit(jax.value_and_grad(peak))(0.045))
 """
 
 

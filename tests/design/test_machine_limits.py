@@ -72,12 +72,11 @@ def ours():
     """Values and slopes, of shape (m,) and (m, n), by the names of `NAMED`."""
 
     def both(point):
-        return jnp.concatenate([_once(QUANTITIES, False)(point), _once(AT_SHAFT, True)(point)])
+        one, other = _once(QUANTITIES, False)(point), _once(AT_SHAFT, True)(point)
+        values = jnp.concatenate([one, other])
+        return values, values
 
-    def sloped(point):
-        return both(point), jax.jacfwd(both)(point)
-
-    values, slopes = jax.jit(sloped)(jnp.asarray(POINT))
+    slopes, values = jax.jit(jax.jacfwd(both, has_aux=True))(jnp.asarray(POINT))
     return dict(zip(NAMED, zip(np.asarray(values), np.asarray(slopes), strict=True), strict=True))
 
 

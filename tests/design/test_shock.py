@@ -28,7 +28,7 @@ def test_impulse_of_the_largest_pulse_alone():
     share = 2 / np.pi * np.cos(np.arcsin(0.1))
     # Chords of a sine of 400 samples: (pi / 400)^2 / 12 = 5e-6 of the area; the level's own height
     # is that of a sample, 8e-6 below the top at most.
-    (value, slopes) = jax.value_and_grad(impulse, (0, 1))(100.0, 0.04)
+    (value, slopes) = jax.jit(jax.value_and_grad(impulse, (0, 1)))(100.0, 0.04)
     assert float(value) == pytest.approx(share * 100.0 * 0.04, rel=2e-5)
     assert float(slopes[0]) == pytest.approx(share * 0.04, rel=2e-5)
     assert float(slopes[1]) == pytest.approx(share * 100.0, rel=1e-3)

@@ -30,7 +30,7 @@ def peak(fidelity):
     def run(mass):
         return fj.simulate(hard(mass), fidelity=fidelity, only=ONLY).peak_force
 
-    value, slope = jax.value_and_grad(run)(MASS)
+    value, slope = jax.jit(jax.value_and_grad(run))(MASS)
     return float(value), float(MASS * slope / value)
 
 
@@ -88,15 +88,15 @@ def test_lanes_of_a_batch_follow_their_own_defects():
         return fj.simulate(hard(mass), fidelity=fidelity, only=ONLY).peak_force
 
     alone = [float(run(mass)) for mass in masses]
-    assert np.asarray(jax.vmap(run)(masses)) == pytest.approx(alone, rel=1e-9)
+    assert np.asarray(jax.jit(jax.vmap(run))(masses)) == pytest.approx(alone, rel=1e-9)
 
 
 def test_reverse_mode_agrees():
     def slope(gradient):
         fidelity = fj.Fidelity(step_tolerance=1e-2, gradient=gradient)
-        return jax.grad(
+        return jax.jit(jax.grad(
             lambda mass: fj.simulate(hard(mass), fidelity=fidelity, only=ONLY).peak_force
-        )(MASS)
+        ))(MASS)  # fmt: skip
 
     assert float(slope("reverse")) == pytest.approx(float(slope("forward")), rel=1e-8)
 

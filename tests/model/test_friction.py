@@ -29,7 +29,7 @@ def test_coefficient_goes_from_static_to_kinetic():
 
 
 def test_derivative_of_the_coefficient():
-    value = jax.vmap(jax.grad(lambda s: mu_at(s)[0]))(SPEEDS**2)
+    value = jax.jit(jax.vmap(jax.grad(lambda s: mu_at(s)[0])))(SPEEDS**2)
     ours = mu_at(SPEEDS**2)[1]
     np.testing.assert_allclose(ours, value, rtol=1e-13)
 
@@ -49,7 +49,8 @@ def test_corner_friction_opposes_the_sliding():
 
 
 def test_derivative_of_the_corner_friction():
-    value = jax.vmap(jax.grad(lambda w: corner_share(FRICTION, w, SMOOTHING)[0]))(SPEEDS)
+    slope = jax.grad(lambda w: corner_share(FRICTION, w, SMOOTHING)[0])
+    value = jax.jit(jax.vmap(slope))(SPEEDS)
     ours = corner_share(FRICTION, SPEEDS, SMOOTHING)[1]
     # Terms cancel where the friction has its maximum: round-off on the largest of them.
     np.testing.assert_allclose(ours, value, rtol=1e-12, atol=1e-13 * 0.5 / 1e-2)
@@ -60,7 +61,8 @@ def test_derivative_of_the_corner_friction():
 
 def test_derivative_of_the_grip():
     squares = np.array([0.0, 1e-8, 1e-5, 1e-4, 3e-3, 0.04, 4.0])
-    value = jax.vmap(jax.grad(lambda s: belt_grip(FRICTION, WEIGHT, s, SMOOTHING)[0]))(squares)
+    slope = jax.grad(lambda s: belt_grip(FRICTION, WEIGHT, s, SMOOTHING)[0])
+    value = jax.jit(jax.vmap(slope))(squares)
     ours = belt_grip(FRICTION, WEIGHT, squares, SMOOTHING)[1]
     np.testing.assert_allclose(ours, value, rtol=1e-12)
 

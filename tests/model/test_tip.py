@@ -60,9 +60,13 @@ def poses(number, count=400, tilt=0.3):
 @pytest.mark.parametrize(("number", "radius"), [(1, None), (2, None), (3, None), (4, 0.008)])
 def test_force_is_the_gradient_of_the_gap(number, radius):
     *_, where = poses(number)
-    touch, _ = jax.vmap(lambda p: met(p, number, radius=radius))(where)
-    slopes = jax.vmap(jax.grad(lambda p: met(p, number, radius=radius)[0].gap))(where)
-    np.testing.assert_allclose(np.stack(touch.normal, axis=-1), -slopes, atol=1e-12)
+
+    def one(pose):
+        touch, _ = met(pose, number, radius=radius)
+        return touch.gap, touch.normal
+
+    slopes, normal = jax.jit(jax.vmap(jax.grad(one, has_aux=True)))(where)
+    np.testing.assert_allclose(np.stack(normal, axis=-1), -slopes, atol=1e-12)
 
 
 def test_an_edge_of_a_radius():
@@ -70,7 +74,7 @@ def test_an_edge_of_a_radius():
     its force goes through the centre. One of no radius is a sharp one."""
     radius, tilt, number = 0.008, 0.3, 1
     theta, place, depth, where = poses(number)
-    touch, _ = jax.vmap(lambda p: met(p, number, length=1e-9, radius=radius))(where)
+    touch, _ = jax.jit(jax.vmap(lambda p: met(p, number, length=1e-9, radius=radius)))(where)
     center = REACH * np.array([np.cos(tilt), np.sin(tilt)])
     center = center + radius * np.array([np.sin(tilt), -np.cos(tilt)])
     inward = np.stack([-np.sin(tilt - theta), np.cos(tilt - theta)], 1)

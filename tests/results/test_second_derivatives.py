@@ -90,10 +90,16 @@ def test_against_differences_of_gradients():
     # derivatives, of the order of a thousand at the places between the elements, and by round-off
     # over the step, 1e-9.
     step = 1e-4
-    points = jnp.concatenate([step * jnp.eye(4), -step * jnp.eye(4)])
-    slopes = jax.jit(jax.vmap(jax.grad(impact)))(points)
-    differences = (slopes[:4] - slopes[4:]) / (2 * step)
-    hessian = jax.jit(jax.hessian(impact))(jnp.zeros(4))
+    points = jnp.concatenate([step * jnp.eye(4), -step * jnp.eye(4), jnp.zeros((1, 4))])
+
+    def slope(x):
+        found = jax.grad(impact)(x)
+        return found, found
+
+    # A Hessian and the gradient it is taken of, of all points in one program.
+    hessians, slopes = jax.jit(jax.vmap(jax.jacfwd(slope, has_aux=True)))(points)
+    differences = (slopes[:4] - slopes[4:8]) / (2 * step)
+    hessian = hessians[8]
     np.testing.assert_allclose(hessian, hessian.T, atol=1e-8 * np.abs(hessian).max())
     np.testing.assert_allclose(hessian, differences, atol=1e-5 * np.abs(hessian).max())
 

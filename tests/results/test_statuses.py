@@ -112,34 +112,62 @@ def test_what_a_status_says_to_do_helps(expected, before, after):
         assert status(*after) <= fj.Status.LEFT_OVER_TIP
 
 
-def traced(make, *values):
+def wall(mass, center):
+    return fj.scenes.rigid_wall(parcel=fj.Parcel(mass=mass, center_x=center))
+
+
+def normal(distance):
+    return fj.scenes.normal_impact(distance=distance, duration=0.01)
+
+
+def oblique(distance, angle, thickness):
+    return fj.scenes.oblique_impact(
+        fence=fj.Fence(thickness=thickness), distance=distance, drive_angle=angle, duration=0.01
+    )
+
+
+def driven(acceleration):
+    return fj.scenes.oblique_impact(
+        drive=fj.TrapezoidDrive(acceleration=acceleration), duration=0.01
+    )
+
+
+def sorted_at(offset):
+    return fj.scenes.whole_sort(offset=offset, duration=0.01)
+
+
+@functools.cache
+def traced(make):
     """The status where the numbers are traced, and pass what the constructors check."""
     @jax.jit
     def run(*numbers):
         return fj.simulate(make(*numbers), fidelity=PLAIN, only=("peak_force",)).status
 
-    return fj.Status(int(run(*values)))
+    return run
 
 
 @pytest.mark.parametrize(
-    "make",
+    ("make", "numbers"),
     [
-        lambda m: fj.scenes.rigid_wall(parcel=fj.Parcel(mass=-m)),
-        lambda m: fj.scenes.rigid_wall(parcel=fj.Parcel(mass=m * 1e40)),
-        lambda m: fj.scenes.rigid_wall(parcel=fj.Parcel(center_x=m)),
-        lambda m: fj.scenes.normal_impact(distance=1.3 * m, duration=0.01),
-        lambda m: fj.scenes.oblique_impact(distance=1.3 * m, duration=0.01),
-        lambda m: fj.scenes.oblique_impact(drive_angle=m, duration=0.01),
-        lambda m: fj.scenes.oblique_impact(drive_angle=-m, duration=0.01),
-        lambda m: fj.scenes.oblique_impact(
-            drive=fj.TrapezoidDrive(acceleration=m), duration=0.01
-        ),
-        lambda m: fj.scenes.whole_sort(offset=-m, duration=0.01),
-        lambda m: fj.scenes.oblique_impact(fence=fj.Fence(thickness=-m), duration=0.01),
+        (wall, (-1.0, 0.0)),
+        (wall, (1e40, 0.0)),
+        (wall, (15.0, 1.0)),
+        (normal, (1.3,)),
+        (oblique, (1.3, 0.3, 0.045)),
+        (oblique, (1.0, 1.0, 0.045)),
+        (oblique, (1.0, -1.0, 0.045)),
+        (oblique, (1.0, 0.3, -1.0)),
+        (driven, (1.0,)),
+        (sorted_at, (-1.0,)),
     ],
 )
-def test_traced_numbers_out_of_bounds_are_said(make):
-    assert traced(make, 1.0) >= fj.Status.INCONSISTENT
+def test_traced_numbers_out_of_bounds_are_said(make, numbers):
+    assert int(traced(make)(*numbers)) >= fj.Status.INCONSISTENT
+
+
+def test_the_same_numbers_within_bounds_are_no_cause():
+    assert int(traced(wall)(15.0, 0.0)) < fj.Status.INCONSISTENT
+    assert int(traced(oblique)(1.0, 0.3, 0.045)) < fj.Status.INCONSISTENT
 
 
 def test_heavy_parcels_are_refused_or_right():

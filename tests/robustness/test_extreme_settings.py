@@ -173,7 +173,7 @@ def test_gradient_in_single_precision():
             )
             return fj.simulate(scene, fidelity=fidelity, only=("peak_force",)).peak_force
 
-        return float(jax.grad(peak)(0.05))
+        return float(jax.jit(jax.grad(peak))(0.05))
 
     # Forces balanced to 2e-3, over the some ten steps to the peak; of the same fixed steps, as an
     # error control would take others in other rounding.
