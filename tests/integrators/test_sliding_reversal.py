@@ -71,9 +71,9 @@ def test_every_step_finds_its_forces(parcels, fine, rung, step, slip_speed, prom
     ("rung", "promise"), [("coarse", 5e-3), ("fast", 2.5e-3), ("standard", 1e-3)]
 )
 def test_steps_that_are_not_solved_are_taken_again(parcels, fine, rung, promise):
-    # As sharp as the friction of a named setting is, over steps of that length Newton's method
-    # comes to no end in some of these lanes.
-    fidelity = getattr(fj.Fidelity, rung)(modes=4)
+    # Friction this sharp: over steps of these lengths Newton's method comes to no end in some of
+    # these lanes.
+    fidelity = getattr(fj.Fidelity, rung)(modes=4, slip_speed=5e-5, static_speed=2.5e-4)
     fixed = peaks(parcels, fidelity.replace(step_tolerance=None))[1]
     assert rung == "standard" or np.any(fixed == fj.Status.STEP_TOO_COARSE)
     found, status = peaks(parcels, fidelity)
