@@ -23,6 +23,16 @@ class Dot:
     def __init__(self, scale, vector):
         self.scale, self.vector, self._all = scale, vector, None
 
+    @property
+    def factor(self):
+        """The scale, written out where it is 1."""
+        return self.ones if self.scale is None else self.scale
+
+    @property
+    def ones(self) -> np.ndarray:
+        """The factor 1."""
+        return np.ones(self.vector.shape[1:], self.vector.dtype)
+
     def all(self) -> Array:
         """The derivatives themselves."""
         if self.scale is None:
@@ -41,11 +51,6 @@ class Dot:
         if self.scale is None:
             return Dot(factor, self.vector)
         return Dot(_product(self.scale, factor), self.vector)
-
-
-def ones(dot: Dot) -> np.ndarray:
-    """The factor 1 of `dot`."""
-    return np.ones(dot.vector.shape[1:], dot.vector.dtype)
 
 
 def _fixed(factor, dot: Dot):
@@ -67,14 +72,14 @@ def total_of(a: Dot | None, b: Dot | None) -> Dot | None:
     if a is None or b is None:
         return b if a is None else a
     if a.vector is b.vector:
-        first, second = (ones(dot) if dot.scale is None else dot.scale for dot in (a, b))
+        first, second = a.factor, b.factor
         both = isinstance(first, np.ndarray) and isinstance(second, np.ndarray)
         return Dot(first + second if both else lax.add(first, second), a.vector)
     return Dot(None, lax.add(a.all(), b.all()))
 
 
 def _minus(dot: Dot | None) -> Dot | None:
-    return None if dot is None else dot.times(-ones(dot))
+    return None if dot is None else dot.times(-dot.ones)
 
 
 def of_shape(aval, ins, rates):
@@ -121,7 +126,7 @@ def _divide(params, ins, rates, out):
     (_, y), (a, b) = ins, rates
     of_above = None
     if a is not None:
-        above, below = ones(a) if a.scale is None else a.scale, _fixed(y, a)
+        above, below = a.factor, _fixed(y, a)
         fixed = isinstance(above, np.ndarray) and isinstance(below, np.ndarray)
         of_above = Dot(above / below if fixed else lax.div(above, below), a.vector)
     return total_of(of_above, None if b is None else b.times(lax.neg(lax.div(out, y))))
@@ -143,8 +148,8 @@ def _select(params, ins, rates, out):
     if len(present) == len(cases) and all(dot.vector is first.vector for dot in present):
         if all(dot.scale is None for dot in present):
             return first
-        scales = [ones(dot) if dot.scale is None else dot.scale for dot in present]
-        return Dot(lax.select_n(which, *map(jnp.asarray, scales)), first.vector)
+        scales = (jnp.asarray(dot.factor) for dot in present)
+        return Dot(lax.select_n(which, *scales), first.vector)
     every = [_full(dot, first.vector) for dot in cases]
     if np.ndim(which):
         shape = every[0].shape

@@ -14,8 +14,8 @@ from jax import lax
 from jax.extend.core import Jaxpr, Literal, jaxpr_as_fun
 from jaxtyping import Array
 
-from ._column_rules import ARITHMETIC, RULES, Dot, of_shape, ones, total_of
-from ._dependence import CALLS, CONSTANT, is_number, kept, matters, reached, repeated
+from ._column_rules import ARITHMETIC, RULES, Dot, of_shape, total_of
+from ._dependence import CALLS, CONSTANT, called, is_number, kept, matters, reached, repeated
 
 # Operations number by number, whose derivative in each operand is a factor.
 _BY_NUMBER = {
@@ -67,7 +67,7 @@ def _apply(equation, ins, rates, wanted):
     name = equation.primitive.name
     none = [None] * len(equation.outvars)
     if name in CALLS:
-        inner = equation.params.get("jaxpr", equation.params.get("call_jaxpr"))
+        inner = called(equation)
         return _evaluate(inner.jaxpr, inner.consts, ins, rates, wanted)
     moves = any(dot is not None for dot in rates)
     if not moves or name in CONSTANT or not any(wanted):
@@ -112,12 +112,11 @@ def _by_number(equation, ins, rates):
         if dot is None:
             continue
         at = jnp.asarray(ins[i])
-        scale = ones(dot) if dot.scale is None else dot.scale
 
         def of_one(value, i=i):
             return run(*ins[:i], value, *ins[i + 1 :])[0]
 
-        out, factor = jax.jvp(of_one, (at,), (scale,))
+        out, factor = jax.jvp(of_one, (at,), (dot.factor,))
         total = total_of(total, Dot(factor, dot.vector))
     return [out], [total]
 

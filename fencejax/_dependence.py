@@ -9,6 +9,11 @@ CONSTANT = {"stop_gradient", "floor", "ceil", "round", "sign"}
 CALLS = {"jit", "pjit", "closed_call", "core_call"}
 
 
+def called(equation):
+    """The program that one of `CALLS` runs."""
+    return equation.params.get("jaxpr", equation.params.get("call_jaxpr"))
+
+
 def repeated(body: Jaxpr, carry: list[bool], others: list[bool], lead: int = 0) -> list[bool]:
     """Which numbers of a carry depend on the marked ones after any number of trips. The body's
     inputs are the first `lead` of the `others`, the carry, and the rest of the others."""
@@ -44,8 +49,7 @@ def _results(equation, ins: list[bool]) -> list[bool]:
     own."""
     name, params = equation.primitive.name, equation.params
     if name in CALLS:
-        inner = params.get("jaxpr", params.get("call_jaxpr"))
-        return reached(inner.jaxpr, ins)
+        return reached(called(equation).jaxpr, ins)
     if name == "while":
         first, second = params["cond_nconsts"], params["body_nconsts"]
         others, carry = ins[first : first + second], ins[first + second :]
@@ -90,7 +94,7 @@ def _operands(equation, outs: list[bool]) -> list[bool]:
     """Which operands of an operation matter to its marked results."""
     name, params = equation.primitive.name, equation.params
     if name in CALLS:
-        inner = params.get("jaxpr", params.get("call_jaxpr")).jaxpr
+        inner = called(equation).jaxpr
         found = matters(inner, outs)
         return [v in found for v in inner.invars]
     if name == "while":

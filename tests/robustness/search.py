@@ -241,11 +241,8 @@ def _table():
             for name, row in rows.items()
         },
     }
-    found_most = {
-        "designs": {"value": judged, "unit": "1"},
-        **{name: {"value": most[name], "unit": "%"} for name in _SHOWN},
-    }
-    known["searched"] = {"command": command, "figures": found_most}
+    found_most = {"designs": (judged, "1"), **{name: (most[name], "%") for name in _SHOWN}}
+    known["searched"] = figures.group(command, found_most)
     figures.write(known)
 
 
