@@ -66,6 +66,12 @@ _CREEP_SHARE = 0.0082
 # Share of the slip at the peak that the belt's friction may add within a step, of a parcel that
 # turned round on it before: when in the step it did so counts.
 _STEP_SLIP = 0.015
+# Share of the peak force that friction on the fence may have jumped by before, or not, within the
+# edge of holding a corner (`hold`).
+_HELD = 0.02
+# Blows before the peak. Each multiplies what the ones before are off by, of whatever origin, as a
+# billiard does: no fidelity tells a force after so many.
+_BLOWS = 3.0
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1]. From 10 on
 # no force has to do with that of finer steps (`tests/robustness/runaway.py`); up to here it is only
 # said, so that what longer steps have driven there is computed finer.
@@ -208,6 +214,11 @@ def of_record(
         checks.append((Status.FRICTION_SMOOTHED, smoothed))
         too_coarse = _belt_slip_unresolved(scene, mechanics.fidelity, seen)
         checks.append((Status.STEP_TOO_COARSE, too_coarse))
+    if scene.fence_corners:
+        checks.append((Status.STEP_TOO_COARSE, seen.resolution.at_peak.blows >= _BLOWS))
+    if scene.fence_corners and scene.fence_friction is not None:
+        unsure = seen.resolution.at_peak.unsure_friction > _HELD * seen.force.value
+        checks.append((Status.FRICTION_SMOOTHED, unsure))
     if mechanics.link is not None and mechanics.link.frequency_squared:
         frequency = jnp.sqrt(jax.lax.stop_gradient(mechanics.link.slowest))
         rings = frequency * mechanics.fidelity.step > _RINGING

@@ -24,8 +24,12 @@ from .accumulators import (
     border_force,
     surface_force,
 )
+from .hold import Hold, updated
 from .peak import Peak, second_difference
 from .sample import Sample
+
+# A blow is over where the force is no more than this share of the largest so far.
+_LITTLE = 0.1
 
 
 class AtPeak(NamedTuple):
@@ -34,7 +38,9 @@ class AtPeak(NamedTuple):
     where a corner ran over the tip then or a step later, `rebound_roughness` [N] the largest second
     difference of the force from step to step until then if parcel and fence had parted before, else
     0; `sliding_reversed` 1.0 where a corner pressed on the fence had come to rest on it, or turned
-    round, before, `belt_slip_reversed` where C_s, pressed by it, had turned round on the belt."""
+    round, before, `belt_slip_reversed` where C_s, pressed by it, had turned round on the belt;
+    `blows` [1] how often the force had risen and eased before, and `unsure_friction` [N] the
+    largest jump of friction that a corner had gone by this way or that on the edge (`hold`)."""
 
     slip: Array
     creep_time: Array
@@ -42,28 +48,34 @@ class AtPeak(NamedTuple):
     rebound_roughness: Array
     sliding_reversed: Array
     belt_slip_reversed: Array
+    blows: Array
+    unsure_friction: Array
 
 
 class Resolution(NamedTuple):
     """`roughness`, `border_roughness` [N] are the largest second differences of the forces of the
     fence, but for its end over the tip, and of the still surfaces from step to step; `creep_time`
     [s] is how long C_s, under the fence's force, has let go of the belt or come to rest on it so
-    far, neither at rest nor sliding; `separated` and `sliding_reversed` are 1.0 where parcel and
-    fence have touched and parted, and where a corner pressed on the fence has come to rest on it or
-    turned round, `belt_slip_reversed` where C_s, pressed by the fence, has turned round on the belt
-    within a step; `largest` [N] is the fence's largest force at a sample; `residual_acceleration`
-    [m/s^2] is the largest |N''| G under a corner, G [m/N] the compliance of the modes left out, and
-    `residual_deflection` [m] the largest deflection G N that they take there."""
+    far, neither at rest nor sliding; `blows` [1] is how often the force has eased to little of its
+    largest; `separated` and `sliding_reversed` are 1.0 where parcel and fence have touched and
+    parted, and where a corner pressed on the fence has come to rest on it or turned round,
+    `belt_slip_reversed` where C_s, pressed by the fence, has turned round on the belt within a
+    step; `largest` [N] is the fence's largest force at a sample; `residual_acceleration` [m/s^2] is
+    the largest |N''| G under a corner, G [m/N] the compliance of the modes left out, and
+    `residual_deflection` [m] the largest deflection G N that they take there; `hold` is how near
+    corners came to being held on the fence, or let go."""
 
     roughness: Array
     border_roughness: Array
     creep_time: Array
     separated: Array
+    blows: Array
     sliding_reversed: Array
     belt_slip_reversed: Array
     largest: Array
     residual_acceleration: Array
     residual_deflection: Array
+    hold: Hold
     at_peak: AtPeak
 
 
@@ -177,7 +189,7 @@ def ends_over_tip(step: Step) -> Array:
 
 def _start(nothing: Sample, body: Body) -> Resolution:
     zero = nothing.time
-    return Resolution(*(zero,) * 9, at_peak=AtPeak(*(zero,) * 6))
+    return Resolution(*(zero,) * 10, hold=Hold.start(nothing), at_peak=AtPeak(*(zero,) * 8))
 
 
 def _update(state: Resolution, step: Step) -> Resolution:
@@ -195,23 +207,32 @@ def _update(state: Resolution, step: Step) -> Resolution:
             surface.before, surface.now, at_surfaces, step.span, step.second
         )
         of_border = jnp.maximum(of_border, of_surfaces)
+    little = _LITTLE * force.value
+    eases = (before.fence_force > little) & (now.fence_force <= little)
+    blows = state.blows + jnp.where(jax.lax.stop_gradient(eases), 1.0, 0.0)
     apart = (step.known["contact"].touched > 0) & (now.fence_force <= 0)
     separated = jnp.where(apart, 1.0, state.separated)
     roughest = jnp.maximum(state.roughness, roughness)
     reversed_ = _sliding_reversed(before, now, smoothing, state.sliding_reversed)
     on_belt = _belt_slip_reversed(slip_before, slip, now, smoothing, state.belt_slip_reversed)
-    at_peak = AtPeak(slip.speed, creep_time, now.over_tip, separated * roughest, reversed_, on_belt)
+    hold = updated(state.hold, before, now, length, step.scene, smoothing)
+    at_peak = AtPeak(
+        slip.speed, creep_time, now.over_tip, separated * roughest, reversed_, on_belt, blows,
+        hold.unsure,
+    )  # fmt: skip
     acceleration = _residual_acceleration(now, roughness, length)
     return Resolution(
         roughness=roughest,
         border_roughness=jnp.maximum(state.border_roughness, of_border),
         creep_time=creep_time,
         separated=separated,
+        blows=blows,
         sliding_reversed=reversed_,
         belt_slip_reversed=on_belt,
         largest=jnp.maximum(state.largest, jax.lax.stop_gradient(now.fence_force)),
         residual_acceleration=jnp.maximum(state.residual_acceleration, acceleration),
         residual_deflection=_residual_deflection(now, state.residual_deflection),
+        hold=hold,
         at_peak=_at_peak(force, state.at_peak, now, at_peak),
     )
 

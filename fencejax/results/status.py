@@ -62,14 +62,16 @@ _TEXT = {
     Status.DEEP_PENETRATION: "a corner goes in by more than half the parcel's shorter side, "
     "beyond the contact law; give the parcel a larger contact stiffness",
     Status.FRICTION_SMOOTHED: "what dry friction on the belt is smoothed over bears on the peak "
-    "force; lower `slip_speed` and `static_speed` in the fidelity, both alike",
+    "force, or a corner was only just held on the fence, or let go; lower `slip_speed` and "
+    "`static_speed` in the fidelity, both alike",
     Status.MODES_TOO_FEW: "the bending modes kept do not follow the force; raise `modes` in the "
     "fidelity",
     Status.ENERGY_UNBALANCED: "the energy ledger does not close with the work done; "
     "lower `step` in the fidelity",
     Status.STEP_TOO_COARSE: "the steps are too long for what happens within one (a blow, a second "
     "one, friction that turns round), or for the derivatives that are asked for; lower `step` and "
-    "`step_tolerance` in the fidelity",
+    "`step_tolerance` in the fidelity; where the parcel bounced on the fence three times before "
+    "the force was largest, change the design",
     Status.LIMIT_REACHED: "a general integrator came to its limit of steps; use "
     "`integrator=\"modal\"` in the fidelity",
     Status.INCONSISTENT: "the scene's numbers do not go together; build the scene outside the "

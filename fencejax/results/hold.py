@@ -1,0 +1,124 @@
+"""How near a corner on the fence was to being held by friction, or to being let go.
+
+Where static friction is above the kinetic one the motion goes one of two ways: a corner whose
+sliding comes to rest is caught, or slides on the other way; one that is held stays so, or breaks
+away. What decides is the friction that rest takes next to the largest there is, mu_max N. Close to
+that edge the smallest change tips it, and the force after it differs by up to (mu_max - mu_k) N.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..fidelity import Smoothing
+from ..model import corner_share
+from ..parts import AbstractFriction, Parcel
+from ..scenes import NormalScene, Scene
+from .sample import Sample
+
+# Sliding speeds in w_s among which smoothed friction is largest, and one at which it slides: w_s is
+# five eps in all named settings, and the largest is met to 1 % up to a ratio of twenty.
+_CREEPS, _SLIDES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.3, 1.7), 10.0
+# A corner at rest is slower than w_s, one that slides faster than so many w_s: exp(-3^2) of the
+# jump of friction is left there.
+_RESTS, _FREE = 1.0, 3.0
+# Share of the largest friction within which it is not sure which way a corner goes.
+_EDGE = 0.03
+
+
+class Hold(NamedTuple):
+    """`near` [N], by corner: what friction would jump by where the corner, held within the edge
+    now, were let go; `caught`, by corner: 1.0 where its sliding came to rest in the last step;
+    `edge` [N]: the largest jump of friction so far that a corner went by this way or that within
+    the edge."""
+
+    near: tuple[Array, ...]
+    caught: tuple[Array, ...]
+    edge: Array
+
+    @classmethod
+    def start(cls, nothing: Sample) -> "Hold":
+        """Before a scene's first sample."""
+        none = tuple(nothing.time for _ in nothing.fence)
+        return cls(none, none, nothing.time)
+
+    @property
+    def unsure(self) -> Array:
+        """The largest jump of friction [N] so far that might as well have been, or not."""
+        found = self.edge
+        for jump in self.near:
+            found = jnp.maximum(found, jump)
+        return found
+
+
+class _Shares(NamedTuple):
+    """Smoothed friction as a share of the normal force [1]: the largest near rest, and less that
+    of a corner that slides."""
+
+    largest: Array
+    jump: Array
+
+
+def _shares(friction: AbstractFriction, smoothing: Smoothing, like: Array) -> _Shares:
+    def at(speed: float) -> Array:
+        sliding = jnp.full_like(like, speed * smoothing.static_speed)
+        return jnp.abs(corner_share(friction, sliding, smoothing)[0])
+
+    largest = at(_CREEPS[0])
+    for speed in _CREEPS[1:]:
+        largest = jnp.maximum(largest, at(speed))
+    return _Shares(largest, jnp.maximum(largest - at(_SLIDES), 0.0))
+
+
+def _lightness(parcel: Parcel, now: Sample) -> Array:
+    """What a unit force along the fence's straight line accelerates it there by [1/kg]:
+    1 / m_p + d^2 / I_p, with d the distance of C_s from that line."""
+    assert now.drive is not None
+    across = now.body.x * jnp.sin(now.drive.angle) - now.body.y * jnp.cos(now.drive.angle)
+    return 1 / parcel.mass + across**2 / parcel.inertia
+
+
+def updated(
+    known: Hold,
+    before: Sample,
+    now: Sample,
+    length: Array,
+    scene: NormalScene | Scene,
+    smoothing: Smoothing,
+) -> Hold:
+    """What is known after a step of the `length` [s] from one sample to the next.
+
+    The friction that would hold a corner is |(F_0 + F_1) / 2 - (w_1 - w_0) / (h lambda)|, with
+    lambda its lightness [1/kg]. A corner that slid on through rest is on the edge where that is
+    hardly more than there is, or is less. One that is caught is so where it is nearly all that
+    there is, and one that was held before where it has come near that and gone back.
+    """
+    if isinstance(scene, NormalScene) or scene.fence_friction is None or not now.fence:
+        return known
+    friction, parcel, before, now, length = jax.lax.stop_gradient(
+        (scene.fence_friction, scene.parcel, before, now, length)
+    )
+    most, jump = _shares(friction, smoothing, now.time)
+    impulse = jnp.where(length > 0, length, 1.0) * _lightness(parcel, now)
+    rests, free = (share * smoothing.static_speed for share in (_RESTS, _FREE))
+    near, caught, edge = [], [], known.edge
+    for was, is_, close, fresh in zip(
+        before.fence, now.fence, known.near, known.caught, strict=True
+    ):
+        pressed = (was.normal > 0) & (is_.normal > 0)
+        at_rest = pressed & (jnp.abs(is_.sliding) < rests)
+        slides = jnp.abs(is_.sliding) > free
+        wanted = 0.5 * (was.friction + is_.friction) - (is_.sliding - was.sliding) / impulse
+        share = jnp.abs(wanted) / jnp.where(pressed, 0.5 * most * (was.normal + is_.normal), 1.0)
+        at_edge = at_rest & (share > 1 - _EDGE)
+        back = pressed & ~slides & (close > 0) & (share < 1 - 2 * _EDGE)
+        passed = pressed & slides & (was.sliding * is_.sliding < 0) & (share < 1 + _EDGE)
+        unsure = (at_edge & (fresh > 0)) | back | passed
+        edge = jnp.where(unsure, jnp.maximum(edge, jump * is_.normal), edge)
+        close = jnp.where(at_edge, jnp.maximum(close, jump * is_.normal), close)
+        near.append(jnp.where(slides | back | ~pressed, 0.0, close))
+        came = at_rest & (jnp.abs(was.sliding) > free)
+        caught.append(jnp.where(came, 1.0, 0.0))
+    return Hold(tuple(near), tuple(caught), edge)
