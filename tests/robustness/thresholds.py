@@ -1,5 +1,5 @@
-"""What each constant of `fencejax.results.diagnostics` refuses and what it lets pass: of random
-designs, with all others as they are.
+"""What each constant of `fencejax.results.diagnostics`, and of `hold` beside it, refuses and lets
+pass: of random designs, with all others as they are.
 
 From the folder `tests`:
 
@@ -32,7 +32,7 @@ from robustness.peaks import gradient_error
 from robustness.searched_scenes import KINDS
 
 import fencejax as fj
-from fencejax.results import diagnostics
+from fencejax.results import diagnostics, hold
 from fencejax.study import in_chunks
 
 # The last one is as good as none.
@@ -84,6 +84,13 @@ def clutches(seed, count):
     return drawn(seed, count, ranges)
 
 
+def whole_sorts(seed, count):
+    """Whole sorts of real fences and parcels."""
+    sort = KINDS["sort"]
+    shares = np.random.default_rng([seed, 3]).random((count, sort.count("realistic")))
+    return sort.numbers(shares, "realistic")
+
+
 def on_clutch(x):
     """The impact with the fence on such a shaft."""
     fence = impact(x, _DURATION).fence
@@ -121,7 +128,8 @@ TRIALS = {
         halves, _impact,
         (
             "_LAGGING", "_RESIDUAL_DEFLECTION", "_SMOOTHED", "_CREEP_LOSS", "_CREEP_SPEED",
-            "_CREEP_SHARE", "_STEP_SLIP", "_REBOUND_ROUGHNESS", "_RINGING", "_DAMPER_HELD",
+            "_CREEP_SHARE", "_STEP_SLIP", "_REBOUND_ROUGHNESS", "_RINGING", "_DAMPER_HELD", "_HELD",
+            "_EDGE",
         ),
     ),
     "impacts, fixed steps": Trial(
@@ -138,9 +146,15 @@ TRIALS = {
     ),
     "much static friction": Trial(steep, _impact, ("_CREEP_LOSS",), more=4),
     "parcels at the tip": Trial(at_tips, _impact, ("_ABOVE_SAMPLES",), more=4),
+    "whole sorts": Trial(whole_sorts, KINDS["sort"].scene, ("_BLOWS", "_HELD", "_EDGE")),
     "a clutch": Trial(clutches, on_clutch, ("_SLIPPING",)),
 }  # fmt: skip
 """Every trial by name."""
+
+
+def _home(constant):
+    """The module that has the constant."""
+    return hold if hasattr(hold, constant) else diagnostics
 
 
 @functools.cache
@@ -149,15 +163,15 @@ def statuses_of(trial, fidelity):
     given = TRIALS[trial]
 
     def one(x, factors):
-        usual = {constant: getattr(diagnostics, constant) for constant in given.constants}
+        usual = {each: getattr(_home(each), each) for each in given.constants}
         try:
             for constant, factor in zip(given.constants, factors, strict=True):
-                setattr(diagnostics, constant, usual[constant] * factor)
+                setattr(_home(constant), constant, usual[constant] * factor)
             only = ("peak_force", *given.only)
             return fj.simulate(given.scene(x), fidelity=fidelity, only=only).status
         finally:
             for constant, value in usual.items():
-                setattr(diagnostics, constant, value)
+                setattr(_home(constant), constant, value)
 
     # The motion does not depend on the constants: it is computed once for all rows.
     return jax.jit(jax.vmap(jax.vmap(one, (None, 0)), (0, None)))
@@ -249,7 +263,7 @@ def main():
             for constant, pairs in cells.items():
                 shown = ["{} / {}".format(*pair) for pair in pairs]
                 print(f"  {constant:24}", "   ".join(shown), flush=True)
-                value = f"{getattr(diagnostics, constant):g}"
+                value = f"{getattr(_home(constant), constant):g}"
                 rows.setdefault((constant, trial), [trial, value]).extend(shown)
     if given.record:
         _record(rows, given)
