@@ -11,10 +11,10 @@ from jax.core import Tracer
 from jaxtyping import Array
 
 from . import _check
-from ._forward_mode import by_columns, once_alone
 from ._kept_executables import compiled
 from ._refusals import refuse, refuse_fence
 from ._xla import fusion_barrier, sound
+from .derivatives import by_columns, once_alone
 from .fidelity import Fidelity
 from .integrators import (
     Clock,

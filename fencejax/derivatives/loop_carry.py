@@ -8,7 +8,7 @@ import jax.custom_batching
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 
-from ._dependence import repeated
+from .dependence import repeated
 
 
 def complete(carry: Any, body: Callable[[Any, Any], Any], given: Any) -> Any:
@@ -53,7 +53,7 @@ def complete(carry: Any, body: Callable[[Any, Any], Any], given: Any) -> Any:
 
 def one_a_lane(carry: Any, given: Any) -> Any:
     """The `carry` itself, for the start of a loop whose derivative is made by
-    `fencejax._columns.pushed`: in a batch, all its numbers are one a lane."""
+    `columns.pushed`: in a batch, all its numbers are one a lane."""
     return _one_a_lane(carry, given)
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jax.interpreters.partial_eval import dce_jaxpr
 
-from ._columns import pushed
-from ._kept_programs import keeping, kept
+from .._kept_programs import keeping, kept
+from .columns import pushed
 
 
 def by_columns(

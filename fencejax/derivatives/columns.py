@@ -14,8 +14,8 @@ from jax import lax
 from jax.extend.core import Jaxpr, Literal, jaxpr_as_fun
 from jaxtyping import Array
 
-from ._column_rules import ARITHMETIC, RULES, Dot, of_shape, total_of
-from ._dependence import CALLS, CONSTANT, called, is_number, kept, matters, reached, repeated
+from .column_rules import ARITHMETIC, RULES, Dot, of_shape, total_of
+from .dependence import CALLS, CONSTANT, called, is_number, kept, matters, reached, repeated
 
 # Operations number by number, whose derivative in each operand is a factor.
 _BY_NUMBER = {
