@@ -1,6 +1,6 @@
 """Derivatives of traced programs: several directions in one pass of forward mode (`by_columns`,
-`pushed`), and what the carry of a loop must be for that (`complete`, `one_a_lane`). Nothing here
-knows of a scene.
+`pushed`) with what operations have in common worked out once (`shared`), and what the carry of a
+loop must be for that (`complete`, `one_a_lane`). Nothing here knows of a scene.
 
 May import: `_kept_programs` alone. Any room may import this one. An operation whose derivative has
 a shorter program than JAX's own rule makes is one more function in `column_rules.py` and its row in
@@ -20,3 +20,4 @@ from .loop_carry import (
     complete as complete,
     one_a_lane as one_a_lane,
 )
+from .shared_operations import shared as shared
