@@ -1,9 +1,11 @@
 """What XLA is told: its settings for loops over a few small arrays, and a barrier to fusion; and
 what JAX is told, as far as it decides what is traced."""
 
+import contextlib
 import functools
+import gc
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
@@ -29,7 +31,13 @@ _EXTRA = {
     "xla_cpu_disable_loop_unrolling": "true",
 }
 # An unknown flag of this kind stops the process: given only to versions that are known to have it.
-_FLAGS = {"xla_cpu_use_fusion_emitters": "false"}
+_FLAGS = {
+    "xla_cpu_use_fusion_emitters": "false",
+    # These and the simplifications around them undo each other's work, round after round, each
+    # through the whole program. What does not change within a loop is moved out of it by LLVM too,
+    # where the loop is one kernel.
+    "xla_disable_hlo_passes": "reshape-mover,while-loop-invariant-code-motion",
+}
 _KNOWN = (0, 7, 0), (0, 11, 0)
 
 
@@ -151,6 +159,22 @@ def traced_settings() -> list[str]:
 def all_settings() -> tuple[Any, ...]:
     """JAX's settings as it tells compiled programs apart by."""
     return trace_context()
+
+
+@contextlib.contextmanager
+def many_objects() -> Iterator[None]:
+    """Python's cyclic garbage is not looked for meanwhile, for a few seconds.
+
+    A trace makes objects by the hundred thousand and keeps nearly all: one pass of the collector
+    after another goes through them in vain, a sixth of the time.
+    """
+    on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if on:
+            gc.enable()
 
 
 def nothing_is_traced() -> bool:

@@ -11,10 +11,10 @@ from jax.core import Tracer
 from jaxtyping import Array
 
 from . import _check
-from ._forward_mode import by_columns, once_alone
 from ._kept_executables import compiled
 from ._refusals import refuse, refuse_fence
-from ._xla import fusion_barrier, sound
+from ._xla import fusion_barrier, many_objects, sound
+from .derivatives import by_columns, once_alone
 from .fidelity import Fidelity
 from .integrators import (
     Clock,
@@ -232,8 +232,10 @@ def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Meas
     modal = fidelity.integrator == "modal"
     options = None if modal else {"xla_backend_optimization_level": 0}
 
+    # Python runs it to trace it.
     def with_status(numbers):
-        result, _ = run(numbers)
+        with many_objects():
+            result, _ = run(numbers)
         return dataclasses.replace(result, status=result.status.astype(jnp.int32))
 
     return with_status, compiled(with_status, options, *what)

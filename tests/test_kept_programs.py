@@ -12,7 +12,7 @@ import pytest
 
 import fencejax as fj
 from fencejax import _kept_executables as kept_executables, _kept_programs as kept_programs
-from fencejax._forward_mode import by_columns
+from fencejax.derivatives import by_columns
 
 PACKAGE = Path(fj.__file__).parent
 # Value, derivative, and a batch of derivatives, of a scene in one coordinate; then a drive law that

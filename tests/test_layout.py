@@ -32,26 +32,18 @@ FLOORS = {
     "printing": 0,
     "_check": 0,
     "_xla": 0,
-    "_forward_mode": 0,
-    "_loop_carry": 0,
-    "_columns": 0,
-    "_column_rules": 0,
-    "_dependence": 0,
+    "derivatives": 0,
     "_kept_programs": 0,
     "_kept_executables": 0,
 }
 TOOLS = {
-    "fidelity", "printing", "_check", "_xla", "_forward_mode", "_loop_carry", "_kept_programs",
-    "_kept_executables", "_columns", "_column_rules", "_dependence",
+    "derivatives", "fidelity", "printing", "_check", "_xla", "_kept_programs", "_kept_executables",
 }  # fmt: skip
 # Private tools have no face; the tests of a tool import its file, and nobody else outside does.
 TESTED_TOOLS = {
     "tests/conftest.py",
     "tests/scenes/test_checks.py",
-    "tests/test_columns.py",
-    "tests/test_forward_mode.py",
     "tests/test_kept_programs.py",
-    "tests/test_loop_carry.py",
     "tests/test_xla.py",
 }
 DEPTH, LINES = 10, 400

@@ -1,5 +1,6 @@
 """The compiler's settings, and that importing the package starts nothing."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -158,3 +159,23 @@ def test_the_package_says_what_it_is_and_what_to_run_next(tmp_path):
     assert done.stdout.startswith(f"fencejax {fj.__version__}\n")
     for text in ("devices", "cpu", os.environ["FENCEJAX_TEST_CACHE"], "optimize.design --help"):
         assert text in done.stdout
+
+
+def test_the_collector_comes_back():
+    from fencejax._xla import many_objects
+
+    @many_objects()
+    def fails():
+        assert not gc.isenabled()
+        raise KeyError
+
+    with pytest.raises(KeyError):
+        fails()
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        with many_objects():
+            pass
+        assert not gc.isenabled()
+    finally:
+        gc.enable()

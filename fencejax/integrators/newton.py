@@ -11,8 +11,8 @@ from equinox.internal import unvmap_any
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
-from .._columns import pushed
 from .._xla import fusion_barrier
+from ..derivatives import pushed
 
 Unknowns = tuple[Array, ...]
 Matrix = list[list[Array]]

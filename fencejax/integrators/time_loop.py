@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._loop_carry import complete, one_a_lane
+from ..derivatives import complete, one_a_lane
 from ..fidelity import Fidelity
 from ..model import Mechanics
 from . import modal_step

@@ -9,10 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
+from jax.extend.core import jaxpr_as_fun
 from jax.interpreters.partial_eval import dce_jaxpr
 
-from ._columns import pushed
-from ._kept_programs import keeping, kept
+from .._kept_programs import keeping, kept
+from .columns import pushed
+from .shared_operations import shared
 
 
 def by_columns(
@@ -62,17 +64,26 @@ def _differentiable(function, judge, evaluate, what):
             sizes = [leaves[i].size for i in moved]
             # Traced once as it is, so that only what the results need is differentiated.
             plain, shapes = jax.make_jaxpr(flat, return_shape=True)(leaves)
-            needed, _ = dce_jaxpr(plain.jaxpr, [True] * len(plain.out_avals), instantiate=True)
+            wanted = [True] * len(plain.out_avals)
+            needed, _ = dce_jaxpr(shared(plain).jaxpr, wanted, instantiate=True)
             directions, unit, at = [None] * len(leaves), np.eye(sum(sizes)), 0
             for i, size in zip(moved, sizes, strict=True):
                 column = unit[:, at : at + size].reshape(-1, *leaves[i].shape)
-                directions[i] = jnp.asarray(column, leaves[i].dtype)
+                directions[i] = column.astype(leaves[i].dtype)
                 at += size
-            outs, changes = pushed(needed, plain.consts, leaves, directions)
-            columns = [
-                jnp.zeros((at, *out.shape), out.dtype) if change is None else change
-                for out, change in zip(outs, changes, strict=True)
-            ]
+
+            def both(leaves):
+                given = [None if one is None else jnp.asarray(one) for one in directions]
+                outs, changes = pushed(needed, plain.consts, leaves, given)
+                columns = [
+                    jnp.zeros((at, *out.shape), out.dtype) if change is None else change
+                    for out, change in zip(outs, changes, strict=True)
+                ]
+                return outs, columns
+
+            program, parts = jax.make_jaxpr(both, return_shape=True)(leaves)
+            found = jaxpr_as_fun(shared(program))(*leaves)
+            outs, columns = jax.tree.unflatten(jax.tree.structure(parts), found)
             results = jax.tree.structure(shapes)
             found = jax.tree.unflatten(results, outs), jax.tree.unflatten(results, columns)
             if judge is None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from gate import equations
 
-from fencejax._columns import pushed
+from fencejax.derivatives import pushed
 
 X, Y = jnp.array([[0.3, 1.7], [0.9, 0.6]]), jnp.array([[0.8, -0.4], [0.9, 2.0]])
 RIGHT = jnp.array([0.5, -1.5])

@@ -7,7 +7,7 @@ import pytest
 from gate import equations
 
 import fencejax as fj
-from fencejax._forward_mode import by_columns
+from fencejax.derivatives import by_columns
 
 EPS = np.finfo(float).eps
 A, B = jnp.asarray(0.7), jnp.array([0.3, -1.1, 0.8, 2.0, 0.1, -0.4, 0.9])

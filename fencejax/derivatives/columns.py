@@ -14,8 +14,8 @@ from jax import lax
 from jax.extend.core import Jaxpr, Literal, jaxpr_as_fun
 from jaxtyping import Array
 
-from ._column_rules import ARITHMETIC, RULES, Dot, of_shape, total_of
-from ._dependence import CALLS, CONSTANT, called, is_number, kept, matters, reached, repeated
+from .column_rules import ARITHMETIC, RULES, Dot, full, of_shape, total_of
+from .dependence import CALLS, CONSTANT, called, is_number, kept, matters, reached, repeated
 
 # Operations number by number, whose derivative in each operand is a factor.
 _BY_NUMBER = {
@@ -198,10 +198,7 @@ def _begun(begin, begin_rates, const_rates, moves) -> list[Array]:
 def _all(found, moves, like) -> list[Array]:
     """The derivatives of the numbers that move."""
     moved = [dot for dot, move in zip(found, moves, strict=True) if move]
-    return [
-        jnp.zeros(old.shape, old.dtype) if dot is None else dot.all()
-        for dot, old in zip(moved, like, strict=True)
-    ]
+    return [full(dot, old.shape, old.dtype) for dot, old in zip(moved, like, strict=True)]
 
 
 def _branches(equation, ins, rates, wanted):

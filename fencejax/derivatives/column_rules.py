@@ -78,6 +78,11 @@ def total_of(a: Dot | None, b: Dot | None) -> Dot | None:
     return Dot(None, lax.add(a.all(), b.all()))
 
 
+def full(dot: Dot | None, shape: tuple[int, ...], dtype: Any) -> Array:
+    """The derivatives themselves, written out where they are zeros."""
+    return jnp.zeros(shape, dtype) if dot is None else dot.all()
+
+
 def _minus(dot: Dot | None) -> Dot | None:
     return None if dot is None else dot.times(-dot.ones)
 
@@ -150,16 +155,11 @@ def _select(params, ins, rates, out):
             return first
         scales = (jnp.asarray(dot.factor) for dot in present)
         return Dot(lax.select_n(which, *scales), first.vector)
-    every = [_full(dot, first.vector) for dot in cases]
+    shape, dtype = first.vector.shape, first.vector.dtype
+    every = [full(dot, shape, dtype) for dot in cases]
     if np.ndim(which):
-        shape = every[0].shape
         which = lax.broadcast_in_dim(which, shape, range(1, len(shape)))
     return Dot(None, lax.select_n(which, *every))
-
-
-def _full(dot, like):
-    """The derivatives, of the shape of `like` where there are none."""
-    return jnp.zeros(like.shape, like.dtype) if dot is None else dot.all()
 
 
 def _moved_on(along: Callable[[Array, Any, Any], Array]):
@@ -189,7 +189,7 @@ def _sliced(dot, params, ins):
 def _concatenate(params, ins, rates, out):
     size = next(dot for dot in rates if dot is not None).vector.shape[0]
     every = [
-        jnp.zeros((size, *jnp.shape(x)), out.dtype) if dot is None else dot.all()
+        full(dot, (size, *jnp.shape(x)), out.dtype)
         for x, dot in zip(ins, rates, strict=True)
     ]
     return Dot(None, lax.concatenate(every, params["dimension"] + 1))

@@ -1,0 +1,23 @@
+"""Derivatives of traced programs: several directions in one pass of forward mode (`by_columns`,
+`pushed`) with what operations have in common worked out once (`shared`), and what the carry of a
+loop must be for that (`complete`, `one_a_lane`). Nothing here knows of a scene.
+
+May import: `_kept_programs` alone. Any room may import this one. An operation whose derivative has
+a shorter program than JAX's own rule makes is one more function in `column_rules.py` and its row in
+`RULES`; one that holds programs, such as a loop, has its function in `columns.py`, its row in
+`_LOOPS`, and its dependences in `dependence.py`.
+
+>>> float(jax.grad(fj.derivatives.by_columns(lambda x: x**3))(jnp.array(2.0)))
+12.0
+"""
+
+from .columns import pushed as pushed
+from .forward_mode import (
+    by_columns as by_columns,
+    once_alone as once_alone,
+)
+from .loop_carry import (
+    complete as complete,
+    one_a_lane as one_a_lane,
+)
+from .shared_operations import shared as shared
