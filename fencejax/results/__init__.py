@@ -12,6 +12,7 @@ from . import (
     accumulators as accumulators,
     diagnostics as diagnostics,
     error as error,
+    hold as hold,
 )
 from .accumulators import (
     Accumulator as Accumulator,

@@ -7,7 +7,7 @@ from robustness.peaks import peaks
 
 import fencejax as fj
 from fencejax.fidelity import Smoothing
-from fencejax.results.hold import Hold, updated
+from fencejax.results import hold
 
 # Designs of whole sorts that a search for errors came to. The first is caught by a friction that
 # 2 % less would not have held: steps of 5 us let it slip and steps of 2 us do not. The other one
@@ -64,9 +64,9 @@ def edge(*course):
         return one._replace(time=zero, fence=(contact,), drive=drive, body=body)
 
     samples = [sample(*each) for each in course]
-    known = Hold.start(samples[0])
+    known = hold.Hold.start(samples[0])
     for before, now in zip(samples, samples[1:], strict=False):
-        known = updated(known, before, now, jnp.asarray(STEP), scene, SMOOTHING)
+        known = hold.updated(known, before, now, jnp.asarray(STEP), scene, SMOOTHING)
     return float(known.unsure)
 
 
