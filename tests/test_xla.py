@@ -79,7 +79,7 @@ jax.config.update("jax_enable_x64", True)
 import fencejax as fj
 if given:
     fj.tune_compiler()
-fidelity = fj.Fidelity.fast(modes=1, geometry="small", static_correction=False)
+fidelity = fj.Fidelity.fast(modes=1, geometry="small")
 def peak(thickness):
     scene = fj.scenes.oblique_impact(fence=fj.Fence(thickness=thickness), duration=0.05)
     return fj.simulate(scene, fidelity=fidelity, only=["peak_force"]).peak_force
