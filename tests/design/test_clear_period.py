@@ -19,6 +19,7 @@ def searched(angle, cycle, speed, front, offset, turned=0.0):
     fence's line or not there yet, at each of many times?"""
     time = np.linspace(0, cycle, 100_001)[1:-1]
     alpha = angle(time)
+    along, across = np.cos(alpha), np.sin(alpha)
     cosine, sine = np.cos(turned), np.sin(turned)
     x = np.array([x * cosine - y * sine for x in (-0.2, 0.2) for y in (-0.15, 0.15)])
     y = np.array([x * sine + y * cosine for x in (-0.2, 0.2) for y in (-0.15, 0.15)])
@@ -29,7 +30,7 @@ def searched(angle, cycle, speed, front, offset, turned=0.0):
         clear = True
         for corner_x, corner_y in zip(x, y, strict=True):
             ahead = corner_x - speed * (period - time)
-            above = corner_y * np.cos(alpha) - ahead * np.sin(alpha) >= 0
+            above = corner_y * along - ahead * across >= 0
             clear = clear and np.all(above)
         low, high = (low, period) if clear else (period, high)
     return high

@@ -74,8 +74,9 @@ def test_steps_that_are_not_solved_are_taken_again(parcels, fine, rung, promise)
     # Friction this sharp: over steps of these lengths Newton's method comes to no end in some of
     # these lanes.
     fidelity = getattr(fj.Fidelity, rung)(modes=4, slip_speed=5e-5, static_speed=2.5e-4)
-    fixed = peaks(parcels, fidelity.replace(step_tolerance=None))[1]
-    assert rung == "standard" or np.any(fixed == fj.Status.STEP_TOO_COARSE)
+    if rung != "standard":
+        fixed = peaks(parcels, fidelity.replace(step_tolerance=None))[1]
+        assert np.any(fixed == fj.Status.STEP_TOO_COARSE)
     found, status = peaks(parcels, fidelity)
     np.testing.assert_array_equal(status, fj.Status.SUCCESSFUL)
     np.testing.assert_allclose(found, fine[0], rtol=promise)
@@ -124,11 +125,12 @@ def test_a_corner_stays_held_until_static_friction_is_overcome(slip_speed):
     fidelity = fj.Fidelity.standard(slip_speed=slip_speed, static_speed=5 * slip_speed)
 
     def run(fidelity):
-        history = fj.simulate(impact(CARRIED, 0.04), fidelity=fidelity, only=("history",)).history
+        history = fj.simulate(impact(CARRIED, 0.1), fidelity=fidelity, only=("history",)).history
         return history.time, history.fence[0]
 
     time, corner = run(fidelity)
-    late = (time > 0.013) & (corner.normal > 0)
+    # As long a scene as above, so that the fine steps are those of one program.
+    late = (time > 0.013) & (time < 0.04) & (corner.normal > 0)
     share = np.abs(corner.friction / corner.normal)[late]
     assert 1.3 * 0.2004 < np.max(share) < 0.5 * 0.5751
     assert np.max(np.abs(corner.sliding[late])) < slip_speed

@@ -131,10 +131,8 @@ def optimum_lanes(outcome):
 
 
 def test_no_feasible_design(tmp_path, capsys):
-    changes = dict(
-        out=tmp_path, tip_limit=0.001, reference=False, plots=False, fidelity="coarse",
-        variables=("thickness",), distances=(0.9,),
-    )
+    # The program of `small`, whose bounds are data.
+    changes = dict(out=tmp_path, tip_limit=0.001, reference=False, plots=False)
     outcome = main(PeakForceConfig(**{**vars(_SMALL), **changes}))
     assert outcome.optimum.stop is Stop.INFEASIBLE
     assert not outcome.succeeded
