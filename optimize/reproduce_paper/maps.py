@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import fencejax as fj
-from fencejax.results import counted
+from fencejax.results import NUMERICAL, counted, refined
 from fencejax.study import in_chunks
 
 from .case import Case
@@ -41,8 +41,9 @@ class Maps(NamedTuple):
 
     @property
     def sound(self) -> np.ndarray:
-        """Where the corner stays on the fence and the beam within small deflections."""
-        return self.status < fj.Status.LEFT_OVER_TIP
+        """Where the corner stays on the fence and the beam within small deflections. Numbers in
+        doubt are those of the finest fidelity, and stand."""
+        return (self.status < fj.Status.LEFT_OVER_TIP) | np.isin(self.status, sorted(NUMERICAL))
 
     def counts(self) -> dict[str, int]:
         """Number of lanes by the name of their status."""
@@ -94,8 +95,9 @@ def sweep(
 ) -> list[Maps]:
     """Maps of every batch of `fences` (its lanes: the fences) over the same grid.
 
-    All lanes of all batches go through one compiled program, `chunk` at a time. `progress` is
-    called after each with lanes done, lanes in all and seconds left.
+    All lanes of all batches go through one compiled program, `chunk` at a time, and those that it
+    doubts through that of the next finer fidelity. `progress` is called after each chunk with lanes
+    done, lanes in all and seconds left.
     """
     masses, distances = np.asarray(masses, dtype=float), np.asarray(distances, dtype=float)
     parts = [_grid(batch, masses, distances) for batch in fences]
@@ -110,7 +112,15 @@ def sweep(
         if progress is not None:
             progress(done, total, rate * (total - done))
 
-    whole = in_chunks(lambda some: _impacts(some, fidelity), lanes, chunk, progress=said)
+    ladder = fidelity.ladder()
+
+    def compute(rung: int, some: Case) -> tuple[_Outcome, np.ndarray]:
+        size = min(chunk, some.distance.shape[0])
+        tell = said if rung == 0 else None
+        found = in_chunks(lambda part: _impacts(part, ladder[rung]), some, size, progress=tell)
+        return found, found.status
+
+    whole = refined(compute, lanes, len(ladder)).numbers
     maps, at = [], 0
     for batch in fences:
         shape = (batch.distance.shape[0], masses.size, distances.size)

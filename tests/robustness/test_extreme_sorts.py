@@ -40,13 +40,16 @@ GIVEN = {
     "grazing", "chatter", "jam",
 }
 # They stick and are let go, over a speed that is not small beside theirs at the peak; or, light,
-# bounce so often that the errors of all blows in the gradient, summed in size, are half of it.
+# bounce so often that the errors of all blows in the gradient, summed in size, are half of it; or
+# bounce three times before the force is largest, which no fidelity is trusted with.
 WARNED = {
     ("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse"), ("mass-1g", "coarse"),
-    ("mass-100g", "coarse"),
+    ("mass-100g", "coarse"), ("chatter", "coarse"), ("chatter", "standard"),
 }
 # What the rungs cannot give is said, and by which status.
 SAID = {
+    ("chatter", "coarse"): fj.Status.STEP_TOO_COARSE,
+    ("chatter", "standard"): fj.Status.STEP_TOO_COARSE,
     ("static-far-above", "coarse"): fj.Status.FRICTION_SMOOTHED,
     ("belt-still", "coarse"): fj.Status.FRICTION_SMOOTHED,
     ("drive-slow", "coarse"): fj.Status.MODES_TOO_FEW,
