@@ -32,7 +32,7 @@ from ..model import (
 )
 from ..parts import DriveMotion
 from ..scenes import Body
-from . import friction_tangent, newton, newton_matrix
+from . import friction_tangent, friction_turn, newton, newton_matrix
 from .fence_response import FenceEnd
 from .step_control import Control, contacts, controlled
 from .step_defect import Pair
@@ -91,6 +91,7 @@ class _End(eqx.Module):
     acceleration: Acceleration
     held: Acceleration | None
     sticking: tuple[Array, ...]
+    sliding: tuple[Array, ...]
     predicted: Array
     arms: dict[int, tuple[Array, Array]]
     frame: FenceFrame | None
@@ -140,13 +141,16 @@ class _End(eqx.Module):
         if holds is not None and self.held is not None:
             begin = [a - f for a, f in zip(begin, self.held, strict=True)]
             end = [a + f for a, f in zip(end, holds, strict=True)]
+        turns = friction_turn.turns(mechanics, forces, self.sticking, self.sliding, h)
+        end = friction_turn.turned(mechanics, forces, turns, end)
         residual = [
             v1 - v0 - 0.5 * h * (a0 + a1)
             for v1, v0, a0, a1 in zip(rates, self.body[3:], begin, end, strict=True)
         ]
         scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
         shares = friction_tangent.shares(mechanics, forces, self.sticking)
-        drags = newton_matrix.drags(mechanics, forces, h, self.sticking)
+        shares = [s if t is None else s + t.share for s, t in zip(shares, turns, strict=False)]
+        drags = newton_matrix.drags(mechanics, forces, h, self.sticking, turns)
         block = newton_matrix.rate_matrix(mechanics, forces, h, bool(normals), shares, drags)
         matrix = [[float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)]
         drifts = self.drifts(points)
@@ -284,8 +288,9 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     predicted = body.angle + h * (body.spin + 0.5 * h * start.angle)
     arms = mechanics.arms(predicted)
     equations = _End(
-        mechanics, body, start, memory.held, memory.sticking, predicted, arms, frame, fence, stride
-    )
+        mechanics, body, start, memory.held, memory.sticking, memory.sliding, predicted, arms,
+        frame, fence, stride,
+    )  # fmt: skip
     guess = equations.at_rest(jax.lax.stop_gradient(guess))
     root, (forces, unbalance, sticking, held) = newton.solve(
         _End.evaluate,

@@ -5,6 +5,7 @@ from jaxtyping import Array
 
 from ..model import Forces, Mechanics
 from . import friction_tangent
+from .friction_turn import Turn
 
 # Largest slope of friction with the motion, relative to that of the inertia over half a step.
 _MOST_ALONG = 0.7
@@ -13,22 +14,29 @@ _LEAST_OWN = 0.5
 
 
 def drags(
-    mechanics: Mechanics, forces: Forces, step: Array | float, sticking: tuple[Array, ...]
+    mechanics: Mechanics,
+    forces: Forces,
+    step: Array | float,
+    sticking: tuple[Array, ...],
+    turns: list[Turn | None],
 ) -> list[Array]:
     """Slope of each contact's friction with its sliding speed [N s/m], with the weights
-    `sticking` of frictions that held a corner at the step's start.
+    `sticking` of frictions that held a corner at the step's start, and their `turns`.
 
     Where friction falls so steeply that the parcel's inertia over half the step does not
     outweigh it, most of the slope is left out: the equations fold there, and an iteration with
     their own slope would be turned back at the fold instead of going on to the root beyond it.
     """
     found = []
-    for meeting, weight in zip(
-        forces.meetings, friction_tangent.spread(mechanics, sticking), strict=True
+    for meeting, weight, turn in zip(
+        forces.meetings, friction_tangent.spread(mechanics, sticking), turns, strict=True
     ):
         what, parts, _, response = meeting
         assert response is not None
-        drag = (1 + weight) * what.normal * response.sliding
+        slope = (1 + weight) * response.sliding
+        if turn is not None:
+            slope = slope + turn.slope
+        drag = what.normal * slope
         inertia = jnp.maximum(0.5 * step * mechanics.lightness(parts), 1e-30)
         found.append(jnp.minimum(drag, _MOST_ALONG / inertia))
     return found
