@@ -16,7 +16,7 @@ from ..model import Acceleration, Forces, Mechanics
 
 # Stiffness of a friction [1], its slope with the motion relative to that of the inertia over half a
 # step, above which it holds: up to there the trapezoidal rule does not ring.
-_STIFF = 1.0
+_STIFF = 0.3
 
 
 def _holds(stiff: Array) -> Array:

@@ -32,6 +32,72 @@ class Turn(NamedTuple):
     slope: Array
 
 
+class _Corner(NamedTuple):
+    """The sliding speeds before and after the step [m/s], the coefficient of friction mu at its
+    end, what friction of mu = 1 changes the sliding by in a whole step [m/s], and eps [m/s]."""
+
+    before: Array
+    after: Array
+    mu: Array
+    gain: Array
+    eps: float
+
+
+class _Added(NamedTuple):
+    """A turn's share, its slope, and that with the law's own slope of the share."""
+
+    share: Array
+    slope: Array
+    by_share: Array | float = 0.0
+
+
+def _from_sliding(corner: _Corner) -> _Added:
+    """Of a corner that slides at the start: the first two equations."""
+    before, after, mu, gain, eps = corner
+    sign, fast = jnp.sign(before), jnp.abs(before)
+    ahead = fast / jnp.sqrt(fast * fast + eps * eps)
+    left = sign * after / jnp.sqrt(after * after + eps * eps)
+    # What friction changes by, as a share of the normal force.
+    drop = mu * jnp.maximum(ahead - left, 0.0)
+    jump = gain * drop
+    back = jnp.maximum(-sign * after, 0.0)
+    root = jnp.sqrt((jump - fast + back) ** 2 + 4 * fast * back + eps * eps)
+    whole = jump + fast + back + root
+    until = 2 * fast / whole
+    by_jump = -until / whole * (1 + (jump - fast + back) / root)
+    by_back = jnp.where(back > 0, -until / root, 0.0)
+    some = jnp.abs(sign)
+    return _Added(
+        -sign * (2 * until - 1) * drop,
+        some * 2 * drop * by_back,
+        some * (1 - 2 * until - 2 * jump * by_jump),
+    )
+
+
+def _from_hold(corner: _Corner) -> _Added:
+    """Of a corner that friction held at the start: the last two equations."""
+    before, after, mu, gain, eps = corner
+    ahead = jnp.where(after < 0, -1.0, 1.0)
+    slow, fast = ahead * before, ahead * after
+    least = 1e-3 * eps
+    jump, back = 2 * mu * gain, jnp.maximum(-slow, 0.0)
+    on = jnp.maximum(fast - jnp.maximum(slow, 0.0), least)
+    root = jnp.sqrt((jump - back - on) ** 2 + 4 * on * jump + least * least)
+    # beta + J is never far from 0 where it is taken as beta (beta + J) = on J + ...
+    pull = jnp.maximum(0.5 * (root - jump + back + on), least)
+    both = pull + jump
+    ending = jnp.sqrt(fast * fast + eps * eps)
+    z0, z1 = jnp.sqrt(slow * slow + eps * eps) - slow, ending - fast
+    apart = jnp.maximum(z0 - z1, 0.0)
+    mean = jnp.sqrt(pull * both)
+    angle = jnp.arctan(mean * eps * apart / (pull * eps * eps + both * z0 * z1))
+    added = (apart + jump * eps / mean * angle) / both
+    still = 0.5 * z1 / ending * jump
+    slope = still / (pull + still) - 0.5 * jump * added / root
+    per = jnp.where(gain > 0, gain, 1.0)
+    return _Added(2 * ahead * mu * added, 2 * slope * (apart > 0) / per)
+
+
 def turns(
     mechanics: Mechanics,
     forces: Forces,
@@ -53,30 +119,14 @@ def turns(
             continue
         what, parts, _, response = meeting
         assert response is not None
-        least = smoothing.slip_speed**2
-        sign, fast = jnp.sign(before[k]), jnp.abs(before[k])
         mu, _ = friction.coefficient(what.sliding * what.sliding, smoothing.static_speed)
-        ahead = fast / jnp.sqrt(fast * fast + least)
-        after = sign * what.sliding / jnp.sqrt(what.sliding * what.sliding + least)
-        # What friction changes by, as a share of the normal force.
-        drop = mu * jnp.maximum(ahead - after, 0.0)
         gain = step * mechanics.lightness(parts) * what.normal
-        jump = gain * drop
-        back = jnp.maximum(-sign * what.sliding, 0.0)
-        root = jnp.sqrt((jump - fast + back) ** 2 + 4 * fast * back + least)
-        whole = jump + fast + back + root
-        until = 2 * fast / whole
-        by_jump = -until / whole * (1 + (jump - fast + back) / root)
-        by_back = -until / root
-        # Friction that held the corner counts by its end alone, if it goes on to hold it.
-        beyond = jnp.maximum(-after, 0.0)
-        free, held = (1 - weight) * jnp.abs(sign), weight * jnp.abs(sign)
-        passed = free + held * beyond
-        share = free * (2 * until - 1) + 2 * held * until * beyond
-        slope = free * (1 - 2 * until) - 2 * passed * jump * by_jump
-        slope = slope - 2 * held * until * jnp.where(back > 0, beyond + ahead - after, 0.0)
-        slope = response.sliding * slope + 2 * passed * jnp.where(back > 0, drop * by_back, 0.0)
-        found.append(Turn(-sign * share * drop, slope))
+        corner = _Corner(before[k], what.sliding, mu, gain, smoothing.slip_speed)
+        sliding, held = _from_sliding(corner), _from_hold(corner)
+        share = (1 - weight) * sliding.share + weight * held.share
+        slope = (1 - weight) * response.sliding * sliding.by_share
+        slope = slope + (1 - weight) * sliding.slope + weight * held.slope
+        found.append(Turn(share, slope))
     return found
 
 
