@@ -94,8 +94,8 @@ def _from_hold(corner: _Corner) -> _Added:
     added = (apart + jump * eps / mean * angle) / both
     still = 0.5 * z1 / ending * jump
     slope = still / (pull + still) - 0.5 * jump * added / root
-    per = jnp.where(gain > 0, gain, 1.0)
-    return _Added(2 * ahead * mu * added, 2 * slope * (apart > 0) / per)
+    slope = jnp.where((apart > 0) & (gain > 0), slope / jnp.where(gain > 0, gain, 1.0), 0.0)
+    return _Added(2 * ahead * mu * added, 2 * slope)
 
 
 def turns(
