@@ -216,7 +216,7 @@ def of_record(
         checks.append((Status.STEP_TOO_COARSE, too_coarse))
     if scene.fence_corners:
         checks.append((Status.STEP_TOO_COARSE, seen.resolution.at_peak.blows >= _BLOWS))
-    if scene.fence_corners and scene.fence_friction is not None:
+    if scene.fence_corners:
         unsure = seen.resolution.at_peak.unsure_friction > _HELD * seen.force.value
         checks.append((Status.FRICTION_SMOOTHED, unsure))
     if mechanics.link is not None and mechanics.link.frequency_squared:

@@ -24,6 +24,7 @@ from .accumulators import (
     border_force,
     surface_force,
 )
+from .belt_catch import Catch, caught
 from .hold import Hold, updated
 from .peak import Peak, second_difference
 from .sample import Sample
@@ -40,7 +41,8 @@ class AtPeak(NamedTuple):
     0; `sliding_reversed` 1.0 where a corner pressed on the fence had come to rest on it, or turned
     round, before, `belt_slip_reversed` where C_s, pressed by it, had turned round on the belt;
     `blows` [1] how often the force had risen and eased before, and `unsure_friction` [N] the
-    largest jump of friction that a corner had gone by this way or that on the edge (`hold`)."""
+    largest jump of friction that a corner had gone by this way or that on the edge (`hold`), or by
+    which the belt had caught the parcel (`belt_catch`)."""
 
     slip: Array
     creep_time: Array
@@ -63,7 +65,8 @@ class Resolution(NamedTuple):
     step; `largest` [N] is the fence's largest force at a sample; `residual_acceleration` [m/s^2] is
     the largest |N''| G under a corner, G [m/N] the compliance of the modes left out, and
     `residual_deflection` [m] the largest deflection G N that they take there; `hold` is how near
-    corners came to being held on the fence, or let go."""
+    corners came to being held on the fence, or let go, and `catch` whether the belt caught the
+    parcel for certain."""
 
     roughness: Array
     border_roughness: Array
@@ -76,6 +79,7 @@ class Resolution(NamedTuple):
     residual_acceleration: Array
     residual_deflection: Array
     hold: Hold
+    catch: Catch
     at_peak: AtPeak
 
 
@@ -189,7 +193,10 @@ def ends_over_tip(step: Step) -> Array:
 
 def _start(nothing: Sample, body: Body) -> Resolution:
     zero = nothing.time
-    return Resolution(*(zero,) * 10, hold=Hold.start(nothing), at_peak=AtPeak(*(zero,) * 8))
+    return Resolution(
+        *(zero,) * 10, hold=Hold.start(nothing), catch=Catch(zero, zero),
+        at_peak=AtPeak(*(zero,) * 8),
+    )  # fmt: skip
 
 
 def _update(state: Resolution, step: Step) -> Resolution:
@@ -216,9 +223,10 @@ def _update(state: Resolution, step: Step) -> Resolution:
     reversed_ = _sliding_reversed(before, now, smoothing, state.sliding_reversed)
     on_belt = _belt_slip_reversed(slip_before, slip, now, smoothing, state.belt_slip_reversed)
     hold = updated(state.hold, before, now, length, step.scene, smoothing)
+    catch = caught(state.catch, slip_before.speed, slip.speed, now, step.scene, smoothing)
     at_peak = AtPeak(
         slip.speed, creep_time, now.over_tip, separated * roughest, reversed_, on_belt, blows,
-        hold.unsure,
+        jnp.maximum(hold.unsure, catch.unsure),
     )  # fmt: skip
     acceleration = _residual_acceleration(now, roughness, length)
     return Resolution(
@@ -233,6 +241,7 @@ def _update(state: Resolution, step: Step) -> Resolution:
         residual_acceleration=jnp.maximum(state.residual_acceleration, acceleration),
         residual_deflection=_residual_deflection(now, state.residual_deflection),
         hold=hold,
+        catch=catch,
         at_peak=_at_peak(force, state.at_peak, now, at_peak),
     )
 
