@@ -9,6 +9,7 @@ May import: `model` and what is below it. Nothing here knows what is measured.
 
 from . import (
     diffrax_reference as diffrax_reference,
+    friction_turn as friction_turn,
     modal_step as modal_step,
     normal_direction as normal_direction,
     time_loop as time_loop,

@@ -13,15 +13,28 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..model import Acceleration, Forces, Mechanics
+from ..parts import AbstractFriction
 
 # Stiffness of a friction [1], its slope with the motion relative to that of the inertia over half a
-# step, above which it holds: up to there the trapezoidal rule does not ring.
-_STIFF = 0.3
+# step, above which it holds. Up to 1 the trapezoidal rule does not ring. Where what it adds beside
+# holding is known (`friction_turn`) it is less: there the rule's (1 - k) / (1 + k) is within 2 % of
+# exp(-2 k), by which the sliding speed decays.
+_STIFF, _SMALL = 1.0, 0.3
+# Static friction above the kinetic one [1] up to which smoothed friction still rises with the
+# sliding speed everywhere, where w_s is five eps.
+_LEVEL = 0.05
 
 
-def _holds(stiff: Array) -> Array:
+def monotone(friction: AbstractFriction, sliding: Array) -> Array:
+    """1.0 where a corner at rest takes no more friction than one that slides, 0.0 where the jump
+    from static to kinetic friction gives the equations of a step another root."""
+    scales = friction.scales(sliding)
+    return (scales.largest <= (1 + _LEVEL) * scales.sliding).astype(sliding.dtype)
+
+
+def _holds(stiff: Array, level: Array) -> Array:
     """1.0 where friction of a stiffness [1] holds a corner, 0.0 where it leaves it free."""
-    return (stiff > _STIFF).astype(stiff.dtype)
+    return (stiff > _STIFF + level * (_SMALL - _STIFF)).astype(stiff.dtype)
 
 
 def count(mechanics: Mechanics) -> int:
@@ -37,7 +50,8 @@ def weights(mechanics: Mechanics, forces: Forces, step: Array) -> tuple[Array, .
         if friction is not None:
             assert response is not None
             slope = -what.normal * response.sliding * mechanics.lightness(parts)
-            found.append(_holds(0.5 * step * slope))
+            level = monotone(friction, what.sliding)
+            found.append(_holds(0.5 * step * slope, level))
     return tuple(found)
 
 
@@ -45,17 +59,6 @@ def spread(mechanics: Mechanics, sticking: tuple[Array, ...]) -> list[Array | fl
     """The weights by contact, 0 where there is no friction."""
     left = iter(sticking)
     return [0.0 if f is None else next(left) for f in mechanics.frictions]
-
-
-def shares(
-    mechanics: Mechanics, forces: Forces, sticking: tuple[Array, ...]
-) -> list[Array]:
-    """Of each contact, the friction's share of N as it counts at a step's end."""
-    return [
-        (1 + weight) * meeting.response.share
-        for meeting, weight in zip(forces.meetings, spread(mechanics, sticking), strict=True)
-        if meeting.response is not None
-    ]
 
 
 def held(

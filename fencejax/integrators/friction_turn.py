@@ -10,9 +10,22 @@ the jump of friction changes the sliding by in a whole step,
 
     J theta (1 - theta) = a (1 - theta) - b theta.
 
-This is so for b >= 0, and a corner that friction then holds has b = 0, theta = a / J. Up to the
-share theta = 1 friction does not turn. J is that of the smoothed jump, so that nothing happens
-where friction changes as little as the smoothing makes it.
+A corner that comes to rest at the end has b = 0, and theta = min(a / J, 1). A corner that slides on
+has no jump, and nothing is added.
+
+From near rest on, where smoothed friction itself turns, dw / dt = beta / h + J u(w) / h is solved:
+u = (1 - w / sqrt(w^2 + eps^2)) / 2 is the share of the jump still to come, w counted the way the
+corner leaves, and beta [m/s] the change of w in a step under the friction it ends with. Beyond
+beta the sliding gains
+
+    G = integral of J u / (beta + J u) dw
+      = J / (beta + J) / 2 [z + J eps / q atan(q z / (beta eps))]  from z_1 to z_0,
+
+with z = sqrt(w^2 + eps^2) - w and q^2 = beta (beta + J). beta is that of friction unsmoothed,
+beta (beta + J) = J (w_1 - w_0) + beta (w_1 - w_0) - J max(-w_0, 0).
+
+Static friction above the kinetic one gives the equations a second root, at which the corner is
+held. There friction counts as it did: by the trapezoidal rule, or by the step's end alone.
 """
 
 from typing import NamedTuple
@@ -20,7 +33,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..model import Acceleration, Forces, Mechanics
+from ..model import Acceleration, Forces, Mechanics, corner_share
 from . import friction_tangent
 
 
@@ -34,13 +47,16 @@ class Turn(NamedTuple):
 
 class _Corner(NamedTuple):
     """The sliding speeds before and after the step [m/s], the coefficient of friction mu at its
-    end, what friction of mu = 1 changes the sliding by in a whole step [m/s], and eps [m/s]."""
+    end, what friction of mu = 1 changes the sliding by in a whole step [m/s], and eps [m/s]; the
+    friction before it `was`, and at its end, as a `share` of the normal force [1]."""
 
     before: Array
     after: Array
     mu: Array
     gain: Array
     eps: float
+    was: Array
+    share: Array
 
 
 class _Added(NamedTuple):
@@ -52,13 +68,14 @@ class _Added(NamedTuple):
 
 
 def _from_sliding(corner: _Corner) -> _Added:
-    """Of a corner that slides at the start: the first two equations."""
-    before, after, mu, gain, eps = corner
-    sign, fast = jnp.sign(before), jnp.abs(before)
-    ahead = fast / jnp.sqrt(fast * fast + eps * eps)
-    left = sign * after / jnp.sqrt(after * after + eps * eps)
+    """Of a corner that slides at the start: theta."""
+    before, after, gain = corner.before, corner.after, corner.gain
+    sign, fast, eps = jnp.sign(before), jnp.abs(before), corner.eps
+    onward = jnp.maximum(sign * after, 0.0)
+    # None of it where the corner slides on: there the trapezoidal rule is right.
+    ends = eps * eps / (onward * onward + eps * eps)
     # What friction changes by, as a share of the normal force.
-    drop = mu * jnp.maximum(ahead - left, 0.0)
+    drop = ends * jnp.maximum(sign * (corner.share - corner.was), 0.0)
     jump = gain * drop
     back = jnp.maximum(-sign * after, 0.0)
     root = jnp.sqrt((jump - fast + back) ** 2 + 4 * fast * back + eps * eps)
@@ -70,20 +87,19 @@ def _from_sliding(corner: _Corner) -> _Added:
     return _Added(
         -sign * (2 * until - 1) * drop,
         some * 2 * drop * by_back,
-        some * (1 - 2 * until - 2 * jump * by_jump),
+        some * ends * (1 - 2 * until - 2 * jump * by_jump),
     )
 
 
 def _from_hold(corner: _Corner) -> _Added:
-    """Of a corner that friction held at the start: the last two equations."""
-    before, after, mu, gain, eps = corner
+    """Of a corner near rest at the start: G, the step's end counting by itself."""
+    before, after, mu, gain, eps = corner[:5]
     ahead = jnp.where(after < 0, -1.0, 1.0)
     slow, fast = ahead * before, ahead * after
     least = 1e-3 * eps
     jump, back = 2 * mu * gain, jnp.maximum(-slow, 0.0)
     on = jnp.maximum(fast - jnp.maximum(slow, 0.0), least)
     root = jnp.sqrt((jump - back - on) ** 2 + 4 * on * jump + least * least)
-    # beta + J is never far from 0 where it is taken as beta (beta + J) = on J + ...
     pull = jnp.maximum(0.5 * (root - jump + back + on), least)
     both = pull + jump
     ending = jnp.sqrt(fast * fast + eps * eps)
@@ -107,7 +123,7 @@ def turns(
 ) -> list[Turn | None]:
     """Of each contact, what the turn of its friction adds; `None` where there is no friction or the
     sliding speeds `before`, those at the step's start [m/s] of the first contacts, do not tell.
-    Friction that held the corner at the start, by the weights `sticking`, counts without."""
+    The weights `sticking` tell which corners friction held at the start."""
     found: list[Turn | None] = []
     smoothing = mechanics.fidelity.smoothing
     weights = friction_tangent.spread(mechanics, sticking)
@@ -121,13 +137,29 @@ def turns(
         assert response is not None
         mu, _ = friction.coefficient(what.sliding * what.sliding, smoothing.static_speed)
         gain = step * mechanics.lightness(parts) * what.normal
-        corner = _Corner(before[k], what.sliding, mu, gain, smoothing.slip_speed)
+        was, _ = corner_share(friction, before[k], smoothing)
+        corner = _Corner(
+            before[k], what.sliding, mu, gain, smoothing.slip_speed, was, response.share
+        )
         sliding, held = _from_sliding(corner), _from_hold(corner)
         share = (1 - weight) * sliding.share + weight * held.share
         slope = (1 - weight) * response.sliding * sliding.by_share
         slope = slope + (1 - weight) * sliding.slope + weight * held.slope
-        found.append(Turn(share, slope))
+        counts = friction_tangent.monotone(friction, what.sliding)
+        found.append(Turn(counts * share, counts * slope))
     return found
+
+
+def shares(
+    mechanics: Mechanics, forces: Forces, sticking: tuple[Array, ...], turns: list[Turn | None]
+) -> list[Array]:
+    """Of each contact, the friction's share of N as it counts at a step's end."""
+    weights = friction_tangent.spread(mechanics, sticking)
+    return [
+        (1 + weight) * meeting.response.share + (0.0 if turn is None else turn.share)
+        for meeting, weight, turn in zip(forces.meetings, weights, turns, strict=True)
+        if meeting.response is not None
+    ]
 
 
 def turned(

@@ -148,8 +148,7 @@ class _End(eqx.Module):
             for v1, v0, a0, a1 in zip(rates, self.body[3:], begin, end, strict=True)
         ]
         scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
-        shares = friction_tangent.shares(mechanics, forces, self.sticking)
-        shares = [s if t is None else s + t.share for s, t in zip(shares, turns, strict=False)]
+        shares = friction_turn.shares(mechanics, forces, self.sticking, turns)
         drags = newton_matrix.drags(mechanics, forces, h, self.sticking, turns)
         block = newton_matrix.rate_matrix(mechanics, forces, h, bool(normals), shares, drags)
         matrix = [[float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)]
