@@ -39,7 +39,8 @@ RUNGS = ("coarse", "fast", "standard")
 # The largest errors that pages show by themselves.
 _SHOWN = (
     "realistic, value, `standard`", "realistic, value, `fast`", "realistic, value, `coarse`",
-    "realistic, gradient, `standard`", "sorts, realistic, value, `standard`",
+    "normal impact, realistic, gradient, `standard`", "impact, realistic, gradient, `standard`",
+    "sorts, realistic, value, `standard`",
     "sorts, realistic, value, `fast`", "sorts, realistic, value, `coarse`",
 )  # fmt: skip
 # Lanes that run side by side; fewer of those that a truth judges after a first one.
@@ -225,7 +226,8 @@ def _table():
         error = float(f"{100 * told['error, found']:.2g}")
         rows.setdefault(f"{kind}, {bounds}", {})[column] = f"{error:g} % of {lanes:,}{unsure}"
         of_which = f"{'sorts, ' if kind.startswith('sort') else ''}{bounds}, {column}"
-        most[of_which] = max(error, most.get(of_which, 0.0))
+        for which in (of_which, f"{kind}, {bounds}, {column}"):
+            most[which] = max(error, most.get(which, 0.0))
         judged += lanes
     columns = sorted({c for row in rows.values() for c in row}, key=lambda c: ("toler" in c, c))
     command = (
