@@ -33,6 +33,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._elementary import arctan
+from .._xla import where_needed
 from ..model import Acceleration, Forces, Mechanics, corner_share
 from . import friction_tangent
 
@@ -64,7 +66,7 @@ class _Added(NamedTuple):
 
     share: Array
     slope: Array
-    by_share: Array | float = 0.0
+    by_share: Array | float | None = None
 
 
 def _from_sliding(corner: _Corner) -> _Added:
@@ -106,7 +108,7 @@ def _from_hold(corner: _Corner) -> _Added:
     z0, z1 = jnp.sqrt(slow * slow + eps * eps) - slow, ending - fast
     apart = jnp.maximum(z0 - z1, 0.0)
     mean = jnp.sqrt(pull * both)
-    angle = jnp.arctan(mean * eps * apart / (pull * eps * eps + both * z0 * z1))
+    angle = arctan(mean * eps * apart / (pull * eps * eps + both * z0 * z1))
     added = (apart + jump * eps / mean * angle) / both
     still = 0.5 * z1 / ending * jump
     slope = still / (pull + still) - 0.5 * jump * added / root
@@ -141,7 +143,8 @@ def turns(
         corner = _Corner(
             before[k], what.sliding, mu, gain, smoothing.slip_speed, was, response.share
         )
-        sliding, held = _from_sliding(corner), _from_hold(corner)
+        sliding = _from_sliding(corner)
+        held = where_needed(weight > 0, _from_hold, corner)
         share = (1 - weight) * sliding.share + weight * held.share
         slope = (1 - weight) * response.sliding * sliding.by_share
         slope = slope + (1 - weight) * sliding.slope + weight * held.slope

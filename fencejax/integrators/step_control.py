@@ -76,6 +76,10 @@ def contacts(
     return tuple(found)
 
 
+def _is_whole(end, count):
+    return jnp.floor(end / count) * count == end
+
+
 def _over(found: Array, allowed: Array) -> Array:
     """A defect over what is allowed of it [1]; 0 where nothing is yet."""
     some = allowed > 0
@@ -155,12 +159,12 @@ def controlled(
     unsolved = jnp.asarray(unsolved)
     first, shortest = count == 0, count <= 1
     accepted = ((worst <= 1) & ~unsolved) | shortest
-    grown = (worst * _GROWTH < 1) & (jnp.mod(end, 2 * count) == 0)
+    grown = (worst * _GROWTH < 1) & _is_whole(end, 2 * count)
     step = jnp.where(grown, 2 * count, count)
     step = jnp.minimum(step, jnp.maximum(foreseen.next, clock.unit))
     # Steps begin at multiples of their length, so that the clock's units are all met.
     for longer in reversed([each for each in clock.counts if each > clock.unit]):
-        step = jnp.where((step >= longer) & (jnp.mod(end, longer) != 0), longer / 2, step)
+        step = jnp.where((step >= longer) & ~_is_whole(end, longer), longer / 2, step)
     # As the defect goes with the square of the length, at least where the force is smooth.
     shorter = jnp.where(worst > 256, 0.125, jnp.where((worst > 16) | unsolved, 0.25, 0.5))
     step = jnp.where(accepted, step, jnp.maximum(shorter * count, 1.0))

@@ -173,7 +173,7 @@ def _run_adaptively(step, begin, clock: Clock, row, steps: int, reverse: bool):
         if new[0].step_size.control is not None:
             new, accepted = _settled(y, new)
             end = jnp.where(accepted, end, now)
-            went = jnp.where(accepted & (jnp.mod(end, unit) == 0), 1.0, 0.0)
+            went = jnp.where(accepted & (jnp.floor(end / unit) * unit == end), 1.0, 0.0)
         if saved is not None:
             saved = saved.at[taken.astype(jnp.int32)].set(row(new))
         return new, end, taken + went, saved

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._elementary import cos_sin
 from ..parts import DriveMotion, SurfacePoint, turned
 from ..scenes import Body, Pose
 from .fence_geometry import FencePoint
@@ -117,7 +118,7 @@ def fence_touch(
     # U, its velocity and the tangent in fixed axes.
     place_x, place_y = turned(turn, point.x, point.y)
     fence_x, fence_y = turned(turn, *_velocity(point, speed))
-    x, y = turned(turn, jnp.cos(point.slope), jnp.sin(point.slope))
+    x, y = turned(turn, *cos_sin(point.slope))
     offset_x, offset_y = corner.x - place_x, corner.y - place_y
     slip_x, slip_y = corner.x_rate - fence_x, corner.y_rate - fence_y
     return Touch(

@@ -10,6 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._elementary import cos_sin
 from ..fidelity import Fidelity
 from ..parts import (
     SIDES,
@@ -125,6 +126,8 @@ class Mechanics(eqx.Module):
 
     mass: Array
     inertia: Array
+    inverse_mass: Array
+    inverse_inertia: Array
     corners: dict[int, tuple[Array, Array]]
     sides: dict[int, Array]
     before: dict[int, Array]
@@ -146,6 +149,8 @@ class Mechanics(eqx.Module):
     def __init__(self, scene: Scene, fidelity: Fidelity):
         parcel, belt = scene.parcel, scene.belt
         self.mass, self.inertia = parcel.mass, parcel.inertia
+        # A step multiplies by them some twenty times, and divides slowly.
+        self.inverse_mass, self.inverse_inertia = 1 / self.mass, 1 / self.inertia
         self.fence_corners, self.border_corners = scene.fence_corners, scene.border_corners
         self.surface_corners = scene.surface_corners if scene.surfaces else ()
         self.sides, self.before, self.edge_radius = {}, {}, None
@@ -188,7 +193,7 @@ class Mechanics(eqx.Module):
         """The corners that can touch, from C_s in fixed axes [m], at the parcel's `angle`."""
         if not self.corners:
             return {}
-        turn = jnp.cos(angle), jnp.sin(angle)
+        turn = cos_sin(angle)
         return {number: turned(turn, x, y) for number, (x, y) in self.corners.items()}
 
     def fade(self, place: Array) -> Array:
@@ -216,7 +221,7 @@ class Mechanics(eqx.Module):
         """
         if drive is None:
             return None
-        turn = (jnp.cos(drive.angle), jnp.sin(drive.angle))
+        turn = cos_sin(drive.angle)
         shares = tuple(self.fade(p) for p in places)
         if gone:
             shares = tuple(share * (1 - g) for share, g in zip(shares, gone, strict=True))
@@ -374,7 +379,9 @@ class Mechanics(eqx.Module):
 
     def acceleration(self, x: Array, y: Array, moment: Array) -> Acceleration:
         """What a force [N] and its moment about C_s [N m] give the parcel."""
-        return Acceleration(x / self.mass, y / self.mass, moment / self.inertia)
+        return Acceleration(
+            x * self.inverse_mass, y * self.inverse_mass, moment * self.inverse_inertia
+        )
 
     def force_scale(self, forces: Forces) -> Array:
         """Size of the forces at play [N]: the normal ones, and the weight on a belt."""
@@ -391,7 +398,7 @@ class Mechanics(eqx.Module):
     def lightness(self, parts: Touch) -> Array:
         """How much a unit force along the surface accelerates the corner there [1/kg]."""
         x, y, turning = parts.tangent
-        return (x**2 + y**2) / self.mass + turning**2 / self.inertia
+        return (x**2 + y**2) * self.inverse_mass + turning**2 * self.inverse_inertia
 
 
 def force_tolerance(dtype) -> float:

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._elementary import cos_sin
 from ..fidelity import Smoothing
 from ..model import corner_share
 from ..parts import AbstractFriction, Parcel
@@ -76,7 +77,8 @@ def _lightness(parcel: Parcel, now: Sample) -> Array:
     """What a unit force along the fence's straight line accelerates it there by [1/kg]:
     1 / m_p + d^2 / I_p, with d the distance of C_s from that line."""
     assert now.drive is not None
-    across = now.body.x * jnp.sin(now.drive.angle) - now.body.y * jnp.cos(now.drive.angle)
+    cosine, sine = cos_sin(now.drive.angle)
+    across = now.body.x * sine - now.body.y * cosine
     return 1 / parcel.mass + across**2 / parcel.inertia
 
 
