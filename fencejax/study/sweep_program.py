@@ -14,6 +14,7 @@ from jax.sharding import SingleDeviceSharding
 
 from .. import _check
 from ..results import refined
+from .lane_order import by_length, lengths
 from .sweep import Lane
 from .sweep_store import digest
 from .sweep_table import derivative
@@ -87,18 +88,23 @@ class _Job:
 @functools.lru_cache(maxsize=12)
 def _compiled(job: _Job) -> list[Any]:
     """The compiled program, once for each device: points of shape (chunk, n) and the number of
-    groups that are wanted -> arrays by name, of whose lanes those of the wanted groups count.
+    lanes that are wanted -> arrays by name, of whose lanes the first so many count.
 
     It is traced once and its code is the same everywhere. One program over all devices would be
     compiled into another for each number of them, and its results differ in the last bit. The
-    number of groups is no constant, so that a chunk that is not full costs what it holds, and the
+    number of lanes is no constant, so that a chunk that is not full costs what it holds, and the
     code is the same for chunks of any length. Kept for further sweeps of the same kind.
     """
     size = len(job.lane.family.names)
     batch = jax.vmap(job.lane)
 
-    def computed(values, wanted):
+    def computed(values, count):
+        found = lengths(job.lane.family.scene, values)
+        order = None if found is None else by_length(found, count)
+        if order is not None:
+            values = values[order]
         groups = values.reshape(job.chunk // job.group, job.group, size)
+        wanted = (count + job.group - 1) // job.group
 
         def put(index, found):
             one = batch(jax.lax.dynamic_index_in_dim(groups, index, keepdims=False))
@@ -107,15 +113,18 @@ def _compiled(job: _Job) -> list[Any]:
         shapes = jax.eval_shape(batch, groups[0])
         empty = {n: jnp.zeros((len(groups), *s.shape), s.dtype) for n, s in shapes.items()}
         found = jax.lax.fori_loop(0, wanted, put, empty)
-        return {name: leaf.reshape(job.chunk, *leaf.shape[2:]) for name, leaf in found.items()}
+        every = {name: leaf.reshape(job.chunk, *leaf.shape[2:]) for name, leaf in found.items()}
+        if order is None:
+            return every
+        return {name: jnp.zeros_like(leaf).at[order].set(leaf) for name, leaf in every.items()}
 
     jitted = jax.jit(computed)
 
     def lowered(device):
         place = SingleDeviceSharding(device)
         values = jax.ShapeDtypeStruct((job.chunk, size), jnp.result_type(float), sharding=place)
-        wanted = jax.ShapeDtypeStruct((), jnp.int32, sharding=place)
-        return jitted.lower(values, wanted)
+        count = jax.ShapeDtypeStruct((), jnp.int32, sharding=place)
+        return jitted.lower(values, count)
 
     # Python's part one after the other, the compiler's part beside each other.
     programs = [lowered(device) for device in job.devices]
@@ -178,7 +187,7 @@ def _computed(
     # Filled up with its last lane, so that every chunk has the same shape.
     picks = np.minimum(np.arange(plan.chunk), count - 1)
     values = points[picks].astype(jnp.result_type(float))
-    wanted = np.asarray(-(-count // plan.group), np.int32)
+    wanted = np.asarray(count, np.int32)
     arrays = jax.device_get(program(*jax.device_put((values, wanted), device)))
     columns = {name: np.asarray(leaf)[:count] for name, leaf in arrays.items()}
     slopes = columns.pop("gradient", None)
