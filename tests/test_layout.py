@@ -31,18 +31,20 @@ FLOORS = {
     "fidelity": 0,
     "printing": 0,
     "_check": 0,
+    "_elementary": 0,
     "_xla": 0,
     "derivatives": 0,
     "_kept_programs": 0,
     "_kept_executables": 0,
 }
 TOOLS = {
-    "derivatives", "fidelity", "printing", "_check", "_xla", "_kept_programs", "_kept_executables",
+    "derivatives", "fidelity", "printing", "_check", "_elementary", "_xla", "_kept_programs", "_kept_executables",
 }  # fmt: skip
 # Private tools have no face; the tests of a tool import its file, and nobody else outside does.
 TESTED_TOOLS = {
     "tests/conftest.py",
     "tests/scenes/test_checks.py",
+    "tests/test_elementary.py",
     "tests/test_kept_programs.py",
     "tests/test_xla.py",
 }

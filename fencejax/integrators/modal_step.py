@@ -101,9 +101,8 @@ class _End(eqx.Module):
     def body_at(self, rates) -> Body:
         """The parcel at the end with the velocities `rates`, its acceleration linear between."""
         h = self.stride.length
-        third = h * (1 / 3)
         moved = (
-            q + third * (2 * v0 + v1 + 0.5 * h * a0)
+            q + h * (2 * v0 + v1) / 3 + h * h * a0 / 6
             for q, v0, v1, a0 in zip(
                 self.body[:3], self.body[3:], rates, self.acceleration, strict=True
             )
@@ -148,10 +147,7 @@ class _End(eqx.Module):
             v1 - v0 - 0.5 * h * (a0 + a1)
             for v1, v0, a0, a1 in zip(rates, self.body[3:], begin, end, strict=True)
         ]
-        half_mass, half_inertia = (
-            0.5 * h * each for each in (mechanics.inverse_mass, mechanics.inverse_inertia)
-        )
-        scales = half_mass, half_mass, half_inertia
+        scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
         shares = friction_turn.shares(mechanics, forces, self.sticking, turns)
         drags = newton_matrix.drags(mechanics, forces, h, self.sticking, turns)
         block = newton_matrix.rate_matrix(mechanics, forces, h, bool(normals), shares, drags)
@@ -163,7 +159,7 @@ class _End(eqx.Module):
             assert law is not None
             assert response is not None
             residual.append(normal - law)
-            press = response.gap * (h * (1 / 3)) + response.gap_rate
+            press = response.gap * h / 3 + response.gap_rate
             row = [press * parts.normal[j] for j in range(3)]
             for other in range(len(normals + rubs)):
                 give, give_rate = self.fence.compliance(k, other, normal)

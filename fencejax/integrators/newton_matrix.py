@@ -73,7 +73,7 @@ def rate_matrix(
     for meeting, held, share, drag in zip(forces.meetings, held_at, shares, drags, strict=True):
         _, parts, _, response = meeting
         assert response is not None
-        press = response.gap * (step * (1 / 3)) + response.gap_rate
+        press = response.gap * step / 3 + response.gap_rate
         for i in range(3):
             along = parts.normal[i] + share * parts.tangent[i]
             for j in range(3):

@@ -126,8 +126,6 @@ class Mechanics(eqx.Module):
 
     mass: Array
     inertia: Array
-    inverse_mass: Array
-    inverse_inertia: Array
     corners: dict[int, tuple[Array, Array]]
     sides: dict[int, Array]
     before: dict[int, Array]
@@ -149,8 +147,6 @@ class Mechanics(eqx.Module):
     def __init__(self, scene: Scene, fidelity: Fidelity):
         parcel, belt = scene.parcel, scene.belt
         self.mass, self.inertia = parcel.mass, parcel.inertia
-        # A step multiplies by them some twenty times, and divides slowly.
-        self.inverse_mass, self.inverse_inertia = 1 / self.mass, 1 / self.inertia
         self.fence_corners, self.border_corners = scene.fence_corners, scene.border_corners
         self.surface_corners = scene.surface_corners if scene.surfaces else ()
         self.sides, self.before, self.edge_radius = {}, {}, None
@@ -221,7 +217,6 @@ class Mechanics(eqx.Module):
         """
         if drive is None:
             return None
-        turn = cos_sin(drive.angle)
         shares = tuple(self.fade(p) for p in places)
         if gone:
             shares = tuple(share * (1 - g) for share, g in zip(shares, gone, strict=True))
@@ -229,7 +224,7 @@ class Mechanics(eqx.Module):
         if self.sides:
             assert self.link is not None
             edges = tuple(self.link.reach - p for p in (places if loaded is None else loaded))
-        return FenceFrame(turn, drive.speed, places, shares, edges)
+        return FenceFrame(cos_sin(drive.angle), drive.speed, places, shares, edges)
 
     def loaded(self, place: Array, lean: Lean) -> Array:
         """Arc coordinate [m] at which a contact loads the fence, of a corner's foot at `place`."""
@@ -379,9 +374,7 @@ class Mechanics(eqx.Module):
 
     def acceleration(self, x: Array, y: Array, moment: Array) -> Acceleration:
         """What a force [N] and its moment about C_s [N m] give the parcel."""
-        return Acceleration(
-            x * self.inverse_mass, y * self.inverse_mass, moment * self.inverse_inertia
-        )
+        return Acceleration(x / self.mass, y / self.mass, moment / self.inertia)
 
     def force_scale(self, forces: Forces) -> Array:
         """Size of the forces at play [N]: the normal ones, and the weight on a belt."""
@@ -398,7 +391,7 @@ class Mechanics(eqx.Module):
     def lightness(self, parts: Touch) -> Array:
         """How much a unit force along the surface accelerates the corner there [1/kg]."""
         x, y, turning = parts.tangent
-        return (x**2 + y**2) * self.inverse_mass + turning**2 * self.inverse_inertia
+        return (x**2 + y**2) / self.mass + turning**2 / self.inertia
 
 
 def force_tolerance(dtype) -> float:

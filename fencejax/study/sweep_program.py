@@ -14,14 +14,11 @@ from jax.sharding import SingleDeviceSharding
 
 from .. import _check
 from ..results import refined
-from .lane_order import by_length, lengths
+from .lane_groups import CPU_GROUP, in_groups
 from .sweep import Lane
 from .sweep_store import digest
 from .sweep_table import derivative
 
-# Lanes that go through a loop together: many keep a core's vector units busy, few wait less for
-# the slowest. Measured on one core: 64 is the best, 32 and 128 are 10 % slower, 16 is 25 %.
-_CPU_GROUP = 64
 # Half a second of impacts: to keep a chunk takes a fiftieth of a second.
 _CPU_CHUNK = 4096
 # Other devices are wide: they want all lanes at once, and many of them.
@@ -48,7 +45,7 @@ class Plan:
         """
         narrow = platform == "cpu"
         if group is None:
-            step = min(_CPU_GROUP, count if chunk is None else chunk)
+            step = min(CPU_GROUP, count if chunk is None else chunk)
         else:
             step = _check.count("group", group, least=1)
         if chunk is None:
@@ -99,24 +96,7 @@ def _compiled(job: _Job) -> list[Any]:
     batch = jax.vmap(job.lane)
 
     def computed(values, count):
-        found = lengths(job.lane.family.scene, values)
-        order = None if found is None else by_length(found, count)
-        if order is not None:
-            values = values[order]
-        groups = values.reshape(job.chunk // job.group, job.group, size)
-        wanted = (count + job.group - 1) // job.group
-
-        def put(index, found):
-            one = batch(jax.lax.dynamic_index_in_dim(groups, index, keepdims=False))
-            return {name: leaf.at[index].set(one[name]) for name, leaf in found.items()}
-
-        shapes = jax.eval_shape(batch, groups[0])
-        empty = {n: jnp.zeros((len(groups), *s.shape), s.dtype) for n, s in shapes.items()}
-        found = jax.lax.fori_loop(0, wanted, put, empty)
-        every = {name: leaf.reshape(job.chunk, *leaf.shape[2:]) for name, leaf in found.items()}
-        if order is None:
-            return every
-        return {name: jnp.zeros_like(leaf).at[order].set(leaf) for name, leaf in every.items()}
+        return in_groups(batch, values, job.group, count, job.lane.family.scene)
 
     jitted = jax.jit(computed)
 
