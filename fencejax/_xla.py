@@ -119,22 +119,6 @@ def fusion_barrier(holds: Array, function: Callable[..., Any], *arguments: Any) 
     return jax.tree.unflatten(results, jax.lax.cond(holds, worked_out, not_numbers, leaves))
 
 
-def where_needed(needed: Array, function: Callable[..., Any], *arguments: Any) -> Any:
-    """`function(*arguments)` where any lane of a batch has `needed`, else zeros.
-
-    On a CPU the work is left out where no lane needs it. Elsewhere a branch costs more than work
-    that is not needed.
-    """
-    if jax.default_backend() != "cpu":
-        return function(*arguments)
-    shapes = jax.eval_shape(function, *arguments)
-
-    def nothing(*_):
-        return jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
-
-    return jax.lax.cond(unvmap_any(needed), function, nothing, *arguments)
-
-
 def sound(tree: Any) -> Array:
     """Whether a pytree holds numbers only, in one lane of a batch at least. It is unknown to the
     compiler as soon as one leaf of the tree is."""

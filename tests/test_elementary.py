@@ -7,8 +7,8 @@ import pytest
 
 from fencejax._elementary import arctan, cos_sin
 
-# Two units in the last place: half of one by rounding the polynomial's value, as much by the rest of
-# the angle, and what the product with the polynomial adds.
+# Two units in the last place: half of one by rounding the polynomial's value, as much by the rest
+# of the angle, and what the product with the polynomial adds.
 ULPS = 2
 
 

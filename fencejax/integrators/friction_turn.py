@@ -34,7 +34,6 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._elementary import arctan
-from .._xla import where_needed
 from ..model import Acceleration, Forces, Mechanics, corner_share
 from . import friction_tangent
 
@@ -66,7 +65,7 @@ class _Added(NamedTuple):
 
     share: Array
     slope: Array
-    by_share: Array | float | None = None
+    by_share: Array | float = 0.0
 
 
 def _from_sliding(corner: _Corner) -> _Added:
@@ -143,8 +142,7 @@ def turns(
         corner = _Corner(
             before[k], what.sliding, mu, gain, smoothing.slip_speed, was, response.share
         )
-        sliding = _from_sliding(corner)
-        held = where_needed(weight > 0, _from_hold, corner)
+        sliding, held = _from_sliding(corner), _from_hold(corner)
         share = (1 - weight) * sliding.share + weight * held.share
         slope = (1 - weight) * response.sliding * sliding.by_share
         slope = slope + (1 - weight) * sliding.slope + weight * held.slope

@@ -53,13 +53,11 @@ def in_groups(
     """
     total = len(jax.tree.leaves(lanes)[0])
 
-    def length(lane):
-        return contact_length(scene(lane))
-
+    lengths = jax.vmap(lambda lane: contact_length(scene(lane)))(lanes)
     order = None
-    if jax.eval_shape(length, jax.tree.map(lambda leaf: leaf[0], lanes)) is not None:
+    if lengths is not None:
         wanted = jnp.arange(total, dtype=count.dtype) < count
-        order = jnp.argsort(jnp.where(wanted, jax.vmap(length)(lanes), jnp.inf))
+        order = jnp.argsort(jnp.where(wanted, lengths, jnp.inf))
         lanes = jax.tree.map(lambda leaf: leaf[order], lanes)
     groups = jax.tree.map(lambda leaf: leaf.reshape(-1, group, *leaf.shape[1:]), lanes)
 

@@ -49,8 +49,8 @@ def test_simulate_refines_as_the_batch_does():
     scene = jax.tree.map(lambda leaf: leaf[lane], scenes())
     one = fj.simulate(scene, fidelity=COARSE, only="peak_force", refine=True)
     assert int(one.rung) == refined.rung[lane]
-    # A lane of a batch takes the same steps and iterations as alone: what differs is the rounding of
-    # programs compiled apart, which the contact's thousand steps add up.
+    # A lane of a batch takes the same steps and iterations as alone: what differs is the rounding
+    # of programs compiled apart, which the contact's thousand steps add up.
     assert float(one.peak_force) == pytest.approx(refined.peak_force[lane], rel=1e-11)
 
 

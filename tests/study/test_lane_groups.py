@@ -63,13 +63,18 @@ def test_without_a_length_the_order_stays():
     np.testing.assert_array_equal(found[:4], np.tile(np.sort(masses[:4]), (4, 1)))
 
 
+def peaks(scenes):
+    fidelity = fj.Fidelity.coarse(modes=1, elements=4)
+    found = fj.simulate_many(scenes, fidelity=fidelity, only="peak_force", refine=False)
+    return found.peak_force
+
+
 def test_a_lane_does_not_depend_on_the_others_of_its_batch():
     speeds = jnp.linspace(0.5, 3.0, 8)
 
     def forces(speeds):
         scenes = jax.vmap(lambda v: fj.scenes.normal_impact(speed=v, duration=0.03))(speeds)
-        fidelity = fj.Fidelity.coarse(modes=1, elements=4)
-        return fj.simulate_many(scenes, fidelity=fidelity, only="peak_force", refine=False).peak_force
+        return peaks(scenes)
 
     # The same program for both; hard blows beside a lane take other iterations than soft ones.
     slow = forces(speeds)
@@ -86,8 +91,7 @@ def test_many_lanes_go_in_groups_and_are_as_few_are():
                 fence=fj.Fence(), parcel=fj.Parcel(mass=m), duration=0.03
             )
         )(masses)
-        fidelity = fj.Fidelity.coarse(modes=1, elements=4)
-        return fj.simulate_many(scenes, fidelity=fidelity, only="peak_force", refine=False).peak_force
+        return peaks(scenes)
 
     # Programs compiled apart differ by rounding alone.
     np.testing.assert_allclose(forces(masses)[:8], forces(masses[:8]), rtol=1e-11)

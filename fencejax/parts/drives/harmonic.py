@@ -7,7 +7,6 @@ from jaxtyping import Array, ArrayLike
 
 from ... import _check
 from ..._check import Bounds
-from ..._elementary import cos_sin
 from .abstract import CYCLE_TIME, AbstractDrive
 from .segments import within
 
@@ -37,7 +36,7 @@ class HarmonicDrive(AbstractDrive):
 
     def angle(self, time: Array) -> Array:
         phase = within(time / self.cycle_time)
-        return 0.5 * self.amplitude * (1.0 - cos_sin(2.0 * jnp.pi * phase)[0])
+        return 0.5 * self.amplitude * (1.0 - jnp.cos(2.0 * jnp.pi * phase))
 
     @property
     def amplitude(self) -> Array:
