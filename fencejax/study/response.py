@@ -148,7 +148,7 @@ class Response:
             )
             return tuple(numbers), status
 
-        found = refined(compute, lanes, len(self._ladder))
+        found = refined(compute, lanes, len(self._ladder), grouped=False)
         values, slopes = found.numbers if sloped else (*found.numbers, None)
         return Batch(values, slopes, found.statuses, found.rungs)
 

@@ -166,7 +166,7 @@ def _settled(
         columns = (_runs(finer[rung - 1], plan, devices)[device] if rung else run)(part)
         return columns, columns["status"]
 
-    found = refined(compute, points, 1 + len(finer))
+    found = refined(compute, points, 1 + len(finer), grouped=False)
     return {**found.numbers, "rung": found.rungs.astype(np.int32)}
 
 
