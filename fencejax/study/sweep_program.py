@@ -63,6 +63,7 @@ class Plan:
                 f"Argument `chunk` must be a multiple of `group` = {step}, but is {size}. Write "
                 f"{-(-size // step) * step}."
             )
+        step = min(step, count)
         size = min(size, -(-count // step) * step)
         return cls(size, step, -(-count // size))
 

@@ -199,6 +199,22 @@ def test_what_a_field_asks_is_checked(given, text):
         Config(kind="c")
 
 
+@pytest.mark.parametrize(
+    ("job", "flag"),
+    [
+        ("identify", "starts"), ("pareto", "points"), ("peak_force", "budget"),
+        ("robust_design", "sample"), ("robust_design", "fresh"), ("sensitivity", "gradients"),
+        ("sweep", "points"), ("sweep", "group"), ("sweep", "chunk"),
+    ],
+)  # fmt: skip
+def test_absurd_counts_are_refused_at_once(job, flag):
+    """A table with a row for each would fill any machine's memory."""
+    inner = importlib.import_module(f"optimize.{job}.configuration")
+    with pytest.raises(ValueError, match=f"`{flag}` must be at most .* has the memory") as refused:
+        inner.configure([f"--{flag}", str(10**15), *(["--demo"] if job == "identify" else [])])
+    assert "\n" not in str(refused.value)
+
+
 def as_flags(name, value):
     flag = name.replace("_", "-")
     if isinstance(value, bool):
