@@ -176,13 +176,14 @@ def _memory() -> float:
 
 
 def room(name: str, rows: int, columns: int) -> None:
-    """Raise `MemoryError` where a table of numbers, and what is made of it, another of its size at
+    """Raise `ValueError` where a table of numbers, and what is made of it, another of its size at
     least, does not fit into this machine's memory."""
     wanted, there = 16.0 * rows * columns, _memory()
     if wanted > there:
-        raise MemoryError(
-            f"Argument `{name}` asks for {rows:.3g} points, which take {wanted / 1e9:.3g} GB, but "
-            f"this machine has {there / 1e9:.3g} GB. Write a smaller number."
+        raise ValueError(
+            f"Argument `{name}` must ask for points that fit into memory, but {rows:.3g} of them "
+            f"take {wanted / 1e9:.3g} GB, and this machine has {there / 1e9:.3g} GB. Write a "
+            "smaller number."
         )
 
 

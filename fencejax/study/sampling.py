@@ -92,8 +92,8 @@ def grid(
       `DesignVariable`s (see `variable`).
     - `counts`: at least 2 each; one number serves for all.
 
-    Raises `ValueError` for a repeated name and where the counts do not fit the variables, and
-    `MemoryError` where the points do not fit into this machine's memory.
+    Raises `ValueError` for a repeated name, and where the counts do not fit the variables or the
+    points this machine's memory.
 
     >>> mass = fj.DesignVariable("mass", 5.0, 20.0, "kg")
     >>> fj.sampling.grid([mass], [3]).values.ravel().round(3)

@@ -128,6 +128,15 @@ SWALLOWED = """
             except BaseException:
                 pass
 """
+# A job that is done: what is to be done at the end is done, and then Python is left at once.
+ENDING = """
+        import atexit, time
+        class Lasting:
+            def __del__(self):
+                time.sleep(60)
+        sys.lasting = Lasting()
+        atexit.register(lambda: (print("ending", flush=True), {last}))
+"""
 STAGES = {
     "importing": (
         ["-X", "importtime", "-m", "optimize.sweep"], "optimize.common.interrupts", "sweep: stopped"
@@ -138,6 +147,10 @@ STAGES = {
     ),
     "computing": (["-c", RUNNING.format(work=ENDLESS)], "running", f"job: {command.RESUMED}"),
     "swallowing": (["-c", RUNNING.format(work=SWALLOWED)], "running", f"job: {command.RESUMED}"),
+    "ending": (
+        ["-c", RUNNING.format(work=ENDING.format(last="time.sleep(60)"))], "ending",
+        f"job: {command.RESUMED}",
+    ),
 }  # fmt: skip
 
 
@@ -164,6 +177,16 @@ def test_an_interrupt_ends_a_job_with_one_line(stage, tmp_path):
     assert process.returncode == 130, "\n".join(said) + rest
     after = [row for row in rest.splitlines() if not row.startswith("import time:")]
     assert after == [line]
+
+
+def test_a_job_that_is_done_leaves_at_once(tmp_path):
+    """Python takes no modules apart, where no signal would be heard; what is registered is done."""
+    done = subprocess.run(
+        [sys.executable, "-c", RUNNING.format(work=ENDING.format(last=None))], cwd=tmp_path,
+        text=True, capture_output=True, check=False, timeout=50,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, "running\nending\n", "")
 
 
 def test_an_interrupt_in_this_process_ends_it_too(capsys):
