@@ -33,7 +33,8 @@ class Batch(NamedTuple):
         return counted(self.status)
 
 
-@functools.lru_cache(maxsize=64)
+# Four studies, with three rungs each.
+@functools.lru_cache(maxsize=12)
 def _programs(structure, shapes, quantities: tuple[Quantity, ...], fidelity: Fidelity):
     """Lanes of a scene's numbers to values and statuses, without and with slopes."""
     like = jax.tree.unflatten(structure, [np.zeros(shape) for shape in shapes])
