@@ -3,6 +3,7 @@
 import dataclasses
 import errno
 import importlib
+import json
 import os
 import re
 import signal
@@ -10,11 +11,13 @@ import subprocess
 import sys
 import time
 import types
+from pathlib import Path
 
 import job_flags
 import pytest
 
 from optimize.common import assignments, command, flags
+from optimize.common.report import write_json
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,6 +77,25 @@ def test_what_the_system_refuses_is_said_with_its_remedy(tmp_path):
     assert left(failing(OSError("Make room."))) == "job: Make room."
     said = left(failing(MemoryError("8 PiB")))
     assert said == "job: there is not enough memory (8 PiB). Ask for less."
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_full_disk_leaves_what_was_written_before(there, tmp_path, monkeypatch):
+    """The disk takes half of the file."""
+    path, real = tmp_path / "result.json", Path.write_text
+
+    def half(self, text, **settings):
+        real(self, text[: len(text) // 2], **settings)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    if there:
+        write_json(path, {"peak_force": 1.0})
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", half)
+        with pytest.raises(OSError, match="No space left"):
+            write_json(path, {"peak_force": 2.0})
+    assert [each.name for each in tmp_path.iterdir()] == (["result.json"] if there else [])
+    assert not there or json.loads(path.read_text()) == {"peak_force": 1.0}
 
 
 # ---- flags
