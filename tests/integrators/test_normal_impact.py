@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 import fencejax as fj
-from fencejax.results.accumulators import Accumulator
+from fencejax.results import Accumulator
 
 
 def scene(numbers):
