@@ -10,7 +10,9 @@ says so. Skipped unless `--bench` asks for it, but for the page.
 """
 
 import json
+import re
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -18,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax import export
 
 from fencejax import plot
 from fencejax.plot import style
@@ -211,3 +214,20 @@ def test_another_status_is_no_small_difference():
     assert difference(same, same) == 0.0
     assert difference((same[0] + [[0, 0, 1e-3]], same[1]), same) == pytest.approx(1e-3)
     assert difference((same[0], np.array([0, 1])), same) == np.inf
+
+
+@pytest.mark.parametrize("kind", PROGRAMS)
+def test_the_programs_are_lowered_for_a_gpu_unchanged(kind):
+    """The same operations as for the CPU, and no call of a library that a GPU would lack."""
+    function, _ = PROGRAMS[kind]
+    lanes = jax.ShapeDtypeStruct((64, impact()[0].size), jnp.float64)
+    both = [
+        export.export(jax.jit(jax.vmap(function)), platforms=[platform])(lanes)
+        for platform in ("cuda", "cpu")
+    ]
+    texts = [program.mlir_module() for program in both]
+    assert both[0].platforms == ("cuda",)
+    operations, expected = (Counter(re.findall(r"stablehlo\.\w+", text)) for text in texts)
+    assert operations == expected
+    assert operations["stablehlo.while"] > 0
+    assert operations["stablehlo.custom_call"] == 0
