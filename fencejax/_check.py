@@ -2,6 +2,7 @@
 
 import math
 import operator
+import os
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -164,6 +165,26 @@ def count(name: str, value: int, *, least: int = 0, remedy: str = "") -> int:
             f"Argument `{name}` must be at least {least}, but is {value}. {remedy}".rstrip()
         )
     return int(value)
+
+
+def _memory() -> float:
+    """The memory [bytes] of this machine; infinite where the system does not say."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return math.inf
+
+
+def room(name: str, rows: int, columns: int) -> None:
+    """Raise `ValueError` where a table of numbers, and what is made of it, another of its size at
+    least, does not fit into this machine's memory."""
+    wanted, there = 16.0 * rows * columns, _memory()
+    if wanted > there:
+        raise ValueError(
+            f"Argument `{name}` must ask for points that fit into memory, but {rows:.3g} of them "
+            f"take {wanted / 1e9:.3g} GB, and this machine has {there / 1e9:.3g} GB. Write a "
+            "smaller number."
+        )
 
 
 def number(name: str, value: float, *, above: float = -math.inf, unit: str = "1",

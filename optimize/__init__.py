@@ -4,7 +4,10 @@ import sys
 
 # Only where one of them is run, and before its long imports: then the first argument is still "-m".
 if sys.argv[:1] == ["-m"]:
-    from .common import flags, interrupts
+    from .common import interrupts
 
     interrupts.watch()
+
+    from .common import flags
+
     flags.answer(sys.orig_argv)

@@ -3,6 +3,8 @@
 import importlib.util
 import re
 import shlex
+import subprocess
+import sys
 
 import figures
 import headlines
@@ -99,6 +101,19 @@ def test_jobs_on_record_have_their_figures():
         assert {label: figure.unit for label, figure in job.figures.items()} == {
             label: figure["unit"] for label, figure in known.items() if label in job.figures
         }
+
+
+def test_a_job_is_told_by_its_processor_time_and_ends_in_time():
+    """A quarter of a second of work; asleep for a minute, ended after a tenth of a second."""
+    busy = "import time\nwhile time.process_time() < 0.25: pass\nraise SystemExit(3)"
+    asleep = "import time; time.sleep(60)"
+    status, seconds = headlines.ended(subprocess.Popen([sys.executable, "-c", busy]), 60.0)
+    # Python's start is the rest.
+    assert status == 3
+    assert 0.25 <= seconds < 2.0
+    status, seconds = headlines.ended(subprocess.Popen([sys.executable, "-c", asleep]), 0.1)
+    assert status == 124
+    assert seconds < 2.0
 
 
 def test_a_figure_off_the_record_is_told():

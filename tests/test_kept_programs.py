@@ -1,6 +1,9 @@
 """Traced programs kept in a folder: the same numbers in another process, nothing traced, and never
 those of other source."""
 
+import functools
+import gc
+import importlib
 import os
 import shutil
 import subprocess
@@ -281,3 +284,31 @@ print(len(compiled), *(name for name in [*rooms, "optax", "scipy"] if name in sy
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["0"]
+
+
+# --- In memory
+
+
+def test_programs_that_are_kept_no_longer_leave_the_memory(monkeypatch):
+    """Of six simulations the last two are kept: no more executables live after the sixth than after
+    the third."""
+    module = sys.modules["fencejax.simulate"]
+    few = functools.lru_cache(maxsize=2)(module._program.__wrapped__)
+    monkeypatch.setattr(module, "_program", few)
+    scene, client, alive = fj.scenes.rigid_wall(duration=0.01), jax.devices()[0].client, []
+    for k in range(6):
+        fidelity = fj.Fidelity.standard().replace(step=2.5e-4 * (1 - 1e-3 * k), step_tolerance=None)
+        fj.simulate(scene, fidelity=fidelity, history=False, only="peak_force")
+        gc.collect()
+        alive.append(len(client.live_executables()))
+    assert alive[-1] == alive[2]
+
+
+def test_every_kind_of_program_is_kept_in_a_bounded_number():
+    """A whole sort's takes some 100 MB, with its gradient."""
+    kept = ("simulate", "_program"), ("study.batch", "_program"), ("study.response", "_programs"), \
+        ("study.sweep_program", "_compiled"), ("study.fit_signals", "program_of"), \
+        ("study.fit_signals", "curvature_of")  # fmt: skip
+    for place, name in kept:
+        module = importlib.import_module(f"fencejax.{place}")
+        assert getattr(module, name).cache_parameters()["maxsize"] <= 32

@@ -10,8 +10,9 @@ from jaxtyping import ArrayLike
 from .status import NUMERICAL
 
 _DOUBTS = np.array(sorted(NUMERICAL))
-# One lane takes hardly less time than eight.
-_FEWEST = 8
+# Lanes in a call, few and many: every other number of them compiles a program of its own. Eight
+# take hardly longer than one, and no longer for each than more do.
+_FEW, _MANY = 8, 512
 
 
 def climb(
@@ -45,13 +46,15 @@ def refined(
     lanes: Any,
     rungs: int,
     least: np.ndarray | None = None,
+    *,
+    grouped: bool = True,
 ) -> Refined:
     """The numbers of lanes, each at the first rung at which they are not in doubt.
 
     Lanes whose status is numerical (`Status.numerical`) are gathered on the host and computed
-    again at the next rung, up to the last, whose numbers stand in any case. The number of lanes in
-    a call is a power of two from 8 on, filled up with the first of them, so that few programs are
-    compiled: one lane takes hardly less time than eight.
+    again at the next rung, up to the last, whose numbers stand in any case, in groups of 512 while
+    there are so many and of 8 then, the last one filled up with its first lane. So a rung's program
+    is compiled once, or twice, however many lanes are in doubt from call to call.
 
     **Arguments:**
 
@@ -60,6 +63,8 @@ def refined(
     - `lanes`: a pytree whose leaves have the lanes first.
     - `rungs`: how many there are.
     - `least`: the rung from which each lane begins; by default the first.
+    - `grouped`: with `False` they are all computed in one call: for a `compute` that makes chunks
+      of its own.
     """
     first = 0 if least is None else int(np.min(least, initial=rungs - 1))
     numbers, statuses = jax.device_get(compute(first, lanes))
@@ -72,17 +77,24 @@ def refined(
         doubtful = np.flatnonzero(wanted)
         if not doubtful.size:
             continue
-        # Never more than there are: of few lanes all, so that one program serves any of them.
-        size = min(max(_FEWEST, 1 << int(doubtful.size - 1).bit_length()), statuses.shape[0])
-        chosen = np.append(doubtful, np.full(size - doubtful.size, doubtful[0]))
-        part = jax.tree.map(lambda leaf, chosen=chosen: np.asarray(leaf)[chosen], lanes)
-        finer, now = jax.device_get(compute(rung, part))
-        count = doubtful.size
+        sizes = _groups(doubtful.size, statuses.size) if grouped else [doubtful.size]
+        for start, size in zip(np.cumsum([0, *sizes]), sizes, strict=False):
+            some = doubtful[start : start + size]
+            chosen = np.append(some, np.full(size - some.size, some[0]))
+            part = jax.tree.map(lambda leaf, chosen=chosen: np.asarray(leaf)[chosen], lanes)
+            finer, now = jax.device_get(compute(rung, part))
 
-        def put(old, new, at=doubtful, count=count):
-            old[at] = np.asarray(new)[:count]
+            def put(old, new, at=some):
+                old[at] = np.asarray(new)[: at.size]
 
-        jax.tree.map(put, numbers, finer)
-        put(statuses, now)
+            jax.tree.map(put, numbers, finer)
+            put(statuses, now)
         used[doubtful] = rung
     return Refined(numbers, statuses, used)
+
+
+def _groups(count: int, most: int) -> list[int]:
+    """How many lanes each call takes, to compute `count` of `most` lanes."""
+    many, rest = divmod(count, _MANY)
+    # Never more than there are: of few lanes all, so that one program serves any of them.
+    return [_MANY] * many + [min(_FEW, most)] * -(-rest // _FEW)

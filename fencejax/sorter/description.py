@@ -129,7 +129,17 @@ class Sorter(Readable):
         Raises `OSError` where it cannot be read, and `ValueError` naming the file otherwise.
         """
         path = Path(path)
-        text = path.read_text(encoding="utf-8")
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError as error:
+            raise ValueError(
+                f"{path}: must be text in UTF-8, but byte {error.start} is not. Name a sorter file."
+            ) from error
+        if not text.strip():
+            raise ValueError(
+                f"{path}: must describe a sorter, but is empty. Write, for example, "
+                'fence = { thickness = "45 mm" }.'
+            )
         try:
             return cls.parse(text, folder=path.parent, set=set, free=free)
         except (ValueError, TypeError) as error:

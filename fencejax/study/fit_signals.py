@@ -46,7 +46,7 @@ def _model_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fide
     return model
 
 
-@functools.lru_cache(maxsize=64)
+@functools.lru_cache(maxsize=16)
 def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fidelity: Fidelity):
     """Signals at given times with their derivatives in the parameters and in the offset."""
 

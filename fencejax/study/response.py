@@ -33,7 +33,8 @@ class Batch(NamedTuple):
         return counted(self.status)
 
 
-@functools.lru_cache(maxsize=64)
+# Four studies, with three rungs each.
+@functools.lru_cache(maxsize=12)
 def _programs(structure, shapes, quantities: tuple[Quantity, ...], fidelity: Fidelity):
     """Lanes of a scene's numbers to values and statuses, without and with slopes."""
     like = jax.tree.unflatten(structure, [np.zeros(shape) for shape in shapes])
@@ -148,7 +149,7 @@ class Response:
             )
             return tuple(numbers), status
 
-        found = refined(compute, lanes, len(self._ladder))
+        found = refined(compute, lanes, len(self._ladder), grouped=False)
         values, slopes = found.numbers if sloped else (*found.numbers, None)
         return Batch(values, slopes, found.statuses, found.rungs)
 

@@ -92,7 +92,8 @@ def grid(
       `DesignVariable`s (see `variable`).
     - `counts`: at least 2 each; one number serves for all.
 
-    Raises `ValueError` for a repeated name and where the counts do not fit the variables.
+    Raises `ValueError` for a repeated name, and where the counts do not fit the variables or the
+    points this machine's memory.
 
     >>> mass = fj.DesignVariable("mass", 5.0, 20.0, "kg")
     >>> fj.sampling.grid([mass], [3]).values.ravel().round(3)
@@ -107,6 +108,7 @@ def grid(
         )
     remedy = "A variable that has one value goes into `fixed`."
     shape = tuple(_check.count("counts", number, least=2, remedy=remedy) for number in numbers)
+    _check.room("counts", math.prod(shape), len(shape))
     axes = [
         _spread((v,), np.linspace(0.0, 1.0, k)[:, None])[:, 0]
         for v, k in zip(chosen, shape, strict=True)
@@ -139,6 +141,7 @@ def latin_hypercube(
 
     chosen = _resolved(variables)
     count, seed = _check.count("count", count, least=1), _check.count("seed", seed)
+    _check.room("count", count, len(chosen))
     shares = qmc.LatinHypercube(len(chosen), **_seeded(seed)).random(count)
     return Samples(chosen, _spread(chosen, shares), (count,), "latin_hypercube", seed)
 
@@ -164,6 +167,7 @@ def sobol(variables: Sequence[str | DesignVariable], count: int, seed: int = 0) 
             f"Argument `count` must be a power of two for a Sobol sequence, but is {count}. Write "
             f"{1 << power} or {2 << power}."
         )
+    _check.room("count", count, len(chosen))
     shares = qmc.Sobol(len(chosen), **_seeded(seed)).random_base2(power)
     return Samples(chosen, _spread(chosen, shares), (count,), "sobol", seed)
 

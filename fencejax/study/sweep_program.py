@@ -61,6 +61,7 @@ class Plan:
                 f"Argument `chunk` must be a multiple of `group` = {step}, but is {size}. Write "
                 f"{-(-size // step) * step}."
             )
+        step = min(step, count)
         size = min(size, -(-count // step) * step)
         return cls(size, step, -(-count // size))
 
@@ -155,7 +156,7 @@ def _settled(
         columns = (_runs(finer[rung - 1], plan, devices)[device] if rung else run)(part)
         return columns, columns["status"]
 
-    found = refined(compute, points, 1 + len(finer))
+    found = refined(compute, points, 1 + len(finer), grouped=False)
     return {**found.numbers, "rung": found.rungs.astype(np.int32)}
 
 

@@ -6,7 +6,7 @@ import operator
 import os
 import sys
 from collections.abc import Callable
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 import jax
 
@@ -67,12 +67,26 @@ def run(
       to compile.
     """
     interrupts.say(f"{name}: {stopped}")
-    try:
+
+    def done() -> bool:
         if tune:
             fj.tune_compiler()
         if cached:
             fj.cache_programs()
-        found = main(configure())
+        return succeeded(main(configure()))
+
+    try:
+        _leave(name, done, refused, stopped)
+    except SystemExit as leaving:
+        interrupts.end(leaving)
+
+
+def _leave(
+    name: str, done: Callable[[], bool], refused: tuple[type[Exception], ...], stopped: str
+) -> NoReturn:
+    """Leave Python with whether it is `done`, or with what stands in the way."""
+    try:
+        sys.exit(0 if done() else 1)
     except OSError as error:
         sys.exit(f"{name}: {_said(error)}")
     except MemoryError as error:
@@ -84,7 +98,6 @@ def run(
         # Where nobody watches for it: see `interrupts`.
         print(f"{name}: {stopped}", file=sys.stderr)
         sys.exit(interrupts.STATUS)
-    sys.exit(0 if succeeded(found) else 1)
 
 
 def _said(error: OSError) -> str:

@@ -7,6 +7,7 @@ import difflib
 import functools
 import json
 import operator
+import os
 import re
 import shlex
 from collections.abc import Callable, Sequence
@@ -37,8 +38,23 @@ def field(value: _T, text: str, **settings: Any) -> _T:
     return made
 
 
+# What is counted takes a kilobyte at least [bytes]: a parcel's numbers with what is measured of it
+# and their derivatives, an evaluation, a point of a front.
+_EACH = 1024
+
+
+def _memory() -> float:
+    """The memory [bytes] of this machine; infinite where the system does not say. Told here, as
+    help is given before anything long is imported."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return float("inf")
+
+
 def check(configuration: Any) -> None:
-    """Raise `ValueError` where a field is not what `field` asks of it."""
+    """Raise `ValueError` where a field is not what `field` asks of it, or is a count of things for
+    which this machine has not the memory."""
     for each in dataclasses.fields(configuration):
         value, asked = getattr(configuration, each.name), each.metadata
         unit = re.search(r"\[([^\]]+)\]", asked["help"])
@@ -53,6 +69,13 @@ def check(configuration: Any) -> None:
                         f"{' and '.join(f'{end:g}' for end in ends)} [{unit[1] if unit else 1}], "
                         f"but is {one:g}."
                     )
+            # Of counts it is asked how many they are at least; a seed is none.
+            counts = type(one) is int and "least" in asked and each.name != "seed"
+            if counts and one * _EACH > _memory():
+                raise ValueError(
+                    f"Argument `{each.name}` must be at most {_memory() / _EACH:,.0f}, for which "
+                    f"this machine has the memory, but is {one:.3g}."
+                )
 
 
 def one_of(name: str, value: str, options: tuple[str, ...]) -> None:

@@ -14,6 +14,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from .files import write_whole
+
 _TEMPLATE = Path(__file__).with_name("report.html.jinja")
 NAME = "report.html"
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -139,7 +141,7 @@ class Report:
             sections=sections,
         )  # fmt: skip
         path = folder / NAME
-        path.write_text(page, encoding="utf-8")
+        write_whole(path, page)
         return path
 
 

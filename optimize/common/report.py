@@ -22,6 +22,8 @@ from fencejax.design import (
 from fencejax.printing import shown
 from fencejax.results import Status
 
+from .files import write_whole
+
 _FORCE = objectives.PEAK_FORCE
 # Lanes that a line names.
 _SAID = 3
@@ -258,7 +260,7 @@ def _plain(value):
 
 def write_json(path: Path, content) -> None:
     """Write plain numbers, indented; what is not finite becomes null."""
-    path.write_text(json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
+    write_whole(path, json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
 
 
 def history_rows(

@@ -56,7 +56,7 @@ class PeakForceConfig:
     tolerance: float = flags.field(1e-3, "on stationarity and complementarity [1]")
     feasibility: float = flags.field(1e-4, "violation of a margin that counts as none [1]")
     penalty: float = flags.field(10.0, "penalty on violations at the start [1]")
-    budget: int = flags.field(120, "evaluations at most")
+    budget: int = flags.field(120, "evaluations at most", least=1)
     fidelity: str = flags.field(
         "standard",
         "fidelity of the optimisation",

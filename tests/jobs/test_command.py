@@ -3,6 +3,7 @@
 import dataclasses
 import errno
 import importlib
+import json
 import os
 import re
 import signal
@@ -10,11 +11,13 @@ import subprocess
 import sys
 import time
 import types
+from pathlib import Path
 
 import job_flags
 import pytest
 
 from optimize.common import assignments, command, flags
+from optimize.common.report import write_json
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,6 +79,25 @@ def test_what_the_system_refuses_is_said_with_its_remedy(tmp_path):
     assert said == "job: there is not enough memory (8 PiB). Ask for less."
 
 
+@pytest.mark.parametrize("there", [True, False])
+def test_a_full_disk_leaves_what_was_written_before(there, tmp_path, monkeypatch):
+    """The disk takes half of the file."""
+    path, real = tmp_path / "result.json", Path.write_text
+
+    def half(self, text, **settings):
+        real(self, text[: len(text) // 2], **settings)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    if there:
+        write_json(path, {"peak_force": 1.0})
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", half)
+        with pytest.raises(OSError, match="No space left"):
+            write_json(path, {"peak_force": 2.0})
+    assert [each.name for each in tmp_path.iterdir()] == (["result.json"] if there else [])
+    assert not there or json.loads(path.read_text()) == {"peak_force": 1.0}
+
+
 # ---- flags
 
 
@@ -128,6 +150,15 @@ SWALLOWED = """
             except BaseException:
                 pass
 """
+# A job that is done: what is to be done at the end is done, and then Python is left at once.
+ENDING = """
+        import atexit, time
+        class Lasting:
+            def __del__(self):
+                time.sleep(60)
+        sys.lasting = Lasting()
+        atexit.register(lambda: (print("ending", flush=True), {last}))
+"""
 STAGES = {
     "importing": (
         ["-X", "importtime", "-m", "optimize.sweep"], "optimize.common.interrupts", "sweep: stopped"
@@ -138,6 +169,10 @@ STAGES = {
     ),
     "computing": (["-c", RUNNING.format(work=ENDLESS)], "running", f"job: {command.RESUMED}"),
     "swallowing": (["-c", RUNNING.format(work=SWALLOWED)], "running", f"job: {command.RESUMED}"),
+    "ending": (
+        ["-c", RUNNING.format(work=ENDING.format(last="time.sleep(60)"))], "ending",
+        f"job: {command.RESUMED}",
+    ),
 }  # fmt: skip
 
 
@@ -164,6 +199,16 @@ def test_an_interrupt_ends_a_job_with_one_line(stage, tmp_path):
     assert process.returncode == 130, "\n".join(said) + rest
     after = [row for row in rest.splitlines() if not row.startswith("import time:")]
     assert after == [line]
+
+
+def test_a_job_that_is_done_leaves_at_once(tmp_path):
+    """Python takes no modules apart, where no signal would be heard; what is registered is done."""
+    done = subprocess.run(
+        [sys.executable, "-c", RUNNING.format(work=ENDING.format(last=None))], cwd=tmp_path,
+        text=True, capture_output=True, check=False, timeout=50,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, "running\nending\n", "")
 
 
 def test_an_interrupt_in_this_process_ends_it_too(capsys):
@@ -197,6 +242,22 @@ def test_what_a_field_asks_is_checked(given, text):
         flags.reader(Config, "job", "")(given)
     with pytest.raises(ValueError, match="`kind` must be one of"):
         Config(kind="c")
+
+
+@pytest.mark.parametrize(
+    ("job", "flag"),
+    [
+        ("identify", "starts"), ("pareto", "points"), ("peak_force", "budget"),
+        ("robust_design", "sample"), ("robust_design", "fresh"), ("sensitivity", "gradients"),
+        ("sweep", "points"), ("sweep", "group"), ("sweep", "chunk"),
+    ],
+)  # fmt: skip
+def test_absurd_counts_are_refused_at_once(job, flag):
+    """A table with a row for each would fill any machine's memory."""
+    inner = importlib.import_module(f"optimize.{job}.configuration")
+    with pytest.raises(ValueError, match=f"`{flag}` must be at most .* has the memory") as refused:
+        inner.configure([f"--{flag}", str(10**15), *(["--demo"] if job == "identify" else [])])
+    assert "\n" not in str(refused.value)
 
 
 def as_flags(name, value):

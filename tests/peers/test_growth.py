@@ -4,9 +4,9 @@
     pytest tests/peers/test_growth.py --bench DIR
 
 Writes `growth.json`, `growth.md` and `growth.png` into DIR. Times are processor times, which other
-programs on the machine disturb least, medians over repeats; memory is what the compiled program
-asks for: arguments, results and intermediate arrays. The exponent p of a growth as n^p is fitted to
-the larger half of the sizes.
+programs on the machine disturb least, medians over repeats, and one run where it takes longer than
+a minute; memory is what the compiled program asks for: arguments, results and intermediate arrays.
+The exponent p of a growth as n^p is fitted to the larger half of the sizes.
 """
 
 import json
@@ -23,11 +23,13 @@ import fencejax as fj
 from fencejax import plot
 from fencejax.plot import style
 
+from . import impacts
+from .impacts import STANDARD
+
 pytestmark = pytest.mark.bench
 
 LONGEST = 200.0
 """Processor time [s] that a run may take: larger sizes are left out."""
-STANDARD = fj.Fidelity.standard()
 
 
 class Axis(NamedTuple):
@@ -44,20 +46,14 @@ def peak(scene, fidelity=STANDARD):
 
 def impact():
     """The 25 numbers of an oblique impact, and the function from them to its peak force."""
-    leaves, structure = jax.tree.flatten(fj.scenes.oblique_impact(duration=0.13))
-
-    def of(numbers, fidelity=STANDARD):
-        return peak(jax.tree.unflatten(structure, list(numbers)), fidelity)
-
-    return jnp.stack(leaves), of
+    numbers, of = impacts.impact()
+    return numbers, lambda *given: of(*given)[0]
 
 
 def lanes(grouped: bool):
     def program(count):
         numbers, of = impact()
-        # Masses and all else within a few per cent, as lanes of a search are.
-        spread = np.random.default_rng(0).uniform(0.98, 1.02, (count, 1))
-        batch = numbers[None] * jnp.asarray(spread)
+        batch = impacts.spread(numbers, count)
         if grouped and count > 64:
             return lambda each: jax.lax.map(of, each, batch_size=64), batch
         return jax.vmap(of), batch
@@ -72,7 +68,8 @@ def modes(count):
 
 def steps(count):
     numbers, of = impact()
-    return lambda x: of(x, STANDARD.replace(step=0.13 / count, step_tolerance=None)), numbers
+    fidelity = STANDARD.replace(step=impacts.DURATION / count, step_tolerance=None)
+    return lambda x: of(x, fidelity), numbers
 
 
 def corners(count):
@@ -118,12 +115,12 @@ def measured(axis: Axis) -> Iterator[dict[str, float]]:
         begin = time.process_time()
         program = jax.jit(function).lower(argument).compile()
         compiling = time.process_time() - begin
-        assert np.all(np.isfinite(jax.tree.leaves(program(argument))[0]))
-        runs = []
-        while len(runs) < 3 or (len(runs) < 15 and sum(runs) < 1.0):
+        runs: list[float] = []
+        while (len(runs) < 3 and sum(runs) < 60.0) or (len(runs) < 15 and sum(runs) < 1.0):
             begin = time.process_time()
-            jax.block_until_ready(program(argument))
+            result = jax.block_until_ready(program(argument))
             runs.append(time.process_time() - begin)
+            assert np.all(np.isfinite(jax.tree.leaves(result)[0]))
         asked = program.memory_analysis()
         memory = asked.temp_size_in_bytes + asked.output_size_in_bytes
         last = {

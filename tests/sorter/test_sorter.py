@@ -235,6 +235,10 @@ def test_a_file_names_itself_in_its_refusals(tmp_path):
     file.write_text("[bolt]\nspeed = 2\n")
     with pytest.raises(ValueError, match="unknown key `bolt`. Did you mean `belt`"):
         fj.Sorter.load(file)
+    for content, said in ((b"", "is empty"), (b"\n \n", "is empty"), (b"\x89PNG\xff", "UTF-8")):
+        file.write_bytes(content)
+        with pytest.raises(ValueError, match=f"mine.toml: must .*{said}"):
+            fj.Sorter.load(file)
     with pytest.raises(ValueError, match="names 'belt_sped'. Did you mean `belt_speed`"):
         fj.Sorter().replace({"belt_sped": 2})
 

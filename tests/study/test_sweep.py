@@ -153,6 +153,9 @@ def test_plan_covers_all_lanes_whatever_the_machine():
     assert Plan.of(10**6, None, None, "cpu") == Plan(4096, 64, 245)
     # A chunk beyond the sweep would be padding.
     assert Plan.of(100, 8 * 10**12, 8, "cpu") == Plan(104, 8, 1)
+    # So would a group.
+    assert Plan.of(100, None, 10**12, "cpu") == Plan(100, 100, 1)
+    assert Plan.of(100, 128, 128, "cpu") == Plan(100, 100, 1)
     with pytest.raises(ValueError, match="`chunk` must be a multiple of `group` = 8.*Write 24"):
         Plan.of(100, 20, 8, "cpu")
 

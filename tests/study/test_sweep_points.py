@@ -70,6 +70,20 @@ def test_bad_points_are_refused(make, text):
         make()
 
 
+@pytest.mark.parametrize(
+    "sampled",
+    [
+        lambda: sampling.grid(["mass", "distance"], 10**9),
+        lambda: sampling.latin_hypercube(["mass"], 10**15),
+        lambda: sampling.sobol(["mass"], 2**60),
+    ],
+)
+def test_more_points_than_fit_into_memory_are_refused_before_they_are_made(sampled):
+    """2 x 8 x 10^18, 8 x 10^15 and 8 x 2^60 bytes: above any machine's."""
+    with pytest.raises(ValueError, match="must ask for points that fit into memory, but .* GB"):
+        sampled()
+
+
 # ---- scenes by name
 
 

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import tracemalloc
 
 import diffrax
 import numpy as np
@@ -321,3 +322,36 @@ def test_without_the_extra_the_remedy_is_named(tmp_path, monkeypatch, name):
     monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(ImportError, match=r"pip install -e '.\[sweep\]'; a sweep by jax.vmap"):
         run_sweep(plain(), tmp_path, **PLAIN)
+
+
+# ---- memory
+
+
+def test_a_sweep_of_any_length_asks_for_the_memory_of_its_table(tmp_path, monkeypatch):
+    """Between 32,768 and 131,072 lanes: two numbers, two results and two marks each, 40 bytes, and
+    of every chunk, 4,096 lanes, its record of 72 bytes. Nothing else is kept of a chunk."""
+
+    def compiled(lane, plan, devices):
+        def run(points):
+            marks = np.zeros((2, len(points)), np.int32)
+            results = dict(zip(("peak_force", "impulse"), points.T, strict=True))
+            return {**results, "status": marks[0], "rung": marks[1]}
+
+        return [run for _ in devices]
+
+    monkeypatch.setattr(sys.modules["fencejax.study.sweep_run"], "compile_chunks", compiled)
+    peaks = []
+    # The first of them imports and makes what lasts.
+    for count in (2**12, 2**15, 2**17):
+        samples = sampling.sobol(["mass", "distance"], count)
+        sweep = Sweep(
+            SceneFamily("oblique_impact", samples.names), samples, ("peak_force", "impulse")
+        )
+        tracemalloc.start()
+        table = run_sweep(sweep, tmp_path / str(count))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert len(table.dataset["peak_force"]) == count
+    each = (peaks[2] - peaks[1]) / (2**17 - 2**15)
+    # A tenth for what Python and Zarr note of a chunk.
+    assert 40 < each < 44
