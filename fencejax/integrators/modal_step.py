@@ -140,7 +140,7 @@ class _End(eqx.Module):
         holds = friction_tangent.held(mechanics, forces, self.sticking)
         if holds is not None and self.held is not None:
             begin = [a - f for a, f in zip(begin, self.held, strict=True)]
-            end = [a + f for a, f in zip(end, holds, strict=True)]
+            end = Acceleration(*map(jnp.add, end, holds))
         turns = friction_turn.turns(mechanics, forces, self.sticking, self.sliding, h)
         end = friction_turn.turned(mechanics, forces, turns, end)
         residual = [

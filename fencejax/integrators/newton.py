@@ -62,8 +62,7 @@ def solve(
     - `most` is a traced number (floating-point). The compiler so keeps the loop: one copy of
       `evaluate` in the program, its results in memory.
 
-    In a batch the loop goes on until the last lane is done, and each lane's root is the one that it
-    has by itself. The derivative is by the implicit
+    In a batch all lanes go on until the last one is done. The derivative is by the implicit
     function theorem, dx = -F_x^-1 dF at fixed x, with the exact F_x whatever the iterations used.
     """
 
@@ -78,10 +77,7 @@ def solve(
             change = eliminate(matrix, residual)
             last = tuple(a - b for a, b in zip(before, x, strict=True))
             share = shorten(given, extra, change, last)
-            # A lane that is done stays where it is, whatever the others of its batch still do.
-            after = tuple(
-                jnp.where(size > 1, a - share * b, a) for a, b in zip(x, change, strict=True)
-            )
+            after = tuple(a - share * b for a, b in zip(x, change, strict=True))
             return count + 1, size, after, x, wanted(extra)
 
         def go_on(carry):

@@ -12,7 +12,6 @@ from ..fidelity import Fidelity
 from ..results import Measure, Result, refined
 from ..scenes import NormalScene, Scene
 from ..simulate import simulate
-from .lane_groups import CPU_GROUP, filled_up, in_groups
 
 
 @functools.lru_cache(maxsize=32)
@@ -23,15 +22,7 @@ def _program(structure, fidelity: Fidelity, only: tuple[str, ...] | None, measur
     def one(scene):
         return simulate(scene, fidelity=fidelity, history=False, only=only, measures=measures)
 
-    every = jax.vmap(one)
-
-    def computed(scenes, count):
-        lanes = len(jax.tree.leaves(scenes)[0])
-        if lanes <= CPU_GROUP or jax.default_backend() != "cpu":
-            return every(scenes)
-        return in_groups(every, scenes, CPU_GROUP, count, lambda scene: scene)
-
-    return jax.jit(computed)
+    return jax.jit(jax.vmap(one))
 
 
 def simulate_many(
@@ -83,11 +74,7 @@ def simulate_many(
     ladder = fidelity.ladder() if refine else (fidelity,)
 
     def compute(rung: int, lanes):
-        program = _program(jax.tree.structure(lanes), ladder[rung], names, tuple(measures))
-        count = len(jax.tree.leaves(lanes)[0])
-        some = lanes if count <= CPU_GROUP else filled_up(lanes, CPU_GROUP)
-        result = program(some, np.asarray(count, np.int32))
-        result = jax.tree.map(lambda leaf: leaf[:count], result)
+        result = _program(jax.tree.structure(lanes), ladder[rung], names, tuple(measures))(lanes)
         return result, result.status
 
     found = refined(compute, scenes, len(ladder))
