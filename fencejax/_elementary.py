@@ -1,8 +1,8 @@
 """Cosine, sine and arc tangent as arithmetic alone.
 
-XLA hands these to the C library one number at a time on a CPU, lanes of a batch too, a third of a
-batch's time; additions and multiplications it does in vectors. Double precision is met to two units
-in the last place, for angles up to 1e5 rad; single precision has the compiler's own.
+XLA hands these to the C library one number at a time on a CPU, lanes of a batch too; additions and
+multiplications it does in vectors. Double precision is met to two units in the last place, for
+angles up to 1e5 rad; single precision has the compiler's own.
 
 Polynomials: S. L. Moshier, Cephes mathematical library, `sin.c` and `atan.c`: sine and cosine
 within pi / 4 of a multiple of pi / 2; the arc tangent within 0.66, as a quotient.

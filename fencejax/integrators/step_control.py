@@ -76,7 +76,8 @@ def contacts(
     return tuple(found)
 
 
-def _is_whole(end, count):
+def _is_whole(end: Array, count: Array | float) -> Array:
+    """Whether a time [1] is a multiple of so many of the clock's steps, a power of two."""
     return jnp.floor(end / count) * count == end
 
 
