@@ -146,7 +146,7 @@ RUNS = {
         "its standard error":
             Figure(("parameters", "youngs_modulus", "standard_error"), "1", 0.05),
     }),
-    # `standard` promises values within 1 % and gradients within 15 %, and keeps them many times
+    # `standard` promises values within 2.5 % and gradients within 15 %, and keeps them many times
     # over in ordinary impacts; the points of the sample are always the same.
     "sensitivity": Run("sensitivity", (), "result.json", {
         "elasticity of the mass": Figure((*_NEAR, "mass"), "1", 0.02),

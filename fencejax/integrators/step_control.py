@@ -25,7 +25,7 @@ from ..model import FenceState, Forces, force_tolerance
 from ..parts import AbstractFriction
 from .fence_response import FenceEnd
 from .step_defect import INNER, Ends, Pair, defects, friction_defect
-from .step_size import Clock, StepSize, Stride
+from .step_size import Clock, StepSize, Stride, is_whole
 
 # Share of the tolerance by which a defect may change the speed of approach.
 _OF_SPEED = 0.1
@@ -74,11 +74,6 @@ def contacts(
         rubs = () if frictions[k] is None else (what.friction, what.sliding)
         found.append(Ends(what.normal, what.gap, what.gap_rate, share, *rubs))
     return tuple(found)
-
-
-def _is_whole(end: Array, count: Array | float) -> Array:
-    """Whether a time [1] is a multiple of so many of the clock's steps, a power of two."""
-    return jnp.floor(end / count) * count == end
 
 
 def _over(found: Array, allowed: Array) -> Array:
@@ -160,12 +155,12 @@ def controlled(
     unsolved = jnp.asarray(unsolved)
     first, shortest = count == 0, count <= 1
     accepted = ((worst <= 1) & ~unsolved) | shortest
-    grown = (worst * _GROWTH < 1) & _is_whole(end, 2 * count)
+    grown = (worst * _GROWTH < 1) & is_whole(end, 2 * count)
     step = jnp.where(grown, 2 * count, count)
     step = jnp.minimum(step, jnp.maximum(foreseen.next, clock.unit))
     # Steps begin at multiples of their length, so that the clock's units are all met.
     for longer in reversed([each for each in clock.counts if each > clock.unit]):
-        step = jnp.where((step >= longer) & ~_is_whole(end, longer), longer / 2, step)
+        step = jnp.where((step >= longer) & ~is_whole(end, longer), longer / 2, step)
     # As the defect goes with the square of the length, at least where the force is smooth.
     shorter = jnp.where(worst > 256, 0.125, jnp.where((worst > 16) | unsolved, 0.25, 0.5))
     step = jnp.where(accepted, step, jnp.maximum(shorter * count, 1.0))

@@ -134,6 +134,11 @@ def _lagged(lag: Array, lengths: list[Array], zero: Array) -> tuple[Array, Array
     return jnp.stack(decay), jnp.stack(gain)
 
 
+def is_whole(end: Array, count: Array | float) -> Array:
+    """Whether a time [1] is a multiple of so many of the clock's steps, a power of two."""
+    return jnp.floor(end / count) * count == end
+
+
 def units(fidelity: Fidelity) -> int:
     """How many of a clock's steps [1] make one of `Fidelity.step`."""
     return 1 if fidelity.step_tolerance is None else 2**fidelity.halvings

@@ -22,7 +22,7 @@ from ..model import Mechanics
 from . import modal_step
 from .modal_step import Memory
 from .observer import Observer
-from .step_size import Clock
+from .step_size import Clock, is_whole
 
 
 def as_diffrax(advance: Callable[[Any, Any, Any, Any], Any]) -> tuple[Any, Any]:
@@ -173,7 +173,7 @@ def _run_adaptively(step, begin, clock: Clock, row, steps: int, reverse: bool):
         if new[0].step_size.control is not None:
             new, accepted = _settled(y, new)
             end = jnp.where(accepted, end, now)
-            went = jnp.where(accepted & (jnp.floor(end / unit) * unit == end), 1.0, 0.0)
+            went = jnp.where(accepted & is_whole(end, unit), 1.0, 0.0)
         if saved is not None:
             saved = saved.at[taken.astype(jnp.int32)].set(row(new))
         return new, end, taken + went, saved

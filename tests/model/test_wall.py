@@ -170,8 +170,8 @@ def test_forces_scale_step_by_step():
 def test_momentum_is_the_impulse(fidelity):
     # m dv = h / 2 (N0 + N1) in every step, which is how the impulse is summed: exact at any step,
     # but for the 1e-9 of the force that Newton leaves, and for the step in which the force ends. Of
-    # that the impulse has the part until then: at most h^2 |N'| / 8 less, and the force falls no
-    # steeper than its rise to the peak, twice the mean one of a half sine.
+    # that the impulse has the part until then: at most h^2 |N'| / 8 less, with N' where the force
+    # ends below twice the mean slope of its rise.
     result, _ = batch(fidelity, speed=np.array([0.5, 2.426]))
     change = MASS * (np.asarray(result.final.y_rate) + np.array([0.5, 2.426]))
     steepest = 2 * np.asarray(result.peak_force) / np.asarray(result.peak_time)
