@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from ..lanes import each_lane
 from ..results import NUMERICAL, Status, climb, refined
 from .lagrangian import Vector
 
@@ -81,7 +82,7 @@ class Program:
             return jax.jacfwd(everything, has_aux=True)
 
         self._each = [jax.jit(at(chosen)) for chosen in ladder]
-        self._many = jax.jit(jax.vmap(at(ladder[0])))
+        self._many = _of_each(at(ladder[0]))
 
     def __call__(
         self, point: Vector, *data: Any, least: np.ndarray | None = None
@@ -94,7 +95,7 @@ class Program:
     def many(
         self, points: np.ndarray, *data: Any, least: Sequence[np.ndarray | None] | None = None
     ) -> list[Numbers]:
-        """The numbers at several points (w, n), in one vectorised call; every leaf of the data has
+        """The numbers at several points (w, n), in one call; every leaf of the data has
         a first axis of that length. Another w compiles anew. `least`: that of each point."""
         together = _hosted(self._many(jnp.asarray(points), *data))
         settled = []
@@ -164,7 +165,7 @@ class LaneProgram:
             return both
 
         self._each = [jax.jit(at(fidelity)) for fidelity in fidelities]
-        self._many = jax.jit(jax.vmap(at(fidelities[0])))
+        self._many = _of_each(at(fidelities[0]))
         self._whole = _composed(combine)
 
     def combining(self, combine: Callable[..., tuple[Array, Array]]) -> "LaneProgram":
@@ -222,6 +223,15 @@ def _composed(combine: Callable[..., tuple[Array, Array]]):
         return slopes, (of(z, numbers), _counted(statuses))
 
     return jax.jit(whole)
+
+
+def _of_each(function):
+    """The function of points and of data with one more first axis."""
+
+    def many(*arguments):
+        return each_lane(lambda own: function(*own), arguments)
+
+    return jax.jit(many)
 
 
 def _counted(status) -> Array:

@@ -7,12 +7,13 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike
 
+from ..lanes import FEW
 from .status import NUMERICAL
 
 _DOUBTS = np.array(sorted(NUMERICAL))
-# Lanes in a call, few and many: every other number of them compiles a program of its own. Eight
-# take hardly longer than one, and no longer for each than more do.
-_FEW, _MANY = 8, 512
+# Lanes in a call where there are more than go one by one: every other number of them compiles a
+# program of its own, and more take no less time for each.
+_MANY = 64
 
 
 def climb(
@@ -52,8 +53,8 @@ def refined(
     """The numbers of lanes, each at the first rung at which they are not in doubt.
 
     Lanes whose status is numerical (`Status.numerical`) are gathered on the host and computed
-    again at the next rung, up to the last, whose numbers stand in any case, in groups of 512 while
-    there are so many and of 8 then, the last one filled up with its first lane. So a rung's program
+    again at the next rung, up to the last, whose numbers stand in any case: one by one while they
+    are few, else in groups of 64, the last one filled up with its first lane. So a rung's program
     is compiled once, or twice, however many lanes are in doubt from call to call.
 
     **Arguments:**
@@ -77,7 +78,7 @@ def refined(
         doubtful = np.flatnonzero(wanted)
         if not doubtful.size:
             continue
-        sizes = _groups(doubtful.size, statuses.size) if grouped else [doubtful.size]
+        sizes = _groups(doubtful.size) if grouped else [doubtful.size]
         for start, size in zip(np.cumsum([0, *sizes]), sizes, strict=False):
             some = doubtful[start : start + size]
             chosen = np.append(some, np.full(size - some.size, some[0]))
@@ -93,8 +94,9 @@ def refined(
     return Refined(numbers, statuses, used)
 
 
-def _groups(count: int, most: int) -> list[int]:
-    """How many lanes each call takes, to compute `count` of `most` lanes."""
+def _groups(count: int) -> list[int]:
+    """How many lanes each call takes, to compute `count` of them."""
     many, rest = divmod(count, _MANY)
-    # Never more than there are: of few lanes all, so that one program serves any of them.
-    return [_MANY] * many + [min(_FEW, most)] * -(-rest // _FEW)
+    if rest <= FEW:
+        return [_MANY] * many + [1] * rest
+    return [_MANY] * (many + 1)

@@ -9,6 +9,7 @@ import numpy as np
 
 from .. import _check
 from ..fidelity import Fidelity
+from ..lanes import each_lane
 from ..results import Measure, Result, refined
 from ..scenes import NormalScene, Scene
 from ..simulate import simulate
@@ -22,7 +23,7 @@ def _program(structure, fidelity: Fidelity, only: tuple[str, ...] | None, measur
     def one(scene):
         return simulate(scene, fidelity=fidelity, history=False, only=only, measures=measures)
 
-    return jax.jit(jax.vmap(one))
+    return jax.jit(lambda scenes: each_lane(one, scenes))
 
 
 def simulate_many(

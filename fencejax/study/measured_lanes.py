@@ -9,6 +9,7 @@ from jaxtyping import Array
 
 from ..design import Quantity, fields, measures
 from ..fidelity import Fidelity
+from ..lanes import each_lane
 from ..scenes import AnyScene
 from ..simulate import simulate
 
@@ -40,7 +41,7 @@ def measured(
     numbers = jax.tree.map(jnp.asarray, lanes)
     total = jax.tree.leaves(numbers)[0].shape[0]
     if total <= chunk:
-        return jax.vmap(one)(numbers)
+        return each_lane(one, numbers)
     # Chunks of one size, filled up with the first lane: one program for all of them.
     count = -(-total // chunk)
     size = -(-total // count)

@@ -11,6 +11,7 @@ from jaxtyping import Array, ArrayLike
 
 import fencejax as fj
 from fencejax.design import Quantity, sorting
+from fencejax.lanes import each_lane
 from fencejax.parts import AbstractFriction
 from fencejax.printing import shown
 from fencejax.scenes import names
@@ -177,10 +178,10 @@ class Course:
     ) -> np.ndarray:
         """The force [N] of a constant push of each lane's parcel, of whole sorts (see
         `fencejax.design.sorting.constant_push`)."""
-        pushes = jax.jit(jax.vmap(
-            lambda one: sorting.constant_push(self.scene(fence, drive, one), past)
-        ))  # fmt: skip
-        return np.asarray(pushes(encounters))
+        def one(encounter):
+            return sorting.constant_push(self.scene(fence, drive, encounter), past)
+
+        return np.asarray(jax.jit(lambda lanes: each_lane(one, lanes))(encounters))
 
 
 def inflexible(fidelity: fj.Fidelity) -> fj.Fidelity:

@@ -37,6 +37,7 @@ from fencejax.design import (
     minimize,
     verify,
 )
+from fencejax.lanes import each_lane
 from fencejax.plot import Trace
 
 from ..common import command, machine, nearby, report
@@ -83,7 +84,10 @@ class _Checks:
         pool = concurrent.futures.ThreadPoolExecutor(max_workers=1)
 
         def compiled(function):
-            return pool.submit(lambda: jax.jit(jax.vmap(function)).lower(*shapes).compile())
+            def three(*fences):
+                return each_lane(lambda one: function(*one), fences)
+
+            return pool.submit(lambda: jax.jit(three).lower(*shapes).compile())
 
         self._impacts = compiled(impact)
         self._sorts = compiled(sort) if config.sort_masses else None

@@ -41,8 +41,8 @@ def test_lanes_in_doubt_alone_are_computed_again():
     z, bound = np.array([0.3, -0.2]), np.asarray(2.0)
     _SIZES.clear()
     found = _PROGRAM(z, lanes, bound)
-    # Ten of the thirteen in two groups of eight, then three, filled up to eight.
-    assert sorted({size for size in _SIZES if size[0]}) == [(1, 8), (2, 8)]
+    # Ten of the thirteen, then three, one by one.
+    assert sorted({size for size in _SIZES if size[0]}) == [(1, 1), (2, 1)]
     np.testing.assert_array_equal(np.bincount(found.rungs), [3, 7, 3])
     assert found.status == 0
     objectives, margins = _exact(jnp.asarray(z), lanes, bound, error)
@@ -55,17 +55,17 @@ def test_lanes_in_doubt_alone_are_computed_again():
 
 
 def test_a_rung_is_compiled_once_however_many_lanes_are_in_doubt():
-    """One program serves any number below 512 of them, and one more where there are so many."""
+    """One program serves them one by one while they are few, and one more groups of many."""
     z, bound = np.array([0.3, -0.2]), np.asarray(2.0)
     program = LaneProgram(_read, _combine, (0, 1))
-    for doubtful in (1, 7, 8, 9, 200, 511, 512, 530, 600):
+    for doubtful in (1, 7, 16, 17, 64, 65, 200, 600):
         lanes = np.where(np.arange(600) < doubtful, np.linspace(2.5, 3.5, 600), 1.0)
         found = program(z, lanes, bound)
         np.testing.assert_array_equal(found.rungs, np.arange(600) < doubtful)
         expected, _ = _exact(jnp.asarray(z), lanes, bound, np.where(lanes > 2, 0.1, 1.0))
         np.testing.assert_allclose(found.objectives, expected, rtol=1e-14)
         first, finer = (each._cache_size() for each in program._each)
-        assert (first, finer) == (1, 1 + (doubtful >= 512))
+        assert (first, finer) == (1, 1 + (doubtful > 16))
 
 
 def test_several_points_are_what_each_is_alone():
