@@ -39,8 +39,8 @@ FLOORS = {
     "_kept_executables": 0,
 }
 TOOLS = {
-    "derivatives", "fidelity", "lanes", "printing", "_check", "_elementary", "_xla", "_kept_programs",
-    "_kept_executables",
+    "derivatives", "fidelity", "lanes", "printing", "_check", "_elementary", "_xla",
+    "_kept_programs", "_kept_executables",
 }  # fmt: skip
 # Private tools have no face; the tests of a tool import its file, and nobody else outside does.
 TESTED_TOOLS = {
