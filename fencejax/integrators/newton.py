@@ -15,6 +15,10 @@ from .._xla import fusion_barrier
 from ..derivatives import pushed
 
 Unknowns = tuple[Array, ...]
+
+# Share of what is good enough [1] at which the iteration ends by itself. Newton's method squares
+# the residual: whoever is below has it by the next step.
+_BALANCED = 0.1
 Matrix = list[list[Array]]
 
 
@@ -62,7 +66,8 @@ def solve(
     - `most` is a traced number (floating-point). The compiler so keeps the loop: one copy of
       `evaluate` in the program, its results in memory.
 
-    In a batch all lanes go on until the last one is done. The derivative is by the implicit
+    In a batch the loop goes on until the last lane is done, and each lane's root is the one that
+    it has by itself. The derivative is by the implicit
     function theorem, dx = -F_x^-1 dF at fixed x, with the exact F_x whatever the iterations used.
     """
 
@@ -72,17 +77,22 @@ def solve(
     @jax.custom_jvp
     def run(given, guess, most):
         def trip(carry):
-            count, _, x, before, _ = carry
+            count, was, x, before, _ = carry
             residual, matrix, size, extra = evaluate(given, x)
+            # What was good enough before is as good as rounding lets it be.
+            left = jnp.where((size <= _BALANCED) | (was <= 1), 0.0, size)
             change = eliminate(matrix, residual)
             last = tuple(a - b for a, b in zip(before, x, strict=True))
             share = shorten(given, extra, change, last)
-            after = tuple(a - share * b for a, b in zip(x, change, strict=True))
-            return count + 1, size, after, x, wanted(extra)
+            # A lane that is done stays where it is, whatever the others of its batch still do.
+            after = tuple(
+                jnp.where(left > 0, a - share * b, a) for a, b in zip(x, change, strict=True)
+            )
+            return count + 1, left, after, x, wanted(extra)
 
         def go_on(carry):
-            count, size = carry[:2]
-            return jnp.all(count <= most) & unvmap_any(size > 1)
+            count, left = carry[:2]
+            return jnp.all(count <= most) & unvmap_any(left > 0)
 
         shapes = jax.eval_shape(trip, (most, most, guess, guess, None))
         empty = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
