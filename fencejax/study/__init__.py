@@ -47,6 +47,10 @@ from .fit_problem import (
 from .identify import (
     fit as fit,
 )
+from .lane_groups import (
+    contact_length as contact_length,
+    in_groups as in_groups,
+)
 from .measured_lanes import (
     measured as measured,
 )

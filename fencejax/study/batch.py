@@ -13,6 +13,7 @@ from ..lanes import each_lane
 from ..results import Measure, Result, refined
 from ..scenes import NormalScene, Scene
 from ..simulate import simulate
+from .lane_groups import CPU_GROUP, filled_up, in_groups
 
 
 @functools.lru_cache(maxsize=32)
@@ -23,7 +24,13 @@ def _program(structure, fidelity: Fidelity, only: tuple[str, ...] | None, measur
     def one(scene):
         return simulate(scene, fidelity=fidelity, history=False, only=only, measures=measures)
 
-    return jax.jit(lambda scenes: each_lane(one, scenes))
+    def computed(scenes, count):
+        lanes = len(jax.tree.leaves(scenes)[0])
+        if lanes <= CPU_GROUP or jax.default_backend() != "cpu":
+            return each_lane(one, scenes)
+        return in_groups(jax.vmap(one), scenes, CPU_GROUP, count, lambda scene: scene)
+
+    return jax.jit(computed)
 
 
 def simulate_many(
@@ -75,7 +82,11 @@ def simulate_many(
     ladder = fidelity.ladder() if refine else (fidelity,)
 
     def compute(rung: int, lanes):
-        result = _program(jax.tree.structure(lanes), ladder[rung], names, tuple(measures))(lanes)
+        program = _program(jax.tree.structure(lanes), ladder[rung], names, tuple(measures))
+        count = len(jax.tree.leaves(lanes)[0])
+        some = lanes if count <= CPU_GROUP else filled_up(lanes, CPU_GROUP)
+        result = program(some, np.asarray(count, np.int32))
+        result = jax.tree.map(lambda leaf: leaf[:count], result)
         return result, result.status
 
     found = refined(compute, scenes, len(ladder))

@@ -14,13 +14,11 @@ from jax.sharding import SingleDeviceSharding
 
 from .. import _check
 from ..results import refined
+from .lane_groups import CPU_GROUP, in_groups
 from .sweep import Lane
 from .sweep_store import digest
 from .sweep_table import derivative
 
-# Lanes that go through a loop together: many keep a core's vector units busy, few wait less for
-# the slowest. Measured on one core: 64 is the best, 32 and 128 are 10 % slower, 16 is 25 %.
-_CPU_GROUP = 64
 # Half a second of impacts: to keep a chunk takes a fiftieth of a second.
 _CPU_CHUNK = 4096
 # Other devices are wide: they want all lanes at once, and many of them.
@@ -47,7 +45,7 @@ class Plan:
         """
         narrow = platform == "cpu"
         if group is None:
-            step = min(_CPU_GROUP, count if chunk is None else chunk)
+            step = min(CPU_GROUP, count if chunk is None else chunk)
         else:
             step = _check.count("group", group, least=1)
         if chunk is None:
@@ -88,35 +86,26 @@ class _Job:
 @functools.lru_cache(maxsize=12)
 def _compiled(job: _Job) -> list[Any]:
     """The compiled program, once for each device: points of shape (chunk, n) and the number of
-    groups that are wanted -> arrays by name, of whose lanes those of the wanted groups count.
+    lanes that are wanted -> arrays by name, of whose lanes the first so many count.
 
     It is traced once and its code is the same everywhere. One program over all devices would be
     compiled into another for each number of them, and its results differ in the last bit. The
-    number of groups is no constant, so that a chunk that is not full costs what it holds, and the
+    number of lanes is no constant, so that a chunk that is not full costs what it holds, and the
     code is the same for chunks of any length. Kept for further sweeps of the same kind.
     """
     size = len(job.lane.family.names)
     batch = jax.vmap(job.lane)
 
-    def computed(values, wanted):
-        groups = values.reshape(job.chunk // job.group, job.group, size)
-
-        def put(index, found):
-            one = batch(jax.lax.dynamic_index_in_dim(groups, index, keepdims=False))
-            return {name: leaf.at[index].set(one[name]) for name, leaf in found.items()}
-
-        shapes = jax.eval_shape(batch, groups[0])
-        empty = {n: jnp.zeros((len(groups), *s.shape), s.dtype) for n, s in shapes.items()}
-        found = jax.lax.fori_loop(0, wanted, put, empty)
-        return {name: leaf.reshape(job.chunk, *leaf.shape[2:]) for name, leaf in found.items()}
+    def computed(values, count):
+        return in_groups(batch, values, job.group, count, job.lane.family.scene)
 
     jitted = jax.jit(computed)
 
     def lowered(device):
         place = SingleDeviceSharding(device)
         values = jax.ShapeDtypeStruct((job.chunk, size), jnp.result_type(float), sharding=place)
-        wanted = jax.ShapeDtypeStruct((), jnp.int32, sharding=place)
-        return jitted.lower(values, wanted)
+        count = jax.ShapeDtypeStruct((), jnp.int32, sharding=place)
+        return jitted.lower(values, count)
 
     # Python's part one after the other, the compiler's part beside each other.
     programs = [lowered(device) for device in job.devices]
@@ -179,7 +168,7 @@ def _computed(
     # Filled up with its last lane, so that every chunk has the same shape.
     picks = np.minimum(np.arange(plan.chunk), count - 1)
     values = points[picks].astype(jnp.result_type(float))
-    wanted = np.asarray(-(-count // plan.group), np.int32)
+    wanted = np.asarray(count, np.int32)
     arrays = jax.device_get(program(*jax.device_put((values, wanted), device)))
     columns = {name: np.asarray(leaf)[:count] for name, leaf in arrays.items()}
     slopes = columns.pop("gradient", None)

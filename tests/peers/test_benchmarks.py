@@ -2,8 +2,9 @@
 `pytest --bench DIR` asks for it.
 
 Writes `speed.json` and `speed.txt` into DIR: medians and spread over repeats, errors against
-`Fidelity.reference()` over sixteen impacts of different distance, mass and drive angle; and
-`parts.md`: state, operations and times from the rigid wall to the whole sort.
+`Fidelity.reference()` over sixteen impacts of different distance, mass and drive angle;
+`parts.md`: state, operations and times from the rigid wall to the whole sort; and `groups.json`:
+random impacts in groups as they come, and in the order of their contacts' lengths.
 """
 
 import json
@@ -16,6 +17,7 @@ import pytest
 
 import fencejax as fj
 from fencejax.simulate import prepared
+from fencejax.study import in_groups
 
 pytestmark = pytest.mark.bench
 
@@ -189,3 +191,37 @@ def test_parts(bench_directory):
         print(rows[-1], flush=True)
     (bench_directory / "parts.md").write_text("\n".join(rows) + "\n")
     assert counts[0] < counts[1] < counts[4] < counts[6] < counts[-1]
+
+
+def test_groups(bench_directory):
+    """A group's lanes wait for the longest of them: what their order is worth."""
+    rng, lanes = np.random.default_rng(0), 4096
+    numbers = jnp.asarray(np.stack([rng.uniform(1, 25, lanes), rng.uniform(0.5, 1.1, lanes)], 1))
+
+    def scene(lane):
+        return impact(lane[0], distance=lane[1])
+
+    def force(lane):
+        return fj.simulate(scene(lane), only="peak_force").peak_force
+
+    # Without a place of touch there is no length, and lanes stay as they come.
+    orders = {"as they come": lambda _: fj.scenes.whole_sort(), "by length": scene}
+    programs = {
+        name: jax.jit(lambda x, n, of=of: in_groups(jax.vmap(force), x, 64, n, of))
+        for name, of in orders.items()
+    }
+    count, rows, forces = np.int32(lanes), {}, {}
+    for name, program in programs.items():
+        forces[name] = np.asarray(program(numbers, count))
+    # In turn, by processor time, which other programs on the machine disturb least.
+    times = {name: [] for name in programs}
+    for _ in range(5):
+        for name, program in programs.items():
+            begin = time.process_time()
+            jax.block_until_ready(program(numbers, count))
+            times[name].append(time.process_time() - begin)
+    rows = {name: {"impacts/s on one core": lanes / np.median(t)} for name, t in times.items()}
+    print(rows, flush=True)
+    (bench_directory / "groups.json").write_text(json.dumps(rows, indent=1) + "\n")
+    # The order changes no number.
+    np.testing.assert_array_equal(*forces.values())

@@ -49,9 +49,9 @@ def test_simulate_refines_as_the_batch_does():
     scene = jax.tree.map(lambda leaf: leaf[lane], scenes())
     one = fj.simulate(scene, fidelity=COARSE, only="peak_force", refine=True)
     assert int(one.rung) == refined.rung[lane]
-    # In a batch Newton's method goes on until the last lane is done; alone it stops where forces
-    # balance within 5e-7.
-    assert float(one.peak_force) == pytest.approx(refined.peak_force[lane], rel=5e-7)
+    # A lane of a batch takes the same steps and iterations as alone: what differs is the rounding
+    # of programs compiled apart, which the contact's thousand steps add up.
+    assert float(one.peak_force) == pytest.approx(refined.peak_force[lane], rel=1e-11)
 
 
 def test_refusals():
