@@ -19,6 +19,7 @@ one-link fences at the reference fidelity, in the same impacts and in whole sort
 
 import concurrent.futures
 import dataclasses
+import importlib
 import time
 from typing import Any
 
@@ -37,7 +38,6 @@ from fencejax.design import (
     minimize,
     verify,
 )
-from fencejax.lanes import each_lane
 from fencejax.plot import Trace
 
 from ..common import command, machine, nearby, report
@@ -60,9 +60,14 @@ def _measured(config: PeakForceConfig, optimum: Optimum, at: Evaluation) -> dict
     return found
 
 
+# The least of the compiler's effort: a program takes two thirds of the time to compile and twice
+# the time to run, which pays for less than a hundred calls.
+_SELDOM_RUN = {"xla_backend_optimization_level": 0}
+
+
 class _Checks:
-    """The programs run once the optimum is known, compiled beside the optimisation: the two-link
-    fence, the optimum and the one-link fence in one batch."""
+    """What is computed of the two-link fence, the optimum and the one-link fence: compiled beside
+    the optimisation, and of the two fences known before, computed there too."""
 
     def __init__(self, config: PeakForceConfig, space: DesignSpace, impacts: batch.Impacts):
         name = "reference" if config.reference else config.fidelity
@@ -79,37 +84,36 @@ class _Checks:
                 fence, drive, config.sort_front, config.sort_masses, cycle, config.machine
             )
 
-        self._space, self._config = space, config
-        shapes = self._stacked(space.values_of(space.fence, space.drive))
+        self._space = space
+        paper = space.fence, space.drive
+        known = [
+            jax.tree.map(jnp.asarray, fences)
+            for fences in (space.apply(space.values_of(*paper)), (config.one_link, space.drive))
+        ]
         pool = concurrent.futures.ThreadPoolExecutor(max_workers=1)
 
-        def compiled(function):
-            def three(*fences):
-                return each_lane(lambda one: function(*one), fences)
+        def computed(function, options):
+            program = jax.jit(function, compiler_options=options)
+            return program, [jax.device_get(program(*fences)) for fences in known]
 
-            return pool.submit(lambda: jax.jit(three).lower(*shapes).compile())
-
-        self._impacts = compiled(impact)
-        self._sorts = compiled(sort) if config.sort_masses else None
+        self._impacts = pool.submit(computed, impact, None)
+        self._sorts = pool.submit(computed, sort, _SELDOM_RUN) if config.sort_masses else None
         pool.shutdown(wait=False)
 
-    def _stacked(self, after):
-        """Fences and drives of all three, each leaf with the fence as its first axis."""
-        space = self._space
-        one_link = self._config.one_link
-        paper = (space.fence, space.drive), (one_link, space.drive)
-        three = (paper[0], space.apply(after), paper[1])
-        return jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(x) for x in leaves]), *three)
+    def _three(self, computed, after):
+        """What was computed of all three, stacked."""
+        program, (two_link, one_link) = computed.result()
+        optimum = jax.tree.map(jnp.asarray, self._space.apply(after))
+        found = two_link, jax.device_get(program(*optimum)), one_link
+        return jax.tree.map(lambda *leaves: np.stack(leaves), *found)
 
     def impacts(self, after):
         """Measurements and signals of all three, stacked."""
-        return jax.device_get(self._impacts.result()(*self._stacked(after)))
+        return self._three(self._impacts, after)
 
     def sorts(self, after):
         """Measurements of the whole sorts; `None` where none are asked for."""
-        if self._sorts is None:
-            return None
-        return jax.device_get(self._sorts.result()(*self._stacked(after)))
+        return None if self._sorts is None else self._three(self._sorts, after)
 
 
 def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outcome:
@@ -124,19 +128,23 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     config.out.mkdir(parents=True, exist_ok=True)
     fidelity = getattr(fj.Fidelity, config.fidelity)()
     before = np.asarray(space.values_of(space.fence, space.drive))
-    checks = _Checks(config, space, impacts)
+    program = Program(
+        batch.problem(space, impacts, limits, config.reserve, config.quantity), fidelity.ladder(),
+        compiler_options=_SELDOM_RUN,
+    )  # fmt: skip
+    start = np.asarray(space.to_shares(before))
     for line in machine.notes(config.machine):
         say(line)
     say(
         f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling (minutes, "
         "the first time) ..."
     )
+    # What takes longest goes first: Python traces one program at a time, and XLA compiles beside.
+    program.trace(start)
+    checks = _Checks(config, space, impacts)
     optimum = minimize(
-        Program(
-            batch.problem(space, impacts, limits, config.reserve, config.quantity),
-            fidelity.ladder(),
-        ),
-        space.to_shares(before),
+        program,
+        start,
         method="sqp" if config.method == "sqp" else optax.adam(1e-2),
         tolerance=config.tolerance,
         feasibility=config.feasibility,
@@ -152,6 +160,9 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
 def _confirm(config, optimum, space, impacts, checks, before, after, say, begin) -> Outcome:
     """Re-run the two designs, say and write what came out."""
     limits = config.limits
+    if config.plots:
+        # Takes a second, while the checks are computed.
+        importlib.import_module("matplotlib.backends.backend_agg")
     stacked, signals = checks.impacts(after)
     old, new, other = ({k: v[i] for k, v in stacked.items()} for i in range(3))
     found = _measured(config, optimum, optimum.last)
@@ -177,22 +188,33 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
         )
         confirmed = verified.confirmed
         say(report.verdict("reference", config.quantity, verified))
+    outcome = Outcome(
+        optimum, space, before, after,
+        {"before": old, "found": found, "after": new, "one_link": other}, {}, stiff,
+        confirmed, None, limits, config.quantity, 0.0,
+    )  # fmt: skip
+    bars = _bars(config, outcome)
+    report.write_json(
+        config.out / "history.json", report.history_rows(space, optimum, config.quantity)
+    )
+    if config.plots:
+        # While whole sorts are compiled.
+        _draw(config, outcome, impacts, signals, bars)
     stacked = checks.sorts(after)
     sorts = {} if stacked is None else {
         name: {k: v[i] for k, v in stacked.items()} for i, name in enumerate(_THREE)
     }  # fmt: skip
     sorted_out = _sorted_out(config, sorts, say)
-    outcome = Outcome(
-        optimum, space, before, after,
-        {"before": old, "found": found, "after": new, "one_link": other}, sorts, stiff,
-        confirmed, sorted_out, limits, config.quantity, time.perf_counter() - begin,
-    )  # fmt: skip
+    elapsed = time.perf_counter() - begin
+    outcome = dataclasses.replace(
+        outcome, sorts=sorts, sorted_out=sorted_out, elapsed=elapsed
+    )
     say("\n" + _verdict(outcome, impacts))
     unit = config.quantity.unit
     if optimum.stop is not Stop.FAILED_START:
         say("\n" + nearby.price_text(space, optimum, page.rows(outcome, impacts), unit))
         say("\n" + page.mine(config, outcome, impacts))
-    _write(config, outcome, impacts, signals)
+    _write(config, outcome, impacts, bars)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
 
@@ -278,18 +300,21 @@ def _side_by_side(outcome: Outcome, one_link: fj.Fence) -> dict[str, dict[str, f
     return rows
 
 
-def _write(config, outcome, impacts, signals) -> None:
-    space, optimum = outcome.space, outcome.optimum
+def _bars(config, outcome) -> dict[str, Any]:
+    """Elasticities of objective and limits at the first and the last design."""
+    optimum = outcome.optimum
     first = _measured(config, optimum, optimum.first)
-    bars = {
-        when: report.elasticities(space, config.limits, at, values, config.quantity)
+    return {
+        when: report.elasticities(outcome.space, config.limits, at, values, config.quantity)
         for when, at, values in (
             ("before", optimum.first, first),
             ("after", optimum.last, outcome.measured["found"]),
         )
     }
-    rows = report.history_rows(space, optimum, config.quantity)
-    report.write_json(config.out / "history.json", rows)
+
+
+def _write(config, outcome, impacts, bars) -> None:
+    space, optimum = outcome.space, outcome.optimum
     content = {
         "config": dataclasses.asdict(config),
         **report.ended(optimum),
@@ -318,8 +343,6 @@ def _write(config, outcome, impacts, signals) -> None:
         "elasticities": bars,
     }
     report.write_json(config.out / "result.json", content)
-    if config.plots:
-        _draw(config, outcome, impacts, signals, bars)
     page.write(config, outcome, impacts, _verdict(outcome, impacts), content["side_by_side"])
 
 
