@@ -35,7 +35,7 @@ from ..scenes import Body
 from . import friction_tangent, friction_turn, newton, newton_matrix
 from .fence_response import FenceEnd
 from .step_control import Control, contacts, controlled
-from .step_defect import Pair
+from .step_defect import Pair, belt_defect
 from .step_size import Clock, StepSize, Stride, next_step_size, stride_counts
 
 
@@ -327,9 +327,13 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
                 was = fence.begun(was, normals, frictions)
             scale = mechanics.force_scale(forces)
             unsolved = unbalance > 2 * force_tolerance(scale.dtype) * scale
+            on_belt = None
+            if mechanics.belt is not None:
+                smoothing = mechanics.fidelity.smoothing
+                on_belt = belt_defect(mechanics.belt, smoothing, body, after)
             size = controlled(
                 pair, tolerance, clock, control, size, end, stride, now, fence, was, state,
-                unsolved,
+                unsolved, on_belt,
             )  # fmt: skip
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)

@@ -29,6 +29,9 @@ from .step_size import Clock, StepSize, Stride, is_whole
 
 # Share of the tolerance by which a defect may change the speed of approach.
 _OF_SPEED = 0.1
+# Share of itself by which the belt's friction may be off its line inside a step: where it turns by
+# the angle a it is off by a^2 / 8, so that by less than a radian it turns smoothly.
+_OF_TURN = 0.125
 # The defect of a smooth force goes with the square of the step: a step of twice the length has four
 # times as much of it, with room for half as much again.
 _GROWTH = 6.0
@@ -139,18 +142,26 @@ def controlled(
     was: FenceState | None,
     after: FenceState | None,
     unsolved: Array | bool = False,
+    belt: tuple[Array, Array] | None = None,
 ) -> StepSize:
     """Whether the step of `foreseen.last` that came to `end`, with the contacts `now`, is accepted,
     and how long the next trial is: up to the clock's unit by the defect, beyond it at most
     `foreseen.next` too.
 
     The fence, if any, was in the state `was` and is in the state `after`; `unsolved` is whether the
-    step's equations are left out of balance. No derivative follows from it.
+    step's equations are left out of balance; `belt` is what `belt_defect`
+    gives, `None` without a belt. No derivative follows from it.
     """
     count = foreseen.last
     missed_force, rubs, allowed, largest = _judged(
         pair, tolerance, clock, before, stride, count, now, fence, was, after
     )
+    if belt is not None and now:
+        off, most = belt
+        square = jnp.maximum((tolerance * largest) ** 2, _OF_TURN**2 * most)
+        # Without contact it moves no peak.
+        over = jnp.where(allowed > 0, jnp.sqrt(_over(off, square)), 0.0)
+        rubs = jnp.maximum(rubs, jnp.where(jnp.isfinite(over), over, 0.0))
     worst = jnp.maximum(missed_force, rubs)
     unsolved = jnp.asarray(unsolved)
     first, shortest = count == 0, count <= 1

@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from ..fidelity import Smoothing
 from ..model import (
+    BeltContact,
     FenceState,
     PadState,
     ResidualMode,
@@ -27,6 +28,7 @@ from ..model import (
     propagate,
 )
 from ..parts import AbstractContactLaw, AbstractFriction
+from ..scenes import Body
 from .fence_response import FenceEnd
 from .pad_response import PadEnd
 from .step_size import Stride
@@ -161,6 +163,34 @@ def friction_defect(
         )
     )
     return jnp.abs(normal * corner_share(friction, sliding, smoothing)[0] - line)
+
+
+def belt_defect(
+    belt: BeltContact, smoothing: Smoothing, was: Body, now: Body
+) -> tuple[Array, Array]:
+    """How far the belt's friction is from its line inside a step, where the slip goes straight, and
+    that friction itself, both squared [N^2]; a moment counts as a force at the distance c.
+
+    It turns with the slip, where that passes near rest. So one point theta tells, as for a corner:
+    there the slip is (1 - theta) s_0 + theta s_1, friction g s, and what the two differ by
+
+        (1 - theta) (g - g_0) s_0 + theta (g - g_1) s_1.
+    """
+    (start, before), (end, after) = (belt.slipping(body, smoothing) for body in (was, now))
+    square_0, square_1, both = (
+        sum(a * b for a, b in zip(x, y, strict=True))
+        for x, y in ((start, start), (end, end), (start, end))
+    )
+    moved = square_0 + square_1 - 2 * both
+    passes = (both < square_0) & (both < square_1)
+    rest = jnp.where(passes, (square_0 - both) / jnp.where(passes, moved, 1.0), 0.0)
+    theta = jnp.where(passes, 0.5 * jnp.where(rest > 0.5, rest, 1 + rest), 0.5)
+    left = 1 - theta
+    square = left**2 * square_0 + 2 * theta * left * both + theta**2 * square_1
+    grip = belt.grip(now, square, smoothing)
+    first, second = left * (grip - before), theta * (grip - after)
+    off = first**2 * square_0 + 2 * first * second * both + second**2 * square_1
+    return off, grip**2 * square
 
 
 def defects(
