@@ -11,6 +11,7 @@ under the linear force, and the rest of the gap is smooth. Two inner points, a q
 the step, see deviations of even and of odd shape; their maps are those of shorter steps.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -165,6 +166,10 @@ def friction_defect(
     return jnp.abs(normal * corner_share(friction, sliding, smoothing)[0] - line)
 
 
+def _product(a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
+    return functools.reduce(jnp.add, map(jnp.multiply, a, b))
+
+
 def belt_defect(
     belt: BeltContact, smoothing: Smoothing, was: Body, now: Body
 ) -> tuple[Array, Array]:
@@ -177,10 +182,7 @@ def belt_defect(
         (1 - theta) (g - g_0) s_0 + theta (g - g_1) s_1.
     """
     (start, before), (end, after) = (belt.slipping(body, smoothing) for body in (was, now))
-    square_0, square_1, both = (
-        sum(a * b for a, b in zip(x, y, strict=True))
-        for x, y in ((start, start), (end, end), (start, end))
-    )
+    square_0, square_1, both = _product(start, start), _product(end, end), _product(start, end)
     moved = square_0 + square_1 - 2 * both
     passes = (both < square_0) & (both < square_1)
     rest = jnp.where(passes, (square_0 - both) / jnp.where(passes, moved, 1.0), 0.0)

@@ -65,8 +65,8 @@ class BeltContact(eqx.Module):
         self, body: Body, smoothing: Smoothing
     ) -> tuple[tuple[Array, Array, Array], Array]:
         """The slip (x, y, c phidot) [m/s] and the grip there [N s/m]."""
-        slip = self._carried(body)[0][:3]
-        return slip, self.grip(body, sum(each**2 for each in slip), smoothing)
+        x, y, turning = self._carried(body)[0][:3]
+        return (x, y, turning), self.grip(body, x**2 + y**2 + turning**2, smoothing)
 
     def force(self, body: Body, smoothing: Smoothing) -> tuple[BeltForce, tuple[Array, Array]]:
         """The belt's force, and (grip, d grip / d s^2) of `belt_grip`."""

@@ -63,8 +63,8 @@ def test_a_parcel_at_rest_has_none():
     assert float(off) == 0.0
 
 
-# Found by a search for wrong gradients (`robustness.search`): the fence stops a light parcel, drives
-# it back against the belt, and strikes it again before the friction there has settled.
+# Found by a search for wrong gradients (`robustness.search`): the fence stops a light parcel and
+# drives it back, and the belt's friction turns round between two blows.
 TURNS = ORDINARY | {
     "thickness": 0.00835102, "reach": 0.80744, "flexible": 0.373774, "width": 0.200476,
     "modulus": 4.16854e9, "density": 1519.26, "damping_ratio": 0.0216393, "mass": 0.270221,
