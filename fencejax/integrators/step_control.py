@@ -30,8 +30,8 @@ from .step_size import Clock, StepSize, Stride, is_whole
 # Share of the tolerance by which a defect may change the speed of approach.
 _OF_SPEED = 0.1
 # Share of itself by which the belt's friction may be off its line inside a step. Where it turns by
-# the angle a it is off by 3 a^2 / 32: by more than a = 1.15, a little over a radian, it turns within
-# the step and not along it.
+# the angle a it is off by 3 a^2 / 32: from a = 1.15 on, a little over a radian, it turns within the
+# step and not along it.
 _OF_TURN = 0.125
 # The defect of a smooth force goes with the square of the step: a step of twice the length has four
 # times as much of it, with room for half as much again.
