@@ -33,6 +33,7 @@ from . import (
 from ._kept_programs import cache_programs as cache_programs
 from ._xla import tune_compiler as tune_compiler
 from .fidelity import Fidelity as Fidelity
+from .lanes import each_lane as each_lane
 from .parts import (
     AbstractDrive as AbstractDrive,
     AbstractTaper as AbstractTaper,
@@ -220,6 +221,7 @@ __all__ = [
     "curvature",
     "contact_laws",
     "design",
+    "each_lane",
     "estimate_gradient_error",
     "failure_probability",
     "friction_laws",

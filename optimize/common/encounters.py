@@ -11,7 +11,6 @@ from jaxtyping import Array, ArrayLike
 
 import fencejax as fj
 from fencejax.design import Quantity, sorting
-from fencejax.lanes import each_lane
 from fencejax.parts import AbstractFriction
 from fencejax.printing import shown
 from fencejax.scenes import names
@@ -181,7 +180,7 @@ class Course:
         def one(encounter):
             return sorting.constant_push(self.scene(fence, drive, encounter), past)
 
-        return np.asarray(jax.jit(lambda lanes: each_lane(one, lanes))(encounters))
+        return np.asarray(jax.jit(lambda lanes: fj.each_lane(one, lanes))(encounters))
 
 
 def inflexible(fidelity: fj.Fidelity) -> fj.Fidelity:

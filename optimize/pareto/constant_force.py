@@ -11,7 +11,6 @@ import jax
 import numpy as np
 
 import fencejax as fj
-from fencejax.lanes import each_lane
 
 from ..common.encounters import Encounter
 from .problem import Tradeoff
@@ -52,7 +51,7 @@ def blows(tradeoff: Tradeoff, z) -> list[Blow]:
             contacts = [(c.normal, c.gap, c.gap_rate) for c in history.fence]
             return contacts, history.fence_force, history.drive.angle, history.body.angle
 
-        return each_lane(one, encounters)
+        return fj.each_lane(one, encounters)
 
     found = jax.device_get(run(z, jax.tree.map(np.asarray, encounters)))
     numbers = (1,) if course.kind == "impacts" else (1, 2)

@@ -8,7 +8,6 @@ from jaxtyping import Array
 
 import fencejax as fj
 from fencejax.design import DesignSpace, Limit, Quantity, objectives
-from fencejax.lanes import each_lane
 from fencejax.plot import Trace
 from fencejax.printing import shown
 from fencejax.sorter import Machine
@@ -93,7 +92,7 @@ def measure(
         return read, Trace(history.time, history.fence_force, history.tip_deflection)
 
     distances, masses = (jnp.asarray(column) for column in zip(*impacts.lanes, strict=True))
-    return each_lane(lambda lane: one(*lane), (distances, masses))
+    return fj.each_lane(lambda lane: one(*lane), (distances, masses))
 
 
 def margins(limits: tuple[Limit, ...], measured: Measurement) -> dict[str, Array]:
@@ -151,7 +150,7 @@ def whole_sorts(
             "status": result.status,
         }
 
-    return each_lane(one, jnp.asarray(masses))
+    return fj.each_lane(one, jnp.asarray(masses))
 
 
 def stiff_forces(impacts: Impacts, drive: fj.AbstractDrive, belt_speed: float) -> np.ndarray:
@@ -165,4 +164,4 @@ def stiff_forces(impacts: Impacts, drive: fj.AbstractDrive, belt_speed: float) -
         scene = fj.scenes.rigid_wall(speed=speed, parcel=fj.Parcel(mass=mass))
         return fj.simulate(scene, history=False, only=("peak_force",)).peak_force
 
-    return np.asarray(each_lane(lambda lane: one(*lane), (speeds, masses)))
+    return np.asarray(fj.each_lane(lambda lane: one(*lane), (speeds, masses)))
