@@ -12,6 +12,7 @@ from . import (
     friction_turn as friction_turn,
     modal_step as modal_step,
     normal_direction as normal_direction,
+    step_defect as step_defect,
     time_loop as time_loop,
 )
 from .modal_step import (

@@ -327,13 +327,9 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
                 was = fence.begun(was, normals, frictions)
             scale = mechanics.force_scale(forces)
             unsolved = unbalance > 2 * force_tolerance(scale.dtype) * scale
-            on_belt = None
-            if mechanics.belt is not None:
-                smoothing = mechanics.fidelity.smoothing
-                on_belt = belt_defect(mechanics.belt, smoothing, body, after)
             size = controlled(
                 pair, tolerance, clock, control, size, end, stride, now, fence, was, state,
-                unsolved, on_belt,
+                unsolved, belt_defect(mechanics.belt, mechanics.fidelity.smoothing, body, after),
             )  # fmt: skip
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)

@@ -171,16 +171,19 @@ def _product(a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
 
 
 def belt_defect(
-    belt: BeltContact, smoothing: Smoothing, was: Body, now: Body
-) -> tuple[Array, Array]:
+    belt: BeltContact | None, smoothing: Smoothing, was: Body, now: Body
+) -> tuple[Array, Array] | None:
     """How far the belt's friction is from its line inside a step, where the slip goes straight, and
-    that friction itself, both squared [N^2]; a moment counts as a force at the distance c.
+    that friction itself, both squared [N^2]; a moment counts as a force at the distance c. `None`
+    without a belt.
 
     It turns with the slip, where that passes near rest. So one point theta tells, as for a corner:
     there the slip is (1 - theta) s_0 + theta s_1, friction g s, and what the two differ by
 
         (1 - theta) (g - g_0) s_0 + theta (g - g_1) s_1.
     """
+    if belt is None:
+        return None
     (start, before), (end, after) = (belt.slipping(body, smoothing) for body in (was, now))
     square_0, square_1, both = _product(start, start), _product(end, end), _product(start, end)
     moved = square_0 + square_1 - 2 * both

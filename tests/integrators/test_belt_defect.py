@@ -9,7 +9,7 @@ from robustness.peaks import gradient_error, peaks
 
 import fencejax as fj
 from fencejax.fidelity import Smoothing
-from fencejax.integrators.step_defect import belt_defect
+from fencejax.integrators import step_defect
 from fencejax.model import BeltContact
 from fencejax.scenes import Body
 
@@ -29,7 +29,7 @@ def body(x, y, turning):
 
 def defect(was, now):
     """As a share of the friction."""
-    off, most = belt_defect(BELT, SHARP, body(*was), body(*now))
+    off, most = step_defect.belt_defect(BELT, SHARP, body(*was), body(*now))
     assert float(most) == pytest.approx((MU * WEIGHT) ** 2, rel=1e-12)
     return float(jnp.sqrt(off)) / (MU * WEIGHT)
 
@@ -59,7 +59,7 @@ def test_slip_that_comes_to_rest_and_goes_back(rest):
 
 
 def test_a_parcel_at_rest_has_none():
-    off, _ = belt_defect(BELT, SHARP, body(0.0, 0.0, 0.0), body(0.0, 0.0, 0.0))
+    off, _ = step_defect.belt_defect(BELT, SHARP, body(0.0, 0.0, 0.0), body(0.0, 0.0, 0.0))
     assert float(off) == 0.0
 
 
