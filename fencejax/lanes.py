@@ -7,10 +7,11 @@ import jax
 
 Found = TypeVar("Found")
 
+# Nine values or gradients of an impact take 1.2 times as long one after another as side by side, and
+# their programs 0.6 to 0.8 of the time to compile and half of that to trace: seconds, against some
+# milliseconds a call.
 FEW = 16
-"""Up to here lanes go one after another on a CPU. Nine values or gradients of an impact take 1.2
-times as long so as side by side, and their programs take 0.6 to 0.8 of the time to compile and half
-of that to trace: seconds, against some milliseconds a call."""
+"""Up to so many lanes go one after another on a CPU."""
 
 
 def each_lane(function: Callable[[Any], Found], lanes: Any) -> Found:
