@@ -7,9 +7,9 @@ import jax
 
 Found = TypeVar("Found")
 
-# Nine values or gradients of an impact take 1.2 times as long one after another as side by side, and
-# their programs 0.6 to 0.8 of the time to compile and half of that to trace: seconds, against some
-# milliseconds a call.
+# Nine values or gradients of an impact take 1.2 times as long one after another as side by side,
+# and their programs 0.6 to 0.8 of the time to compile and half of that to trace: seconds, against
+# some milliseconds a call.
 FEW = 16
 """Up to so many lanes go one after another on a CPU."""
 
