@@ -111,8 +111,8 @@ class Program:
     def many(
         self, points: np.ndarray, *data: Any, least: Sequence[np.ndarray | None] | None = None
     ) -> list[Numbers]:
-        """The numbers at several points (w, n), in one call; every leaf of the data has
-        a first axis of that length. Another w compiles anew. `least`: that of each point."""
+        """The numbers at several points (w, n), in one call; every leaf of the data has a first
+        axis of that length. Another w compiles anew. `least`: that of each point."""
         together = _hosted(self._many(jnp.asarray(points), *data))
         settled = []
         for i, one in enumerate(least or [None] * len(points)):

@@ -15,11 +15,11 @@ from .._xla import fusion_barrier
 from ..derivatives import pushed
 
 Unknowns = tuple[Array, ...]
-
-# Share of what is good enough [1] at which the iteration ends by itself. Newton's method squares
-# the residual: whoever is below has it by the next step.
-_BALANCED = 0.1
 Matrix = list[list[Array]]
+
+# Share of what is good enough [1] at which the iteration ends by itself. Above it one more step is
+# taken, which squares what is left.
+_BALANCED = 0.1
 
 
 def eliminate(matrix: list[list[Array]], right: Unknowns) -> Unknowns:
@@ -67,8 +67,8 @@ def solve(
       `evaluate` in the program, its results in memory.
 
     In a batch the loop goes on until the last lane is done, and each lane's root is the one that
-    it has by itself. The derivative is by the implicit
-    function theorem, dx = -F_x^-1 dF at fixed x, with the exact F_x whatever the iterations used.
+    it has by itself. The derivative is by the implicit function theorem, dx = -F_x^-1 dF at fixed
+    x, with the exact F_x whatever the iterations used.
     """
 
     # Traced once, however often it is looked at.

@@ -9,7 +9,8 @@ it (`tests/robustness/search.py`).
 The friction of a contact is held against the same share of the largest normal force. It asks for
 short steps where sliding comes to rest: the peak force hardly minds what these bring, its
 derivatives do, as the moment of rest moves with the parameters. Where the shortest steps still miss
-it, they are taken; only what normal forces miss makes the status `STEP_TOO_COARSE`.
+it, they are taken; only what normal forces miss makes the status `STEP_TOO_COARSE`. So it is with
+the belt's friction, where its direction turns within a step while the fence is touched.
 
 A step whose equations are not solved, as Newton's method has come to no end, is taken again as
 well: friction that holds is less stiff over a shorter one, next to the inertia.
@@ -150,8 +151,8 @@ def controlled(
     `foreseen.next` too.
 
     The fence, if any, was in the state `was` and is in the state `after`; `unsolved` is whether the
-    step's equations are left out of balance; `belt` is what `belt_defect`
-    gives, `None` without a belt. No derivative follows from it.
+    step's equations are left out of balance; `belt` is what `belt_defect` gives, `None` without a
+    belt. No derivative follows from it.
     """
     count = foreseen.last
     missed_force, rubs, allowed, largest = _judged(

@@ -184,7 +184,8 @@ def belt_defect(
     """
     if belt is None:
         return None
-    (start, before), (end, after) = (belt.slipping(body, smoothing) for body in (was, now))
+    start, end = (belt.slip(body)[:3] for body in (was, now))
+    before, after = (belt.force(body, smoothing)[1][0] for body in (was, now))
     square_0, square_1, both = _product(start, start), _product(end, end), _product(start, end)
     moved = square_0 + square_1 - 2 * both
     passes = (both < square_0) & (both < square_1)

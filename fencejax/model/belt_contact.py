@@ -61,13 +61,6 @@ class BeltContact(eqx.Module):
         """The grip [N s/m] on a parcel that slips at a speed of that `square` [m^2/s^2]."""
         return belt_grip(self.friction, self._carried(body)[1], square, smoothing)[0]
 
-    def slipping(
-        self, body: Body, smoothing: Smoothing
-    ) -> tuple[tuple[Array, Array, Array], Array]:
-        """The slip (x, y, c phidot) [m/s] and the grip there [N s/m]."""
-        x, y, turning = self._carried(body)[0][:3]
-        return (x, y, turning), self.grip(body, x**2 + y**2 + turning**2, smoothing)
-
     def force(self, body: Body, smoothing: Smoothing) -> tuple[BeltForce, tuple[Array, Array]]:
         """The belt's force, and (grip, d grip / d s^2) of `belt_grip`."""
         (x, y, turning, arm, lever), weight = self._carried(body)
