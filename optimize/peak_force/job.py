@@ -136,8 +136,8 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     for line in machine.notes(config.machine):
         say(line)
     say(
-        f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling (minutes, "
-        "the first time) ..."
+        f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling, the first "
+        "time ..."
     )
     # What takes longest goes first: Python traces one program at a time, and XLA compiles beside.
     program.trace(start)
