@@ -224,9 +224,7 @@ def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Meas
     run = outcome
     what = structure, fidelity, history, only, own
     if fidelity.gradient == "forward":
-        judge = functools.partial(
-            diagnostics.of_derivatives, tolerance=fidelity.gradient_tolerance
-        )
+        judge = functools.partial(diagnostics.of_derivatives, fidelity=fidelity)
         run = by_columns(outcome, judge, what)
     # Others' programs are ten times as large: as one kernel they take many minutes to optimise.
     modal = fidelity.integrator == "modal"
@@ -316,7 +314,8 @@ def _run(
     measures = {name: m for name, m in known.items() if only is None or name in only}
     wanted = {part: only is None or part in only for part in _PARTS}
     forward = fidelity.gradient == "forward" and fidelity.integrator == "modal"
-    running_sums = running(tuple(measures.values()), wanted["energy"], forward)
+    apart = fidelity.peaks_apart if forward else None
+    running_sums = running(tuple(measures.values()), wanted["energy"], apart)
     traces = traced(tuple(measures.values()))
     done, unmet = 1.0, None
     if isinstance(scene, NormalScene):
@@ -348,5 +347,7 @@ def _run(
     slopes = None
     if forward:
         states = record.states
-        slopes = SlopeEvidence(states["force"].value, states["slopes"].at_peak)
+        slopes = SlopeEvidence(
+            states["force"].value, states["slopes"].at_peak, states["rivals"]
+        )
     return gather(record, measures, wanted, saved, start, status, scene), slopes

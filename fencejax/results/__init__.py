@@ -32,6 +32,7 @@ from .gradient import (
 from .interpolation import interpolate as interpolate
 from .ledger import Ledger as Ledger
 from .measures import ESTIMATED as ESTIMATED, MEASURES as MEASURES, Measure as Measure
+from .peak import Peak as Peak, Span as Span
 from .recorder import (
     Kept as Kept,
     NormalRecorder as NormalRecorder,
@@ -45,6 +46,7 @@ from .refinement import (
     refined as refined,
 )
 from .result import Result as Result, gather as gather
+from .rivals import rivals as rivals
 from .sample import (
     Energy as Energy,
     Power as Power,

@@ -49,7 +49,7 @@ _DAMPER_HELD = 1e6
 # What the modes left out may lag behind their static deflection, as a share of the depth of the
 # contact: |N''| G / w^2 with their compliance G and w between the highest frequency kept and the
 # lowest left out.
-_LAGGING = 0.0042
+_LAGGING = 0.0021
 # What the modes left out may bend the fence statically, as a share of the flexible link's length:
 # their deflection and slope are right, not what these do to the arc's length and to other corners.
 _RESIDUAL_DEFLECTION = 0.003
@@ -350,12 +350,13 @@ Outcome = tuple[Result, SlopeEvidence | None]
 
 
 def of_derivatives(
-    outcome: Outcome, columns: Outcome, at: Array, tolerance: float
+    outcome: Outcome, columns: Outcome, at: Array, fidelity: Fidelity
 ) -> tuple[Outcome, Outcome]:
     """The same with what the derivatives in numbers of the values `at` say of the status:
-    `STEP_TOO_COARSE` where the steps miss more of those of the peak force than the `tolerance` [1];
-    and `NON_FINITE`, with derivatives of 0, where one is not finite, as of a state that runs away
-    and is finite still.
+    `STEP_TOO_COARSE` where those of the peak force may be off by more than the `fidelity`'s
+    `gradient_tolerance`, by its steps or as another maximum is about as high; and `NON_FINITE`,
+    with derivatives of 0, where one is not finite, as of a state that runs away and is finite
+    still.
 
     A motion whose derivative is lost ends without one. So in a whole result the end and the tip
     tell: looking at all of it would cost the derivatives that nobody reads.
@@ -364,9 +365,9 @@ def of_derivatives(
     status = result.status
     # Sizes that are summed have no second derivatives.
     if slopes is not None and of_slopes is not None and of_slopes.force.shape == at.shape:
-        error = relative_error(of_slopes, slopes.force, at)
+        error = relative_error(of_slopes, slopes, at, fidelity.peaks_apart)
         result = eqx.tree_at(lambda r: r.gradient_error, result, error)
-        coarse = (error > tolerance) & (status <= Status.LEFT_OVER_TIP)
+        coarse = (error > fidelity.gradient_tolerance) & (status <= Status.LEFT_OVER_TIP)
         status = jnp.where(coarse, float(Status.STEP_TOO_COARSE), status)
     whole = of_result.final is not None
     finite = _finite({f: c for f, c in _fields(of_result).items() if not whole or f in _TELLING})

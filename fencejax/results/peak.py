@@ -16,6 +16,27 @@ class Span(NamedTuple):
     ratio: Array | float
 
 
+class Vertex(NamedTuple):
+    """The parabola through a sample and its two neighbours: whether the signal has a maximum there
+    (`inner`), the parabola's largest value then, and its place after the sample in lengths of the
+    step that follows it."""
+
+    inner: Array
+    value: Array
+    place: Array
+
+    @classmethod
+    def of(cls, before: Array, now: Array, new: Array, span: Span) -> "Vertex":
+        """Of the sample `now`; `span` is that of the step from it to `new`."""
+        # now + lean s + bend s^2 through the samples at s = -ratio, 0, 1 in this step's length.
+        rise = new - now
+        bend = (rise + (before - now) / span.ratio) / (1 + span.ratio)
+        lean = rise - bend
+        inner = (now >= before) & (now > new) & (bend < 0)
+        place = jnp.where(inner, -0.5 * lean / jnp.where(inner, bend, -1.0), 0.0)
+        return cls(inner, now + 0.5 * lean * place, place)
+
+
 class Peak(NamedTuple):
     """The largest value of a signal so far, its time and a companion value there.
 
@@ -35,13 +56,7 @@ class Peak(NamedTuple):
 
     def update(self, new: Array, time: Array, span: Span) -> "Peak":
         """Take in the sample `new` at `time` [s]."""
-        # now + lean s + bend s^2 through the samples at s = -ratio, 0, 1 in this step's length.
-        rise = new - self.now
-        bend = (rise + (self.before - self.now) / span.ratio) / (1 + span.ratio)
-        lean = rise - bend
-        inner = (self.now >= self.before) & (self.now > new) & (bend < 0)
-        place = jnp.where(inner, -0.5 * lean / jnp.where(inner, bend, -1.0), 0.0)
-        vertex = self.now + 0.5 * lean * place
+        inner, vertex, place = Vertex.of(self.before, self.now, new, span)
         # What is not a number stays so.
         held = (new <= self.value) | jnp.isnan(self.value)
         value = jnp.where(held, self.value, new)

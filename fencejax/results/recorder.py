@@ -16,6 +16,7 @@ from .accumulators import Accumulator, Course, Step, Trace
 from .measures import Measure
 from .peak import Span
 from .resolution import RESOLUTION
+from .rivals import rivals
 from .sample import Sample, describe, describe_normal
 from .slopes import SLOPES
 
@@ -120,10 +121,11 @@ class AbstractRecorder(eqx.Module):
 
 
 def running(
-    measures: tuple[Measure, ...], energy: bool, slopes: bool
+    measures: tuple[Measure, ...], energy: bool, peaks_apart: float | None
 ) -> tuple[Accumulator, ...]:
     """The accumulators behind some measures, the ledger if its `energy` is wanted, what tells the
-    error of the `slopes` if that is, and the status, each once."""
+    error of the peak force's derivatives unless `peaks_apart` is `None`, and the status, each
+    once."""
     found: dict[str, Accumulator] = {}
 
     def add(accumulator: Accumulator):
@@ -139,8 +141,9 @@ def running(
     if energy:
         add(accumulators.WORK)
         add(accumulators.ORIGIN)
-    if slopes:
+    if peaks_apart is not None:
         add(SLOPES)
+        add(rivals(peaks_apart))
     return tuple(found.values())
 
 

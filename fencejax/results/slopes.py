@@ -23,6 +23,7 @@ from jaxtyping import Array
 from .accumulators import FORCE, OVER_TIP, Accumulator, Step
 from .peak import signed_second_difference
 from .resolution import ends_over_tip
+from .rivals import Rivals
 
 
 class Sums(NamedTuple):
@@ -43,10 +44,11 @@ class Slopes(NamedTuple):
 
 class SlopeEvidence(NamedTuple):
     """What tells the error of the peak force's derivatives: the peak force [N] with its
-    derivatives, and the sums until then."""
+    derivatives, the sums until then, and its rivals."""
 
     force: Array
     sums: Sums
+    rivals: Rivals
 
 
 @jax.custom_jvp
@@ -83,16 +85,26 @@ SLOPES = Accumulator("slopes", _start, _update, needs=(FORCE, OVER_TIP))
 """In forward mode: what reverse mode carries back must be linear in the derivatives."""
 
 
-def relative_error(columns: SlopeEvidence, force: Array, at: Array) -> Array:
-    """Estimated error of the peak force's gradient [1], relative to its norm or to the `force` if
-    that is more.
+def relative_error(
+    columns: SlopeEvidence, values: SlopeEvidence, at: Array, peaks_apart: float
+) -> Array:
+    """Estimated error of the peak force's gradient [1], relative to its norm or to the force if
+    that is more: what the steps miss of it or, if that is more, how far the derivatives of rivals
+    less than a share `peaks_apart` below the peak are from it.
 
     `columns` are the derivatives in numbers whose values are `at`, each of the shape (numbers,).
     The norm is that of the derivatives times these values.
     """
+
+    def norm(slopes: Array) -> Array:
+        return jnp.sqrt(jnp.sum((at * slopes) ** 2))
+
     missed, varied, lasted = columns.sums
     some = lasted > 0
-    errors = jnp.where(some, missed * varied / jnp.where(some, lasted, 1.0), 0.0)
-    off = jnp.sqrt(jnp.sum((at * errors) ** 2))
-    size = jnp.sqrt(jnp.sum((at * columns.force) ** 2))
-    return off / jnp.maximum(jnp.maximum(size, jnp.abs(force)), jnp.finfo(off.dtype).tiny)
+    by_steps = norm(jnp.where(some, missed * varied / jnp.where(some, lasted, 1.0), 0.0))
+    _, least, most = columns.rivals
+    rivals = values.rivals.largest > (1 - peaks_apart) * values.force
+    away = jnp.maximum(most - columns.force, columns.force - least)
+    by_rivals = jnp.where(rivals, norm(away), 0.0)
+    size = jnp.maximum(norm(columns.force), jnp.abs(values.force))
+    return jnp.maximum(by_steps, by_rivals) / jnp.maximum(size, jnp.finfo(size.dtype).tiny)

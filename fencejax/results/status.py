@@ -70,8 +70,9 @@ _TEXT = {
     "lower `step` in the fidelity",
     Status.STEP_TOO_COARSE: "the steps are too long for what happens within one (a blow, a second "
     "one, friction that turns round), or for the derivatives that are asked for; lower `step` and "
-    "`step_tolerance` in the fidelity; where the parcel bounced on the fence three times before "
-    "the force was largest, change the design",
+    "`step_tolerance` in the fidelity; where two maxima of the force are about equally high, a "
+    "finer one tells whose derivatives count; where the parcel bounced on the fence three times "
+    "before the force was largest, change the design",
     Status.LIMIT_REACHED: "a general integrator came to its limit of steps; use "
     "`integrator=\"modal\"` in the fidelity",
     Status.INCONSISTENT: "the scene's numbers do not go together; build the scene outside the "

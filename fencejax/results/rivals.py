@@ -1,0 +1,84 @@
+"""How the derivatives of the fence's force differ between instants at which it may be largest.
+
+The gradient of the peak force is that of the force at the instant at which it is largest. Other
+maxima, and shoulders, where the force all but rests as it rises or falls, may be as high within
+what a fidelity tells apart: which of them is the peak is then in doubt, and where two are equally
+high the peak force has a kink. What its gradient may be off by is how far their derivatives are
+from its own.
+
+The least and the most of derivatives are no functions of the motion: they are carried by numbers
+that are 0 themselves. So they cost nothing where nobody differentiates.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .accumulators import CONTACT, FORCE, Accumulator, Step
+from .peak import Vertex
+
+
+class Rivals(NamedTuple):
+    """The `largest` force [N] at a maximum or a shoulder so far; and two numbers that are 0, whose
+    derivatives are the `least` and the `most` of those of the force there and at the others that
+    are about as high."""
+
+    largest: Array
+    least: Array
+    most: Array
+
+
+@jax.custom_jvp
+def _range(least: Array, most: Array, new: Array, joins: Array, alone: Array):
+    """The two, to whose derivatives that of `new` is added where it `joins`, or replaces them where
+    it is `alone`; both flags are 0.0 or 1.0."""
+    del new, joins, alone
+    return least, most
+
+
+@_range.defjvp
+def _(primals, tangents):
+    least, most, _, joins, alone = primals
+    least_dot, most_dot, new_dot, *_ = tangents
+    lower = jnp.where(joins > 0, jnp.minimum(least_dot, new_dot), least_dot)
+    upper = jnp.where(joins > 0, jnp.maximum(most_dot, new_dot), most_dot)
+    lower = jnp.where(alone > 0, new_dot, lower)
+    upper = jnp.where(alone > 0, new_dot, upper)
+    return (least, most), (lower, upper)
+
+
+def _candidate(step: Step) -> tuple[Array, Array]:
+    """Whether the force has a maximum at the sample before this step, or a shoulder in the step
+    before that, which it changes in by less than in the ones beside it; and how large it is."""
+    known, contact, now = step.known["force"], step.known["contact"], step.now.fence_force
+    inner, value, _ = Vertex.of(known.before, known.now, now, step.span)
+    length = step.span.length
+    spans = (length > 0) & (contact.length_before > 0)
+    rate = (now - known.now) / jnp.where(spans, length, 1.0)
+    middle = (known.now - known.before) / jnp.where(spans, length * step.span.ratio, 1.0)
+    before = contact.rate_before
+    alike = (before * middle > 0) & (middle * rate > 0)
+    least = jnp.abs(middle) < jnp.minimum(jnp.abs(before), jnp.abs(rate))
+    shoulder = spans & alike & least
+    return inner | shoulder, jnp.where(inner, value, 0.5 * (known.before + known.now))
+
+
+def rivals(peaks_apart: float) -> Accumulator:
+    """Of maxima and shoulders that are less than a share `peaks_apart` apart."""
+
+    def update(state: Rivals, step: Step) -> Rivals:
+        there, value = _candidate(step)
+        alone = there & (state.largest < (1 - peaks_apart) * value)
+        joins = there & (value > (1 - peaks_apart) * state.largest)
+        flags = (joins.astype(value.dtype), alone.astype(value.dtype))
+        least, most = _range(state.least, state.most, value, *flags)
+        largest = jnp.where(there, jnp.maximum(state.largest, value), state.largest)
+        return Rivals(jax.lax.stop_gradient(largest), least, most)
+
+    def start(nothing, body) -> Rivals:
+        del body
+        return Rivals(*(nothing.time,) * 3)
+
+    return Accumulator("rivals", start, update, needs=(FORCE, CONTACT))
