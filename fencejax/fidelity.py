@@ -219,11 +219,11 @@ class Fidelity(Readable):
         The second has at least eight modes, an eighth of the tolerance and of `peaks_apart`, half
         the step and an eighth of a millisecond at most, and half of the friction's smoothing; the
         third has the modes, the fixed step, `peaks_apart` and the smoothing of `reference`. Both
-        keep this one's geometry, so that what is refined is the same model: the paper's chords are within 5e-4 of the arc, and
-        their derivatives cost ten times as much. They keep its longest stride, too, over which
-        nothing touches or parts: the 60,000 steps of a whole sort would else cost as much as all
-        others together. In single precision the ladder ends before the rungs that it does not
-        resolve.
+        keep this one's geometry, so that what is refined is the same model: the paper's chords are
+        within 5e-4 of the arc, and their derivatives cost ten times as much. They keep its longest
+        stride, too, over which nothing touches or parts: the 60,000 steps of a whole sort would
+        else cost as much as all others together. In single precision the ladder ends before the
+        rungs that it does not resolve.
 
         What has the step of `reference` or a shorter one has one finer rung: twice the modes, half
         the step, half of the smoothing and an eighth of `peaks_apart`.

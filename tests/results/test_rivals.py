@@ -57,7 +57,8 @@ def ranges(force, heights, peaks_apart):
         return state, state
 
     slopes, state = jax.jit(jax.jacfwd(run, has_aux=True))(jnp.asarray(heights))
-    assert state.least == 0 and state.most == 0
+    assert state.least == 0
+    assert state.most == 0
     return float(state.largest), np.asarray(slopes.least), np.asarray(slopes.most)
 
 

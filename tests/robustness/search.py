@@ -104,9 +104,9 @@ def _against(truth, x, found, of, kind, where, batch=_BATCH):
 
 class Errors(NamedTuple):
     """Of each lane the error, relative to the peak force, or of the gradient to its norm or to the
-    peak if that is more; -1 where the status is not good, the truth's neither, or nothing is touched.
-    `told` are those that are so by the truth and not by a first one, and `apart` is how far the two
-    differ at most."""
+    peak if that is more; -1 where the status is not good, the truth's neither, or nothing is
+    touched. `told` are those that are so by the truth and not by a first one, and `apart` is how
+    far the two differ at most."""
 
     errors: np.ndarray
     told: np.ndarray
