@@ -330,6 +330,7 @@ def _run(
     else:
         steps = time_loop.count_steps(scene.duration, fidelity.step)
         mechanics, clock, memory = prepared(scene, fidelity)
+        link = mechanics.link
         start, modal = clock.start, fidelity.integrator == "modal"
         alike = not modal or clock.counts[-1] == 1
         kept = Kept(running_sums, traces, alike, history)
@@ -346,8 +347,9 @@ def _run(
         status = diagnostics.of_record(scene, mechanics, record, done, start, unmet)
     slopes = None
     if forward:
-        states = record.states
+        states, seen = record.states, diagnostics.evidence(record)
         slopes = SlopeEvidence(
-            states["force"].value, states["slopes"].at_peak, states["rivals"]
-        )
+            states["force"].value, states["slopes"].at_peak, states["rivals"],
+            diagnostics.modes_lag(link, seen),
+        )  # fmt: skip
     return gather(record, measures, wanted, saved, start, status, scene), slopes

@@ -12,8 +12,8 @@ from .status import NUMERICAL
 
 _DOUBTS = np.array(sorted(NUMERICAL))
 # Lanes in a call where there are more than go one by one: every other number of them compiles a
-# program of its own, and more take no less time for each.
-_MANY = 64
+# program of its own, and 64 take a tenth less time for each, but more are computed for nothing.
+_MANY = 32
 
 
 def climb(
@@ -54,7 +54,7 @@ def refined(
 
     Lanes whose status is numerical (`Status.numerical`) are gathered on the host and computed
     again at the next rung, up to the last, whose numbers stand in any case: one by one while they
-    are few, else in groups of 64, the last one filled up with its first lane. So a rung's program
+    are few, else in groups of 32, the last one filled up with its first lane. So a rung's program
     is compiled once, or twice, however many lanes are in doubt from call to call.
 
     **Arguments:**

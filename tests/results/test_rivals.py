@@ -124,13 +124,15 @@ def test_a_peak_that_may_be_another_one_has_a_gradient_in_doubt():
 
     rungs = fj.Fidelity.standard().ladder()
     (slopes, first), (_, second), (true, last) = map(found, rungs)
-    # Of four modes the lag of those left out tells, which is no matter of the derivatives.
-    assert first.status == fj.Status.MODES_TOO_FEW
+    # Of four modes the lag of those left out tells, too.
+    assert first.status >= fj.Status.MODES_TOO_FEW
     off = np.linalg.norm(slopes - true) / np.linalg.norm(slopes)
     assert 0.15 < off < 1.5 * first.gradient_error
-    # With eight both maxima are there, and only their derivatives are in doubt.
-    alone = fj.simulate(KINDS["impact"].scene(TIED), fidelity=rungs[1], only="peak_force")
-    assert alone.status <= fj.Status.LEFT_OVER_TIP
+    # With eight both maxima are there. Only derivatives are in doubt: the values are good.
     assert second.status == fj.Status.STEP_TOO_COARSE
+    for fidelity, result in zip(rungs[:2], (first, second), strict=True):
+        alone = fj.simulate(KINDS["impact"].scene(TIED), fidelity=fidelity, only="peak_force")
+        assert alone.status <= fj.Status.LEFT_OVER_TIP
+        assert result.peak_force == pytest.approx(float(last.peak_force), rel=5e-3)
     assert last.status <= fj.Status.LEFT_OVER_TIP
     assert last.gradient_error < 1e-3
