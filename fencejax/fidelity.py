@@ -55,9 +55,6 @@ class Fidelity(Readable):
     - `gradient_tolerance`: how far the gradient of the peak force may be off, relative to its norm,
       by the estimate that the steps make of it (`Result.gradient_error`): above it the status says
       `STEP_TOO_COARSE`, where a gradient is asked for.
-    - `peaks_apart`: how near two maxima of the force may be to each other, relative to the larger
-      one, before it is in doubt which is the peak: what their derivatives differ by is then an
-      error of the gradient, too.
     - `step` [s]: the integrator's step where forces change smoothly, and the distance of samples in
       a contact (of a general integrator: of all samples).
     - `longest_stride`: how many such steps may be taken in one, a power of two, where nothing is
@@ -106,7 +103,6 @@ class Fidelity(Readable):
     step_tolerance: float | None = 5e-4
     halvings: int = 3
     gradient_tolerance: float = 0.1
-    peaks_apart: float = 0.01
     step: float = 5e-4
     longest_stride: int | None = None
     stride_tolerance: float = 1e-3
@@ -140,8 +136,8 @@ class Fidelity(Readable):
                     f"{self.longest_stride}."
                 )
         positive = (
-            "gradient_tolerance", "peaks_apart", "step", "stride_tolerance", "slip_speed",
-            "static_speed", "tip_fade", "tolerance",
+            "gradient_tolerance", "step", "stride_tolerance", "slip_speed", "static_speed",
+            "tip_fade", "tolerance",
         )  # fmt: skip
         for name in positive:
             _check.number(name, getattr(self, name), above=0.0)
@@ -216,17 +212,17 @@ class Fidelity(Readable):
     def ladder(self) -> "tuple[Fidelity, ...]":
         """This fidelity and two finer ones, for numbers in doubt (`Status.numerical`).
 
-        The second has at least eight modes, an eighth of the tolerance and of `peaks_apart`, half
-        the step and an eighth of a millisecond at most, and half of the friction's smoothing; the
-        third has the modes, the fixed step, `peaks_apart` and the smoothing of `reference`. Both
-        keep this one's geometry, so that what is refined is the same model: the paper's chords are
-        within 5e-4 of the arc, and their derivatives cost ten times as much. They keep its longest
-        stride, too, over which nothing touches or parts: the 60,000 steps of a whole sort would
-        else cost as much as all others together. In single precision the ladder ends before the
-        rungs that it does not resolve.
+        The second has at least eight modes, an eighth of the tolerance, half the step and an eighth
+        of a millisecond at most, and half of the friction's smoothing; the third has the
+        modes, the fixed step and the smoothing of `reference`. Both keep this one's geometry, so
+        that what is refined is the same model: the paper's chords are within 5e-4 of the arc, and
+        their derivatives cost ten times as much. They keep its longest stride, too, over which
+        nothing touches or parts: the 60,000 steps of a whole sort would else cost as much as all
+        others together. In single precision the ladder ends before the rungs that it does not
+        resolve.
 
         What has the step of `reference` or a shorter one has one finer rung: twice the modes, half
-        the step, half of the smoothing and an eighth of `peaks_apart`.
+        the step and half of the smoothing.
         """
         last = Fidelity.reference()
 
@@ -245,7 +241,6 @@ class Fidelity(Readable):
             beyond = self.replace(
                 modes=with_modes(2 * self.mode_count),
                 step=self.step / 2,
-                peaks_apart=self.peaks_apart / 8,
                 slip_speed=self.slip_speed / 2,
                 static_speed=self.static_speed / 2,
             )
@@ -255,7 +250,6 @@ class Fidelity(Readable):
             modes=with_modes(8),
             step=min(self.step / 2, 1.25e-4),
             step_tolerance=None if self.step_tolerance is None else self.step_tolerance / 8,
-            peaks_apart=self.peaks_apart / 8,
             slip_speed=self.slip_speed / 2,
             static_speed=self.static_speed / 2,
         )
@@ -263,7 +257,6 @@ class Fidelity(Readable):
             modes=with_modes(last.mode_count),
             step=min(finer.step, last.step),
             step_tolerance=last.step_tolerance,
-            peaks_apart=min(finer.peaks_apart, last.peaks_apart),
             slip_speed=min(finer.slip_speed, last.slip_speed),
             static_speed=min(finer.static_speed, last.static_speed),
         )
@@ -303,6 +296,6 @@ class Fidelity(Readable):
         """
         settings = dict(
             modes=12, geometry="chord", step=2.5e-5, step_tolerance=None, longest_stride=1,
-            peaks_apart=2e-4, slip_speed=3e-5, static_speed=1.5e-4,
+            slip_speed=3e-5, static_speed=1.5e-4,
         )
         return cls(**{**settings, **changes})

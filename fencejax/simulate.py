@@ -46,9 +46,11 @@ from .results import (
     SlopeEvidence,
     Status,
     climb,
+    cutoff,
     diagnostics,
     error,
     gather,
+    modes_lag,
     running,
     traced,
 )
@@ -224,7 +226,9 @@ def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Meas
     run = outcome
     what = structure, fidelity, history, only, own
     if fidelity.gradient == "forward":
-        judge = functools.partial(diagnostics.of_derivatives, fidelity=fidelity)
+        judge = functools.partial(
+            diagnostics.of_derivatives, tolerance=fidelity.gradient_tolerance
+        )
         run = by_columns(outcome, judge, what)
     # Others' programs are ten times as large: as one kernel they take many minutes to optimise.
     modal = fidelity.integrator == "modal"
@@ -314,8 +318,8 @@ def _run(
     measures = {name: m for name, m in known.items() if only is None or name in only}
     wanted = {part: only is None or part in only for part in _PARTS}
     forward = fidelity.gradient == "forward" and fidelity.integrator == "modal"
-    apart = fidelity.peaks_apart if forward else None
-    running_sums = running(tuple(measures.values()), wanted["energy"], apart)
+    slopes = (fidelity.step_tolerance or 0.0) if forward else None
+    running_sums = running(tuple(measures.values()), wanted["energy"], slopes)
     traces = traced(tuple(measures.values()))
     done, unmet = 1.0, None
     if isinstance(scene, NormalScene):
@@ -345,11 +349,12 @@ def _run(
                 mechanics, clock, memory.body, vibration, steps, recorder
             )
         status = diagnostics.of_record(scene, mechanics, record, done, start, unmet)
-    slopes = None
+    evidence = None
     if forward:
-        states, seen = record.states, diagnostics.evidence(record)
-        slopes = SlopeEvidence(
+        states = record.states
+        resolution, deepest = jax.lax.stop_gradient((states["resolution"], states["deepest"]))
+        evidence = SlopeEvidence(
             states["force"].value, states["slopes"].at_peak, states["rivals"],
-            diagnostics.modes_lag(link, seen),
+            modes_lag(resolution, deepest, cutoff(link)),
         )  # fmt: skip
-    return gather(record, measures, wanted, saved, start, status, scene), slopes
+    return gather(record, measures, wanted, saved, start, status, scene), evidence

@@ -13,6 +13,7 @@ from . import (
     diagnostics as diagnostics,
     error as error,
     hold as hold,
+    rivals as rivals,
 )
 from .accumulators import (
     Accumulator as Accumulator,
@@ -45,8 +46,8 @@ from .refinement import (
     climb as climb,
     refined as refined,
 )
+from .resolution import cutoff as cutoff, modes_lag as modes_lag
 from .result import Result as Result, gather as gather
-from .rivals import rivals as rivals
 from .sample import (
     Energy as Energy,
     Power as Power,

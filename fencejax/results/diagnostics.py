@@ -19,8 +19,9 @@ from ..model import FlexibleLink, Mechanics, force_tolerance
 from ..scenes import NormalScene, Scene, consistent
 from .peak import Peak
 from .recorder import Record
-from .resolution import Resolution
+from .resolution import Resolution, cutoff, modes_lag
 from .result import Result
+from .rivals import SLOPES_LAGGING
 from .sample import Sample
 from .slopes import SlopeEvidence, relative_error
 from .status import NUMERICAL, Status, worst
@@ -50,10 +51,6 @@ _DAMPER_HELD = 1e6
 # contact: |N''| G / w^2 with their compliance G and w between the highest frequency kept and the
 # lowest left out.
 _LAGGING = 0.0042
-# The same where derivatives are asked for: near the other limit a search finds peaks off by 1 %
-# that another of two maxima makes, or a tenth of a millisecond beside, and derivatives off by more
-# than is promised.
-_SLOPES_LAGGING = 0.0021
 # What the modes left out may bend the fence statically, as a share of the flexible link's length:
 # their deflection and slope are right, not what these do to the arc's length and to other corners.
 _RESIDUAL_DEFLECTION = 0.003
@@ -152,20 +149,6 @@ def _belt_slip_unresolved(scene: Scene, fidelity: Fidelity, seen: Evidence) -> A
     return (peak.belt_slip_reversed > 0) & (jump > _STEP_SLIP * peak.slip)
 
 
-def modes_lag(link: FlexibleLink | None, seen: Evidence) -> Array:
-    """How far the modes left out lag behind their static deflection, as a share of the depth of the
-    contact [1]; 0 where there are none."""
-    if link is None or not link.clamped_eigenvalues.size:
-        return jnp.zeros_like(seen.deepest)
-    # A clamped beam's n-th frequency goes with (n - 1/2)^2.
-    clamped = jax.lax.stop_gradient(link.clamped_eigenvalues)
-    kept = clamped.shape[-1]
-    square = ((kept + 0.5) / (kept - 0.5)) ** 2 * clamped[-1]
-    some = seen.deepest > 0
-    lag = seen.resolution.residual_acceleration / jnp.where(some, square * seen.deepest, 1.0)
-    return jnp.where(some, lag, 0.0)
-
-
 def unresolved(
     link: FlexibleLink | None,
     fidelity: Fidelity,
@@ -184,9 +167,8 @@ def unresolved(
         above = seen.force.value - seen.resolution.largest
         rough = unmet | (above > _ABOVE_SAMPLES * tolerance * seen.force.value)
     again = seen.resolution.at_peak.rebound_roughness > _REBOUND_ROUGHNESS * seen.force.value
-    checks = [(Status.STEP_TOO_COARSE, rough | again)]
-    checks.append((Status.MODES_TOO_FEW, modes_lag(link, seen) > _LAGGING))
-    return checks
+    lag = modes_lag(seen.resolution, seen.deepest, cutoff(link))
+    return [(Status.STEP_TOO_COARSE, rough | again), (Status.MODES_TOO_FEW, lag > _LAGGING)]
 
 
 def of_record(
@@ -362,13 +344,13 @@ Outcome = tuple[Result, SlopeEvidence | None]
 
 
 def of_derivatives(
-    outcome: Outcome, columns: Outcome, at: Array, fidelity: Fidelity
+    outcome: Outcome, columns: Outcome, at: Array, tolerance: float
 ) -> tuple[Outcome, Outcome]:
     """The same with what the derivatives in numbers of the values `at` say of the status:
-    `STEP_TOO_COARSE` where those of the peak force may be off by more than the `fidelity`'s
-    `gradient_tolerance`, by its steps or as another maximum is about as high; `MODES_TOO_FEW` where
-    the modes left out lag too far behind for them; and `NON_FINITE`, with derivatives of 0, where
-    one is not finite, as of a state that runs away and is finite still.
+    `STEP_TOO_COARSE` where those of the peak force may be off by more than the `tolerance` [1], by
+    the steps or as another maximum is about as high; `MODES_TOO_FEW` where the modes left out lag
+    too far behind for them; and `NON_FINITE`, with derivatives of 0, where one is not finite, as of
+    a state that runs away and is finite still.
 
     A motion whose derivative is lost ends without one. So in a whole result the end and the tip
     tell: looking at all of it would cost the derivatives that nobody reads.
@@ -377,11 +359,11 @@ def of_derivatives(
     status = result.status
     # Sizes that are summed have no second derivatives.
     if slopes is not None and of_slopes is not None and of_slopes.force.shape == at.shape:
-        error = relative_error(of_slopes, slopes, at, fidelity.peaks_apart)
+        error = relative_error(of_slopes, slopes, at)
         result = eqx.tree_at(lambda r: r.gradient_error, result, error)
         checks = (
-            (Status.MODES_TOO_FEW, slopes.modes_lag > _SLOPES_LAGGING),
-            (Status.STEP_TOO_COARSE, error > fidelity.gradient_tolerance),
+            (Status.MODES_TOO_FEW, slopes.modes_lag > SLOPES_LAGGING),
+            (Status.STEP_TOO_COARSE, error > tolerance),
         )
         doubt = worst(checks, status)
         status = jnp.where(status <= Status.LEFT_OVER_TIP, jnp.maximum(status, doubt), status)

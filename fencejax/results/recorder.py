@@ -15,7 +15,7 @@ from . import accumulators
 from .accumulators import Accumulator, Course, Step, Trace
 from .measures import Measure
 from .peak import Span
-from .resolution import RESOLUTION
+from .resolution import RESOLUTION, cutoff
 from .rivals import rivals
 from .sample import Sample, describe, describe_normal
 from .slopes import SLOPES
@@ -72,6 +72,11 @@ class AbstractRecorder(eqx.Module):
     def smoothing(self) -> Smoothing:
         """How dry friction is smoothed."""
 
+    @property
+    @abc.abstractmethod
+    def modes(self) -> FlexibleLink | None:
+        """What bends, if anything."""
+
     @abc.abstractmethod
     def sample(self, state: Any) -> Sample:
         """The sample of a scene's state."""
@@ -98,8 +103,9 @@ class AbstractRecorder(eqx.Module):
         # Times count from the scene's first sample.
         second = ~first & (before.time == 0)
         step = Step(
-            before, now, span, second, unbalance, self.smoothing, record.states, self.scene
-        )
+            before, now, span, second, unbalance, self.smoothing, cutoff(self.modes),
+            record.states, self.scene,
+        )  # fmt: skip
         states = {
             each.name: each.update(record.states[each.name], step)
             for each in self.kept.accumulators
@@ -121,11 +127,11 @@ class AbstractRecorder(eqx.Module):
 
 
 def running(
-    measures: tuple[Measure, ...], energy: bool, peaks_apart: float | None
+    measures: tuple[Measure, ...], energy: bool, slopes: float | None
 ) -> tuple[Accumulator, ...]:
     """The accumulators behind some measures, the ledger if its `energy` is wanted, what tells the
-    error of the peak force's derivatives unless `peaks_apart` is `None`, and the status, each
-    once."""
+    error of the peak force's derivatives, by steps of a tolerance, unless `slopes` is `None`, and
+    the status, each once."""
     found: dict[str, Accumulator] = {}
 
     def add(accumulator: Accumulator):
@@ -141,9 +147,9 @@ def running(
     if energy:
         add(accumulators.WORK)
         add(accumulators.ORIGIN)
-    if peaks_apart is not None:
+    if slopes is not None:
         add(SLOPES)
-        add(rivals(peaks_apart))
+        add(rivals(slopes))
     return tuple(found.values())
 
 
@@ -164,6 +170,10 @@ class SceneRecorder(AbstractRecorder):
     def smoothing(self) -> Smoothing:
         return self.mechanics.fidelity.smoothing
 
+    @property
+    def modes(self) -> FlexibleLink | None:
+        return self.mechanics.link
+
     def sample(self, state: SceneState) -> Sample:
         return describe(self.mechanics, *state)
 
@@ -179,6 +189,10 @@ class NormalRecorder(AbstractRecorder):
     def smoothing(self) -> Smoothing:
         # Nothing slides: any smoothing does.
         return Smoothing(1.0, 1.0)
+
+    @property
+    def modes(self) -> FlexibleLink | None:
+        return self.link
 
     def sample(self, state: NormalState) -> Sample:
         return describe_normal(self.scene.parcel, self.link, state)

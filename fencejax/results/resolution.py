@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Smoothing
+from ..model import FlexibleLink
 from ..scenes import Body
 from .accumulators import (
     BORDER,
@@ -181,6 +182,26 @@ def _residual_deflection(sample: Sample, least: Array) -> Array:
     for compliance, load in jax.lax.stop_gradient(sample.carried):
         least = jnp.maximum(least, compliance * jnp.abs(load))
     return least
+
+
+def cutoff(link: FlexibleLink | None) -> Array | None:
+    """The square of an angular frequency between those of the highest mode kept and of the lowest
+    one left out [1/s^2], as the n-th of a clamped beam goes with (n - 1/2)^2; `None` without."""
+    if link is None or not link.clamped_eigenvalues.size:
+        return None
+    clamped = jax.lax.stop_gradient(link.clamped_eigenvalues)
+    kept = clamped.shape[-1]
+    return ((kept + 0.5) / (kept - 0.5)) ** 2 * clamped[-1]
+
+
+def modes_lag(resolution: Resolution, deepest: Array, cutoff: Array | None) -> Array:
+    """How far the modes left out lag behind their static deflection, as a share of the depth of the
+    contact [1], its `deepest` so far [m]; 0 where there are none."""
+    if cutoff is None:
+        return jnp.zeros_like(deepest)
+    some = deepest > 0
+    lag = resolution.residual_acceleration / jnp.where(some, cutoff * deepest, 1.0)
+    return jnp.where(some, lag, 0.0)
 
 
 def ends_over_tip(step: Step) -> Array:

@@ -2,9 +2,12 @@
 
 The gradient of the peak force is that of the force at the instant at which it is largest. Other
 maxima, and shoulders, where the force all but rests as it rises or falls, may be as high within
-what a fidelity tells apart: which of them is the peak is then in doubt, and where two are equally
-high the peak force has a kink. What its gradient may be off by is how far their derivatives are
-from its own.
+what is known of a force: which of them is the peak is then in doubt, and where two are equally high
+the peak force has a kink. What its gradient may be off by is how far their derivatives are from its
+own.
+
+Forces are known to the tolerance of the steps and, as far as modes that are left out lag behind, to
+the 2.5 % that are promised, in proportion to the lag.
 
 The least and the most of derivatives are no functions of the motion: they are carried by numbers
 that are 0 themselves. So they cost nothing where nobody differentiates.
@@ -16,16 +19,25 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .accumulators import CONTACT, FORCE, Accumulator, Step
+from .accumulators import CONTACT, DEEPEST, FORCE, Accumulator, Step
 from .peak import Vertex
+from .resolution import RESOLUTION, modes_lag
+
+# What of a force is in doubt where modes left out lag as far as derivatives allow [1].
+_IN_DOUBT = 0.025
+SLOPES_LAGGING = 0.0021
+"""How far the modes left out may lag behind where derivatives are asked for, as `_LAGGING` in
+`diagnostics`. Near that limit a search finds peaks off by 1 % that another of two maxima makes, or
+a tenth of a millisecond beside, and derivatives off by more than is promised."""
 
 
 class Rivals(NamedTuple):
-    """The `largest` force [N] at a maximum or a shoulder so far; and two numbers that are 0, whose
-    derivatives are the `least` and the `most` of those of the force there and at the others that
-    are about as high."""
+    """The `largest` force [N] at a maximum or a shoulder so far; how far `apart` from it, as a
+    share, others count; and two numbers that are 0, whose derivatives are the `least` and the
+    `most` of those of the force there and at these."""
 
     largest: Array
+    apart: Array
     least: Array
     most: Array
 
@@ -65,20 +77,27 @@ def _candidate(step: Step) -> tuple[Array, Array]:
     return inner | shoulder, jnp.where(inner, value, 0.5 * (known.before + known.now))
 
 
-def rivals(peaks_apart: float) -> Accumulator:
-    """Of maxima and shoulders that are less than a share `peaks_apart` apart."""
+def _in_doubt(step: Step, tolerance: float) -> Array:
+    """The share of a force that is in doubt [1]."""
+    lag = modes_lag(step.known["resolution"], step.known["deepest"], step.cutoff)
+    return tolerance + _IN_DOUBT * jnp.minimum(lag / SLOPES_LAGGING, 1.0)
+
+
+def rivals(tolerance: float) -> Accumulator:
+    """By steps of a `tolerance` [1], 0 where they are fixed."""
 
     def update(state: Rivals, step: Step) -> Rivals:
         there, value = _candidate(step)
-        alone = there & (state.largest < (1 - peaks_apart) * value)
-        joins = there & (value > (1 - peaks_apart) * state.largest)
+        apart = jax.lax.stop_gradient(_in_doubt(step, tolerance))
+        alone = there & (state.largest < (1 - apart) * value)
+        joins = there & (value >= (1 - apart) * state.largest)
         flags = (joins.astype(value.dtype), alone.astype(value.dtype))
         least, most = _range(state.least, state.most, value, *flags)
         largest = jnp.where(there, jnp.maximum(state.largest, value), state.largest)
-        return Rivals(jax.lax.stop_gradient(largest), least, most)
+        return Rivals(jax.lax.stop_gradient(largest), apart, least, most)
 
     def start(nothing, body) -> Rivals:
         del body
-        return Rivals(*(nothing.time,) * 3)
+        return Rivals(*(nothing.time,) * 4)
 
-    return Accumulator("rivals", start, update, needs=(FORCE, CONTACT))
+    return Accumulator("rivals", start, update, needs=(FORCE, CONTACT, DEEPEST, RESOLUTION))

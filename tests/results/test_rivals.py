@@ -30,27 +30,28 @@ def shoulder(heights, time):
     return heights[0] * rise + heights[1] * bump(time, 3.52)
 
 
-def ranges(force, heights, peaks_apart):
+def ranges(force, heights, tolerance):
     """The largest force at a rival, and the least and the most of the derivatives in the heights,
-    each of the shape (2,)."""
-    watched = rivals(peaks_apart)
+    each of the shape (2,). There are no modes: forces are known to the tolerance of the steps."""
+    watched = rivals.rivals(tolerance)
 
     def run(heights):
+        zero = 0.0 * heights[0]
+
         def step(carry, time):
             peak, (before, rate_before, length_before), state = carry
             now, first = force(heights, time), time == 0
             span = Span(jnp.where(first, 0.0, STEP), first, 1.0)
             contact = SimpleNamespace(rate_before=rate_before, length_before=length_before)
             given = SimpleNamespace(
-                known={"force": peak, "contact": contact}, span=span,
-                now=SimpleNamespace(fence_force=now),
+                known={"force": peak, "contact": contact, "resolution": None, "deepest": zero},
+                span=span, cutoff=None, now=SimpleNamespace(fence_force=now),
             )  # fmt: skip
             state = watched.update(state, given)
             rate = (peak.now - before) / STEP
             carry = peak.update(now, time, span), (peak.now, rate, span.length), state
             return carry, None
 
-        zero = 0.0 * heights[0]
         nothing = SimpleNamespace(time=zero)
         begin = Peak.start(zero), (zero, zero, zero), watched.start(nothing, None)
         (_, _, state), _ = jax.lax.scan(step, begin, jnp.asarray(TIMES))
@@ -123,16 +124,15 @@ def test_a_peak_that_may_be_another_one_has_a_gradient_in_doubt():
         return along, result
 
     rungs = fj.Fidelity.standard().ladder()
-    (slopes, first), (_, second), (true, last) = map(found, rungs)
+    (slopes, first), (true, last) = map(found, (rungs[0], rungs[-1]))
     # Of four modes the lag of those left out tells, too.
     assert first.status >= fj.Status.MODES_TOO_FEW
+    assert first.gradient_error > 0.1
     off = np.linalg.norm(slopes - true) / np.linalg.norm(slopes)
     assert 0.15 < off < 1.5 * first.gradient_error
-    # With eight both maxima are there. Only derivatives are in doubt: the values are good.
-    assert second.status == fj.Status.STEP_TOO_COARSE
-    for fidelity, result in zip(rungs[:2], (first, second), strict=True):
-        alone = fj.simulate(KINDS["impact"].scene(TIED), fidelity=fidelity, only="peak_force")
-        assert alone.status <= fj.Status.LEFT_OVER_TIP
-        assert result.peak_force == pytest.approx(float(last.peak_force), rel=5e-3)
+    # Only derivatives are in doubt: the value is good.
+    alone = fj.simulate(KINDS["impact"].scene(TIED), fidelity=rungs[0], only="peak_force")
+    assert alone.status <= fj.Status.LEFT_OVER_TIP
+    assert alone.peak_force == pytest.approx(float(last.peak_force), rel=5e-3)
     assert last.status <= fj.Status.LEFT_OVER_TIP
     assert last.gradient_error < 1e-3

@@ -52,10 +52,7 @@ _JUDGED = 0.1
 
 def true_to(fidelity, step, **finer):
     """The same model by fixed steps; with `finer` knobs besides."""
-    last = fj.Fidelity.reference()
-    return fidelity.replace(
-        step=step, step_tolerance=None, peaks_apart=last.peaks_apart, **finer
-    )
+    return fidelity.replace(step=step, step_tolerance=None, **finer)
 
 
 def truth_of(fidelity, kind):
