@@ -88,28 +88,28 @@ SLOPES = Accumulator("slopes", _start, _update, needs=(FORCE, OVER_TIP))
 
 
 def relative_error(columns: SlopeEvidence, values: SlopeEvidence, at: Array) -> Array:
-    """Estimated error of the peak force's gradient [1]: what the steps miss of it, relative to its
-    norm or to the force if that is more; or, if that is more, how far the derivatives of the peak's
-    rivals are from it.
+    """Estimated error of the peak force's gradient [1], relative to its norm or to the force if
+    that is more: what the steps miss of it or, if that is more, how far the derivatives of the
+    peak's rivals are from it.
 
     `columns` are the derivatives in numbers whose values are `at`, each of the shape (numbers,).
-    The norm is that of the derivatives times these values. Of rivals it counts none as more than
-    the force: a length and a place along it may move the force by twenty times as much, each
-    alone, and by little together, as they do where a fence is made longer.
+    The norm is that of the derivatives times these values, none of which counts as more than the
+    force: a length and a place along it may move the force by twenty times as much, each alone, and
+    by little together, as they do where a fence is made longer.
     """
-    force = jnp.maximum(jnp.abs(values.force), jnp.finfo(at.dtype).tiny)
+    some = values.force > 0
+    scale = jnp.where(some, at / jnp.where(some, values.force, 1.0), 0.0)
+    along = scale * columns.force
+    counts = 1 / jnp.maximum(jnp.abs(along), 1.0)
 
     def norm(shares: Array) -> Array:
-        return jnp.sqrt(jnp.sum(shares**2))
+        return jnp.sqrt(jnp.sum((counts * shares) ** 2))
 
     missed, varied, lasted = columns.sums
-    some = lasted > 0
-    along = at * columns.force / force
-    off = at / force * jnp.where(some, missed * varied / jnp.where(some, lasted, 1.0), 0.0)
-    by_steps = norm(off) / jnp.maximum(norm(along), 1.0)
+    ever = lasted > 0
+    by_steps = norm(scale * jnp.where(ever, missed * varied / jnp.where(ever, lasted, 1.0), 0.0))
     _, _, least, most = columns.rivals
-    away = at / force * jnp.maximum(most - columns.force, columns.force - least)
-    counts = 1 / jnp.maximum(jnp.abs(along), 1.0)
-    by_rivals = norm(counts * away) / jnp.maximum(norm(counts * along), 1.0)
+    by_rivals = norm(scale * jnp.maximum(most - columns.force, columns.force - least))
     rivals = values.rivals.largest >= (1 - values.rivals.apart) * values.force
-    return jnp.maximum(by_steps, jnp.where(rivals, by_rivals, 0.0))
+    off = jnp.maximum(by_steps, jnp.where(rivals, by_rivals, 0.0))
+    return off / jnp.maximum(norm(along), 1.0)
