@@ -49,9 +49,10 @@ class Result(AbstractByName):
     """At which rung of `Fidelity.ladder` the numbers are (one a lane; 0: as asked for), where they
     were to be refined."""
     gradient_error: Array | None = None
-    """Estimated error of the peak force's gradient that the steps make [1], relative to its norm
-    (`fencejax.results.slopes`): where derivatives are computed, beside which `has_aux=True` gives
-    it. Infinite where none are, and `None` where it is not known how to tell."""
+    """Estimated error of the peak force's gradient [1], relative to its norm, made by the steps or
+    by another maximum that is about as high (`fencejax.results.slopes`): where derivatives are
+    computed, beside which `has_aux=True` gives it. Infinite where none are, and `None` where it is
+    not known how to tell."""
 
     _table = "measures"
     _known = MEASURES
