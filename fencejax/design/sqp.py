@@ -316,8 +316,12 @@ class Sequence:
         return solved
 
     def _moved(self, at: Vector, step: Vector) -> Vector:
-        """The point after a step; rounding leaves it within the bounds."""
-        return np.clip(at + step, 0.0, 1.0) if self.bounded else at + step
+        """The point after a step, on a bound where the rest is less than any step."""
+        if not self.bounded:
+            return at + step
+        moved = np.clip(at + step, 0.0, 1.0)
+        bound = np.round(moved)
+        return np.where(np.abs(moved - bound) < _SMALLEST, bound, moved)
 
     def _merit(self, at: Evaluation) -> float:
         return at.worst + self.nu * at.violation if not at.failed else np.inf
