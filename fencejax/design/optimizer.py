@@ -152,6 +152,7 @@ class Settings:
             return _outcome(run, at, held, Stop.FAILED_START, self.feasibility)
         run.outer, left = 1, None
         if isinstance(self.method, optax.GradientTransformation):
+            on_kink = False
             descent = FirstOrder(
                 self.method, held, penalty=self.penalty, bounded=self.bounded
             )
@@ -169,13 +170,15 @@ class Settings:
                     run.outer += 1
                     end, held, outcome = sequence.run(run, best, held, latest)
             left = sequence.left if sequence.judged is end else None
+            on_kink = sequence.on_kink
         stop = Stop.STAGNATED if outcome == "spent" and run.circling else _ENDS[outcome]
         if stop is not Stop.OPTIMAL:
             best = self._best(run)
             if best is not end:
                 end, held, left = best, _refit(best, held), None
             stop = _without_optimum(stop, end.violation <= self.feasibility)
-        return _outcome(run, end, held, stop, self.feasibility, left)
+        on_kink &= stop is Stop.OPTIMAL
+        return _outcome(run, end, held, stop, self.feasibility, left, on_kink)
 
 
     def _best(self, run: Evaluator) -> Evaluation:
@@ -248,6 +251,7 @@ def _outcome(
     stop: Stop,
     feasibility: float,
     left: Residual | None = None,
+    on_kink: bool = False,
 ) -> Optimum:
     return Optimum(
         first=run.first,
@@ -259,4 +263,5 @@ def _outcome(
         stop=stop,
         feasible=at.violation <= feasibility,
         history=tuple(run.records),
+        on_kink=on_kink,
     )

@@ -46,6 +46,8 @@ class Optimum(Readable):
       with the slopes that points within a hundredth of the ranges found on its sides.
     - `stop`, `feasible`: why it ended; whether all limits hold.
     - `history`: every evaluation.
+    - `on_kink`: whether the conditions hold by the slopes on the sides of a kink, of which the
+      residual of a single evaluation in `history` does not know.
 
     >>> optimum = fj.minimize(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)), [0.9])
     >>> optimum.point.round(4), optimum.stop.name, optimum.converged
@@ -61,6 +63,13 @@ class Optimum(Readable):
     stop: Stop
     feasible: bool
     history: tuple[Record, ...]
+    on_kink: bool = False
+
+    @property
+    def ended(self) -> str:
+        """Why it ended, in words."""
+        sides = ", with the slopes on the sides of a kink that it ends on" if self.on_kink else ""
+        return self.stop.value + sides
 
     @property
     def point(self) -> Vector:
@@ -117,7 +126,7 @@ class Optimum(Readable):
             f"{100 * self.residual.violation:.3g} %"
         )  # fmt: skip
         rows = [
-            ("ended", self.stop.value),
+            ("ended", self.ended),
             ("limits", feasible),
             ("worst case", f"{shown(self.first.worst * self.scale, unit)} at the start, "
              f"{shown(self.objective, unit)} found"),

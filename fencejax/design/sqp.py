@@ -166,8 +166,9 @@ class _Region:
 
 @dataclasses.dataclass
 class Sequence:
-    """A run: what it is asked for, the penalty of the program, nu, the conditions as last seen and
-    where, and what the points of all its descents told, by which kinks are judged."""
+    """A run: what it is asked for, the penalty of the program, nu, the conditions as last seen,
+    whether on a kink, and where, and what the points of all its descents told, by which kinks are
+    judged."""
 
     bounded: bool
     tolerance: float
@@ -175,6 +176,7 @@ class Sequence:
     penalty: float
     nu: float = 0.0
     left: Residual | None = None
+    on_kink: bool = False
     judged: Evaluation | None = None
     told: list[LocalModel] = dataclasses.field(default_factory=list)
 
@@ -353,12 +355,12 @@ class Sequence:
     def _optimal(self, at: Evaluation, held: Multipliers, model: LocalModel) -> Multipliers | None:
         """The multipliers with which the conditions hold, at the point or on the sides of its
         kink; `None` where they do not."""
-        self.left, self.judged = residual(at, held, self.bounded), at
+        self.left, self.judged, self.on_kink = residual(at, held, self.bounded), at, False
         beside = model.with_branches(self.told, _BESIDE)
         if max(self.left[:2]) > self.tolerance and beside.widest > 0:
             rows = beside.balanced(self.bounded, self.tolerance)
             left = beside.residual(rows, at.violation, self.bounded)
             if max(left[:2]) < max(self.left[:2]):
-                self.left, held = left, beside.gathered(rows)
+                self.left, self.on_kink, held = left, True, beside.gathered(rows)
         within = max(self.left[:2]) <= self.tolerance and at.violation <= self.feasibility
         return held if within else None

@@ -108,7 +108,7 @@ class Solution:
     @property
     def stop(self) -> str:
         """Why the search ended."""
-        return "nothing is free" if self.optimum is None else self.optimum.stop.value
+        return "nothing is free" if self.optimum is None else self.optimum.ended
 
 
 def look(

@@ -219,7 +219,7 @@ def search_text(optimum: Optimum) -> str:
     left = optimum.residual
     held = "holds all limits" if optimum.feasible else "breaks limits"
     return (
-        f"The search stopped after {len(optimum.history)} evaluations: {optimum.stop.value}. What "
+        f"The search stopped after {len(optimum.history)} evaluations: {optimum.ended}. What "
         f"it ended with {held}. Residuals of the conditions of Karush, Kuhn and Tucker: "
         f"stationarity {left.stationarity:.1e}, complementarity {left.complementarity:.1e}, "
         f"violation {left.violation:.1e}."

@@ -230,7 +230,7 @@ def infeasible(optimum: Optimum) -> str:
 def ended(optimum: Optimum) -> dict[str, Any]:
     """How a search ended, for a JSON file."""
     return {
-        "stop": optimum.stop.value,
+        "stop": optimum.ended,
         "converged": optimum.converged,
         "feasible": optimum.feasible,
         "evaluations": len(optimum.history),

@@ -110,7 +110,7 @@ def decides(problem: SorterProblem, one: Solution) -> str:
     optimum = one.optimum
     if optimum is None or not one.prices:
         if optimum is not None and not optimum.converged:
-            return f"No limit and no bound decides where the search ended: {optimum.stop.value}."
+            return f"No limit and no bound decides where the search ended: {optimum.ended}."
         return "No limit decides, and no bound that could give way."
     lines = []
     for price in one.prices[:6]:
@@ -135,12 +135,12 @@ def decides_head(problem: SorterProblem, one: Solution) -> str:
     assert optimum is not None
     if optimum.feasible:
         head = f"What decides, and what relaxing it is worth in {plain(quantity.name)}"
-        head += ":" if optimum.converged else f" (nearly: {optimum.stop.value}):"
+        head += ":" if optimum.converged else f" (nearly: {optimum.ended}):"
     elif optimum.stop is Stop.INFEASIBLE:
         head = "No design nearby holds all limits. These fight, and relaxing one is worth:"
     else:
         head = (
-            f"No design that holds all limits was found ({optimum.stop.value}). At the nearest one "
+            f"No design that holds all limits was found ({optimum.ended}). At the nearest one "
             "these fight, and relaxing one is worth:"
         )
     return head

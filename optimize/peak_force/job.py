@@ -153,7 +153,7 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
         progress=lambda record: say(report.progress_line(record, config.quantity)),
     )
     after = np.asarray(space.from_shares(optimum.point))
-    say(f"\nstopped: {optimum.stop.value} ({len(optimum.history)} evaluations)")
+    say(f"\nstopped: {optimum.ended} ({len(optimum.history)} evaluations)")
     return _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
 
 
@@ -262,7 +262,7 @@ def _verdict(outcome: Outcome, impacts: batch.Impacts) -> str:
         if broken:
             text += f"; the {title} fence breaks the limits of {', '.join(broken)}"
     if not optimum.converged:
-        return text + ", but the design is not shown to be optimal: " + optimum.stop.value
+        return text + ", but the design is not shown to be optimal: " + optimum.ended
     if not outcome.succeeded:
         return text + ", but a check above contradicts the design"
     return text

@@ -210,3 +210,19 @@ def test_verification_states_the_error(circle):
     bad = verify(lambda z, least: (1.0, jnp.ones(1), 6), found, data=data, agreement=10.0)
     assert bad.status == 6
     assert not bad.confirmed
+
+
+@pytest.mark.parametrize("kink", [True, False])
+def test_an_optimum_on_a_kink_says_so(kink):
+    """There every single point leaves a slope of 1; the two sides together leave none."""
+
+    def problem(z):
+        across = jnp.abs(z[0] - 0.4) if kink else (z[0] - 0.4) ** 2
+        return 1 + across + (z[1] - 0.5) ** 2, jnp.ones(1), 0
+
+    found = minimize(problem, [0.9, 0.2], tolerance=1e-4)
+    assert found.converged
+    assert found.on_kink == kink
+    assert ("kink" in found.ended) == kink
+    assert max(found.residual[:2]) <= 1e-4
+    np.testing.assert_allclose(found.point, [0.4, 0.5], atol=1e-3)
