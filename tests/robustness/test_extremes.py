@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from robustness.extreme_scenes import ORDINARY, RUNS_LONG, TRUTH, impact, riding, stack
+from runs import one_by_one
 
 import fencejax as fj
 
@@ -158,7 +159,7 @@ def program(name):
     fidelity = getattr(fj.Fidelity, name)()
 
     @(RUNS_LONG if name == "reference" else jax.jit)
-    @jax.vmap
+    @(one_by_one if name in ("fast", "standard") else jax.vmap)
     def run(x):
         def values(varied):
             result = fj.simulate(impact(riding(x, varied)), fidelity=fidelity, history=False)
