@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from reference.beam import clamped_modes
+from runs import one_by_one
 
 import fencejax as fj
 
@@ -21,7 +22,7 @@ def ringing(step=RING_STEP):
     """A fence beside the parcel through a whole cycle and on: undamped, and as usual."""
 
     @jax.jit
-    @jax.vmap
+    @one_by_one
     def run(damping):
         fence = fj.Fence(material=fj.Material(damping_ratio=damping))
         drive = fj.HarmonicDrive(TOP_SPEED, CYCLE)

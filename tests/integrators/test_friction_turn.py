@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from robustness.searched_scenes import KINDS, changed
+from runs import one_by_one
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -87,7 +88,7 @@ def test_the_gradient_is_that_of_the_course_and_not_of_the_steps():
     x = {name: jnp.asarray(value) for name, value in TURNS.items()}
 
     @jax.jit
-    @jax.vmap
+    @one_by_one
     def run(share):
         def peak(share):
             scene = KINDS["impact"].scene(changed(x, {"reach": x["reach"] * (1 + share)}))

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from runs import one_by_one
 from scipy.integrate import solve_ivp
 
 import fencejax as fj
@@ -171,7 +172,7 @@ def across(tip_contact):
     )
 
     @jax.jit
-    @jax.vmap
+    @one_by_one
     def run(place):
         def impulse(place):
             scene = fj.scenes.oblique_impact(

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from robustness.extreme_scenes import ORDINARY, TRUTH, USUAL, WIDE, draw, impact, stack
+from runs import one_by_one
 
 import fencejax as fj
 
@@ -218,7 +219,7 @@ def told(name):
         rows.append({k: v[lane] for k, v in draw(seed, 128, ranges).items()})
 
     @jax.jit
-    @jax.vmap
+    @one_by_one
     def run(x):
         result = fj.simulate(impact(x, 0.1), fidelity=fidelity, only=("peak_force",))
         return result.status, result.peak_force

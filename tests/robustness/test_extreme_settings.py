@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from robustness.extreme_scenes import ORDINARY, impact
+from runs import one_by_one
 
 import fencejax as fj
 
@@ -117,7 +118,7 @@ def smoothed(slip_speed):
     )
 
     @jax.jit
-    @jax.vmap
+    @one_by_one
     def run(x):
         result = fj.simulate(impact(x), fidelity=fidelity, only=("peak_force",))
         return result.peak_force, result.status
