@@ -53,8 +53,8 @@ class Fidelity(Readable):
     - `halvings`: how often a step may be halved for it. Where the shortest ones still miss it, the
       status says `STEP_TOO_COARSE`.
     - `gradient_tolerance`: how far the gradient of the peak force may be off, relative to its norm,
-      by the estimate that the steps make of it (`Result.gradient_error`): above it the status says
-      `STEP_TOO_COARSE`, where a gradient is asked for.
+      by its estimate (`Result.gradient_error`): above it the status says `STEP_TOO_COARSE`, where a
+      gradient is asked for.
     - `step` [s]: the integrator's step where forces change smoothly, and the distance of samples in
       a contact (of a general integrator: of all samples).
     - `longest_stride`: how many such steps may be taken in one, a power of two, where nothing is
