@@ -197,20 +197,23 @@ def statuses_of(trial, fidelity):
         # The motion does not depend on the constants: it is computed once for all rows.
         return jax.jit(jax.vmap(jax.vmap(one, (None, 0)), (0, None)))
 
-    @functools.cache
-    def row(*factors):
+    programs = {}
+
+    def compiled(x, factors):
         """A program of its own: what judges derivatives is made with them."""
-
-        def run(x):
-            # Python runs this to trace it, anew for each row.
-            jax.clear_caches()
-            with _scaled(given.constants, factors):
-                return jax.vmap(lambda x: _peak(given, fidelity, x)[0])(x)
-
-        return jax.jit(run)
+        jax.clear_caches()
+        with _scaled(given.constants, factors):
+            run = jax.jit(jax.vmap(lambda x: _peak(given, fidelity, x)[0]))
+            return run.lower(x).compile()
 
     def rows(x, factors):
-        return np.stack([row(*map(float, one))(x) for one in factors], axis=-1)
+        found = []
+        for row in factors.tolist():
+            key = (*row, len(x["mass"]))
+            if key not in programs:
+                programs[key] = compiled(x, row)
+            found.append(programs[key](x))
+        return np.stack(found, axis=-1)
 
     return rows
 
