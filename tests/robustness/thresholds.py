@@ -40,6 +40,8 @@ from fencejax.study import in_chunks
 # The last one is as good as none.
 FACTORS = (0.5, 2.0, 1e9)
 RUNGS = ("standard", "coarse")
+# These refuse the more the larger they are: their inverse is what is halved, doubled, left out.
+_INVERSE = {"_IN_DOUBT"}
 # Lanes that run side by side, and those of what is compared with the truth.
 _LANES, _FEWER = 128, 32
 _DURATION = 0.1
@@ -174,6 +176,7 @@ def _scaled(constants, factors):
     usual = {each: _value(each) for each in constants}
     try:
         for constant, factor in zip(constants, factors, strict=True):
+            factor = 1 / factor if constant in _INVERSE else factor
             for home in _homes(constant):
                 setattr(home, constant, usual[constant] * factor)
         yield
