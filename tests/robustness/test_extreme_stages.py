@@ -40,6 +40,7 @@ WARNED = {
     ("flush", "stiffness-1e6"), ("flush", "ordinary"), ("flush", "static-is-kinetic"),
     ("flush", "drive-at-its-start"), ("border", "size-1m"), ("border", "hinge"),
     ("border", "drive-fast"), ("border", "overdamped"), ("border", "mass-100g"),
+    ("border", "friction-5"), ("border", "jam"),
 }
 SAID = {
     ("flush", "friction-5"): fj.Status.PEAK_AT_TIP,

@@ -29,6 +29,9 @@ PROMISES = {
     "fast": (0.0006, 0.0018, 0.011, 0.04),
     "standard": (0.0004, 0.0012, 0.004, 0.05),
 }
+# Impacts of two maxima of the force less apart than the tolerance of 1 %, whose derivatives have
+# nothing to do with each other: `coarse` cannot tell which counts, though it is right.
+TIED = {"coarse": [23, 25]}
 
 
 def measured(fidelity):
@@ -61,7 +64,9 @@ def test_rung_keeps_its_promise(name):
     assert truth["numbers"] == FAMILY.numbers.tolist()
     exact, slopes = np.array(truth["peak_force"]), np.array(truth["elasticities"])
     value, found, status = measured(getattr(fj.Fidelity, name)())
-    assert np.all(status <= fj.Status.IN_CONTACT_AT_END)
+    doubtful = np.flatnonzero(status > fj.Status.IN_CONTACT_AT_END)
+    assert doubtful.tolist() == TIED.get(name, [])
+    assert np.all(status[doubtful] == fj.Status.STEP_TOO_COARSE)
     error = np.abs(value / exact - 1)
     gradient = np.linalg.norm(found - slopes, axis=1) / np.linalg.norm(slopes, axis=1)
     most, worst, gradient_most, gradient_worst = PROMISES[name]
