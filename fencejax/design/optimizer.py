@@ -150,9 +150,8 @@ class Settings:
         held = _initial(at) if multipliers is None else _fitting(multipliers, at)
         if at.failed:
             return _outcome(run, at, held, Stop.FAILED_START, self.feasibility)
-        run.outer, left = 1, None
+        run.outer, left, on_kink = 1, None, False
         if isinstance(self.method, optax.GradientTransformation):
-            on_kink = False
             descent = FirstOrder(
                 self.method, held, penalty=self.penalty, bounded=self.bounded
             )
@@ -177,7 +176,7 @@ class Settings:
             if best is not end:
                 end, held, left = best, _refit(best, held), None
             stop = _without_optimum(stop, end.violation <= self.feasibility)
-        on_kink &= stop is Stop.OPTIMAL
+        on_kink = on_kink and stop is Stop.OPTIMAL
         return _outcome(run, end, held, stop, self.feasibility, left, on_kink)
 
 

@@ -239,20 +239,21 @@ def _touch(step: Step) -> Array:
     return jnp.where(step.span.first, 0.0, first)
 
 
-class _Fall(NamedTuple):
+class Change(NamedTuple):
     """The rate of change [N/s] of the force over the step before the last one, and its length."""
 
     rate: Array
     length: Array
 
 
-def _last_change(step: Step, force_before: Array) -> _Fall:
+def last_change(step: Step, force_before: Array) -> Change:
+    """Of the fence's force over the step before this one, which began with `force_before` [N]."""
     length = step.span.length * step.span.ratio
     change = step.before.fence_force - force_before
-    return _Fall(change / jnp.where(length > 0, length, 1.0), length)
+    return Change(change / jnp.where(length > 0, length, 1.0), length)
 
 
-def _release(step: Step, state: ContactTimes, change: _Fall) -> Array:
+def _release(step: Step, state: ContactTimes, change: Change) -> Array:
     """Share of the step [1] after which the last of the corners that pressed has let go.
 
     A corner whose gap has passed zero lets go there. One that is still pressed in recovers its
@@ -289,7 +290,7 @@ def _update_contact(state: ContactTimes, step: Step) -> ContactTimes:
     before, now, length = step.before, step.now, step.span.length
     was, acts = _presses(step)
     begins, ends = acts & ~was, was & ~acts
-    change = _last_change(step, state.force_before)
+    change = last_change(step, state.force_before)
     released = jnp.where(ends, jnp.minimum(_release(step, state, change), 1.0), 0.0)
     share = jnp.where(begins, _touch(step), released)
     part = jnp.where(begins, 1.0 - share, jnp.where(ends, share, jnp.where(acts, 1.0, 0.0)))
@@ -328,7 +329,7 @@ def _update_impulse(impulse: Array, step: Step) -> Array:
     before, now = step.before.fence_force, step.now.fence_force
     contact = step.known["contact"]
     was, acts = _presses(step)
-    share = _release(step, contact, _last_change(step, contact.force_before))
+    share = _release(step, contact, last_change(step, contact.force_before))
     parting = 0.5 * share * step.span.length * before
     return impulse + jnp.where(was & ~acts, parting, step.integral(before, now))
 

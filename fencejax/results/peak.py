@@ -16,6 +16,11 @@ class Span(NamedTuple):
     ratio: Array | float
 
 
+def _bend(before: Array, now: Array, new: Array, span: Span) -> Array:
+    """Half the second difference of three samples, for the length of the last step."""
+    return (new - now + (before - now) / span.ratio) / (1 + span.ratio)
+
+
 class Vertex(NamedTuple):
     """The parabola through a sample and its two neighbours: whether the signal has a maximum there
     (`inner`), the parabola's largest value then, and its place after the sample in lengths of the
@@ -29,9 +34,8 @@ class Vertex(NamedTuple):
     def of(cls, before: Array, now: Array, new: Array, span: Span) -> "Vertex":
         """Of the sample `now`; `span` is that of the step from it to `new`."""
         # now + lean s + bend s^2 through the samples at s = -ratio, 0, 1 in this step's length.
-        rise = new - now
-        bend = (rise + (before - now) / span.ratio) / (1 + span.ratio)
-        lean = rise - bend
+        bend = _bend(before, now, new, span)
+        lean = new - now - bend
         inner = (now >= before) & (now > new) & (bend < 0)
         place = jnp.where(inner, -0.5 * lean / jnp.where(inner, bend, -1.0), 0.0)
         return cls(inner, now + 0.5 * lean * place, place)
@@ -73,9 +77,8 @@ def signed_second_difference(
 ) -> Array:
     """Second difference [N] of a force over the last two steps, for the length of the last one;
     the plain difference at the second sample of a scene, 0 at its first one."""
-    rise = new - now
-    bend = 2 * (rise + (before - now) / span.ratio) / (1 + span.ratio)
-    return jnp.where(span.first, 0.0, jnp.where(second, rise, bend))
+    bend = 2 * _bend(before, now, new, span)
+    return jnp.where(span.first, 0.0, jnp.where(second, new - now, bend))
 
 
 def second_difference(before: Array, now: Array, new: Array, span: Span, second: Array) -> Array:

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .accumulators import CONTACT, DEEPEST, FORCE, Accumulator, Step
+from .accumulators import CONTACT, DEEPEST, FORCE, Accumulator, Step, last_change
 from .peak import Vertex
 from .resolution import RESOLUTION, modes_lag
 
@@ -44,8 +44,8 @@ class Rivals(NamedTuple):
 
 @jax.custom_jvp
 def _range(least: Array, most: Array, new: Array, joins: Array, alone: Array):
-    """The two, to whose derivatives that of `new` is added where it `joins`, or replaces them where
-    it is `alone`; both flags are 0.0 or 1.0."""
+    """The two, whose derivatives take in that of `new` where it `joins` them, and are that of `new`
+    where it is `alone`; both flags are 0.0 or 1.0."""
     del new, joins, alone
     return least, most
 
@@ -69,7 +69,7 @@ def _candidate(step: Step) -> tuple[Array, Array]:
     length = step.span.length
     spans = (length > 0) & (contact.length_before > 0)
     rate = (now - known.now) / jnp.where(spans, length, 1.0)
-    middle = (known.now - known.before) / jnp.where(spans, length * step.span.ratio, 1.0)
+    middle = last_change(step, contact.force_before).rate
     before = contact.rate_before
     alike = (before * middle > 0) & (middle * rate > 0)
     least = jnp.abs(middle) < jnp.minimum(jnp.abs(before), jnp.abs(rate))

@@ -39,18 +39,19 @@ def ranges(force, heights, tolerance):
         zero = 0.0 * heights[0]
 
         def step(carry, time):
-            peak, (before, rate_before, length_before), state = carry
+            peak, contact, state = carry
             now, first = force(heights, time), time == 0
             span = Span(jnp.where(first, 0.0, STEP), first, 1.0)
-            contact = SimpleNamespace(rate_before=rate_before, length_before=length_before)
+            names = "force_before", "rate_before", "length_before"
+            before = SimpleNamespace(**dict(zip(names, contact, strict=True)))
             given = SimpleNamespace(
-                known={"force": peak, "contact": contact, "resolution": None, "deepest": zero},
-                span=span, cutoff=None, now=SimpleNamespace(fence_force=now),
+                known={"force": peak, "contact": before, "resolution": None, "deepest": zero},
+                span=span, cutoff=None, before=SimpleNamespace(fence_force=peak.now),
+                now=SimpleNamespace(fence_force=now),
             )  # fmt: skip
             state = watched.update(state, given)
-            rate = (peak.now - before) / STEP
-            carry = peak.update(now, time, span), (peak.now, rate, span.length), state
-            return carry, None
+            contact = peak.now, (peak.now - before.force_before) / STEP, span.length
+            return (peak.update(now, time, span), contact, state), None
 
         nothing = SimpleNamespace(time=zero)
         begin = Peak.start(zero), (zero, zero, zero), watched.start(nothing, None)

@@ -212,22 +212,21 @@ def statuses_of(trial, fidelity):
     def rows(x, factors):
         found = []
         for row in factors.tolist():
-            key = (*row, len(x["mass"]))
-            if key not in programs:
-                programs[key] = compiled(x, row)
-            found.append(programs[key](x))
+            if tuple(row) not in programs:
+                programs[tuple(row)] = compiled(x, row)
+            found.append(programs[tuple(row)](x))
         return np.stack(found, axis=-1)
 
     return rows
 
 
 def _peak(given, fidelity, x):
-    """Status, peak force, its time, and its slopes (varied,)."""
+    """Status, peak force and its slopes (varied,)."""
 
     def peak(varied):
         scene = given.scene(riding(x, varied))
-        result = fj.simulate(scene, fidelity=fidelity, only=("peak_force", "peak_time"))
-        return result.peak_force, (result.status, result.peak_force, result.peak_time)
+        result = fj.simulate(scene, fidelity=fidelity, only=("peak_force",))
+        return result.peak_force, (result.status, result.peak_force)
 
     slopes, found = jax.jacfwd(peak, has_aux=True)({n: x[n] for n in _VARIED})
     return *found, jnp.stack([slopes[n] * x[n] for n in _VARIED], axis=-1)
@@ -235,14 +234,14 @@ def _peak(given, fidelity, x):
 
 @functools.cache
 def peaks_of(trial, fidelity):
-    """Numbers of lanes -> status, peak force, its time and its slopes (see `peaks`)."""
+    """Numbers of lanes -> status, peak force and its slopes (see `peaks`)."""
     return jax.jit(jax.vmap(functools.partial(_peak, TRIALS[trial], fidelity)))
 
 
 def kept(found, truth, name):
     """Of each lane: whether the promise is kept, and whether that can be told."""
-    _, peak, _, slopes = found
-    true_status, true, _, true_slopes = truth
+    _, peak, slopes = found
+    true_status, true, true_slopes = truth
     told = (true_status <= fj.Status.LEFT_OVER_TIP) & (true > 0)
     size = np.where(true > 0, true, 1.0)
     of_value, of_gradient = PROMISE[name]
