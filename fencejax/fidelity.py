@@ -264,10 +264,10 @@ class Fidelity(Readable):
 
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":
-        """A tolerance of 1 %, steps of 1 ms at most, two modes, friction smoothed over 0.3
+        """A tolerance of 0.5 %, steps of 1 ms at most, three modes, friction smoothed over 0.3
         mm/s: for sweeps."""
         settings = dict(
-            modes=2, step=1e-3, step_tolerance=1e-2, gradient_tolerance=1 / 3,
+            modes=3, step=1e-3, step_tolerance=5e-3, gradient_tolerance=1 / 3,
             stride_tolerance=5e-3, slip_speed=3e-4, static_speed=1.5e-3,
         )  # fmt: skip
         return cls(**{**settings, **changes})

@@ -46,11 +46,9 @@ from .results import (
     SlopeEvidence,
     Status,
     climb,
-    cutoff,
     diagnostics,
     error,
     gather,
-    modes_lag,
     running,
     traced,
 )
@@ -352,9 +350,7 @@ def _run(
     evidence = None
     if forward:
         states = record.states
-        resolution, deepest = jax.lax.stop_gradient((states["resolution"], states["deepest"]))
         evidence = SlopeEvidence(
-            states["force"].value, states["slopes"].at_peak, states["rivals"],
-            modes_lag(resolution, deepest, cutoff(link)),
-        )  # fmt: skip
+            states["force"].value, states["slopes"].at_peak, states["rivals"]
+        )
     return gather(record, measures, wanted, saved, start, status, scene), evidence

@@ -46,7 +46,6 @@ from .refinement import (
     climb as climb,
     refined as refined,
 )
-from .resolution import cutoff as cutoff, modes_lag as modes_lag
 from .result import Result as Result, gather as gather
 from .sample import (
     Energy as Energy,

@@ -21,14 +21,10 @@ from jaxtyping import Array
 
 from .accumulators import CONTACT, DEEPEST, FORCE, Accumulator, Step, last_change
 from .peak import Vertex
-from .resolution import RESOLUTION, modes_lag
+from .resolution import LAGGING, RESOLUTION, modes_lag
 
-# What of a force is in doubt where modes left out lag as far as derivatives allow [1].
+# What of a force is in doubt where modes left out lag as far as they may [1].
 _IN_DOUBT = 0.025
-SLOPES_LAGGING = 0.0021
-"""How far the modes left out may lag behind where derivatives are asked for, as `_LAGGING` in
-`diagnostics`. Near that limit a search finds peaks off by 1 % that another of two maxima makes, or
-a tenth of a millisecond beside, and derivatives off by more than is promised."""
 
 
 class Rivals(NamedTuple):
@@ -80,7 +76,7 @@ def _candidate(step: Step) -> tuple[Array, Array]:
 def _in_doubt(step: Step, tolerance: float) -> Array:
     """The share of a force that is in doubt [1]."""
     lag = modes_lag(step.known["resolution"], step.known["deepest"], step.cutoff)
-    return tolerance + _IN_DOUBT * jnp.minimum(lag / SLOPES_LAGGING, 1.0)
+    return tolerance + _IN_DOUBT * jnp.minimum(lag / LAGGING, 1.0)
 
 
 def rivals(tolerance: float) -> Accumulator:

@@ -44,13 +44,11 @@ class Slopes(NamedTuple):
 
 class SlopeEvidence(NamedTuple):
     """What tells the error of the peak force's derivatives: the peak force [N] with its
-    derivatives, the sums until then, and its rivals; and, without derivatives, how far the modes
-    left out lag behind [1]."""
+    derivatives, the sums until then, and its rivals."""
 
     force: Array
     sums: Sums
     rivals: Rivals
-    modes_lag: Array
 
 
 @jax.custom_jvp

@@ -66,7 +66,7 @@ def test_control_that_tolerates_all_changes_nothing():
 
 def test_what_cannot_be_met_is_said():
     def status(halvings):
-        fidelity = fj.Fidelity(step_tolerance=1e-3, halvings=halvings)
+        fidelity = fj.Fidelity(modes=8, step_tolerance=1e-3, halvings=halvings)
         return int(fj.simulate(hard(MASS), fidelity=fidelity, only=ONLY).status)
 
     assert status(0) == fj.Status.STEP_TOO_COARSE

@@ -96,7 +96,7 @@ def check_sensitivity_study(names):
 
 def check_speed_against_accuracy(names):
     # In the quick mode the blow is along the normal alone, and free of friction: its error is that
-    # of two modes and steps of 1 ms, which the estimate covers.
+    # of three modes and steps of 1 ms, which the estimate covers.
     fj, result = names["fj"], names["result"]
     exact = fj.simulate(names["impact"](), fidelity=names["settings"][names["finest"]])
     for name in ("peak_force", "tip_deflection", "impulse"):

@@ -126,14 +126,11 @@ def test_a_peak_that_may_be_another_one_has_a_gradient_in_doubt():
 
     rungs = fj.Fidelity.standard().ladder()
     (slopes, first), (true, last) = map(found, (rungs[0], rungs[-1]))
-    # Of four modes the lag of those left out tells, too.
-    assert first.status >= fj.Status.MODES_TOO_FEW
+    # The lag of the modes left out tells, too.
+    assert first.status == fj.Status.MODES_TOO_FEW
     assert first.gradient_error > 0.1
     off = np.linalg.norm(slopes - true) / np.linalg.norm(slopes)
     assert 0.15 < off < 1.5 * first.gradient_error
-    # Only derivatives are in doubt: the value is good.
-    alone = fj.simulate(KINDS["impact"].scene(TIED), fidelity=rungs[0], only="peak_force")
-    assert alone.status <= fj.Status.LEFT_OVER_TIP
-    assert alone.peak_force == pytest.approx(float(last.peak_force), rel=5e-3)
+    assert first.peak_force == pytest.approx(float(last.peak_force), rel=5e-3)
     assert last.status <= fj.Status.LEFT_OVER_TIP
     assert last.gradient_error < 1e-3

@@ -97,7 +97,7 @@ def test_tapers(taper):
     coarse = jax.jit(jax.jacfwd(lambda h: _twice(rung(h)), has_aux=True))
     found_slope, (found, status) = jax.device_get(coarse(h))
     good = status <= fj.Status.LEFT_OVER_TIP
-    # Beside a tip as sharp as these two modes may be too few, and said to be.
+    # Beside a tip as sharp as these three modes may be too few, and said to be.
     assert np.sum(~good) <= (taper in ("sharper than a wedge", "to 1 % at the tip"))
     np.testing.assert_allclose(found[good], peak[good], rtol=PROMISE)
     np.testing.assert_allclose(found_slope[good], slope[good], rtol=0.02)

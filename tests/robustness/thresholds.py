@@ -133,7 +133,7 @@ TRIALS = {
     "impacts": Trial(
         halves, _impact,
         (
-            "_LAGGING", "_RESIDUAL_DEFLECTION", "_SMOOTHED", "_CREEP_LOSS", "_CREEP_SPEED",
+            "LAGGING", "_RESIDUAL_DEFLECTION", "_SMOOTHED", "_CREEP_LOSS", "_CREEP_SPEED",
             "_CREEP_SHARE", "_STEP_SLIP", "_REBOUND_ROUGHNESS", "_RINGING", "_DAMPER_HELD", "_HELD",
             "_EDGE",
         ),
@@ -151,11 +151,13 @@ TRIALS = {
         halves, _impact, ("_UNBALANCED",), {"step_tolerance": None}, ("energy", "final")
     ),
     "impacts, their gradients": Trial(
-        halves, _impact, ("SLOPES_LAGGING", "_IN_DOUBT"), of_gradients=True
+        halves, _impact, ("LAGGING", "_IN_DOUBT"), of_gradients=True
     ),
     "much static friction": Trial(steep, _impact, ("_CREEP_LOSS",), more=4),
     "parcels at the tip": Trial(at_tips, _impact, ("_ABOVE_SAMPLES",), more=4),
-    "whole sorts": Trial(whole_sorts, KINDS["sort"].scene, ("_BLOWS", "_HELD", "_EDGE")),
+    "whole sorts": Trial(
+        whole_sorts, KINDS["sort"].scene, ("_BLOWS", "_HELD", "_EDGE", "_DRIFTED")
+    ),
     "a clutch": Trial(clutches, on_clutch, ("_SLIPPING",)),
 }  # fmt: skip
 """Every trial by name."""
