@@ -9,11 +9,11 @@ import fencejax as fj
 from fencejax.fidelity import Smoothing
 from fencejax.results import hold
 
-# Designs of whole sorts that a search for errors came to. The first is caught by a friction that
-# 2 % less would not have held: steps of 5 us let it slip and steps of 2 us do not. The second
-# bounces on the fence six times: friction smoothed over a fifth moves the peak by 14 %. The third is
-# hit gently, lets go of a belt whose static friction is seven times the kinetic one, and drifts: by
-# a tenth of a millimetre more or less, of the 1.8 mm by which the second blow presses it in, and
+# Designs of whole sorts that a search for errors came to. The first is caught by a friction that 2
+# % less would not have held: steps of 5 us let it slip and steps of 2 us do not. The second bounces
+# on the fence six times: friction smoothed over a fifth moves the peak by 14 %. The third is hit
+# gently, lets go of a belt whose static friction is seven times the kinetic one, and drifts: by a
+# tenth of a millimetre more or less, of the 1.8 mm by which the second blow presses it in, and
 # friction smoothed over a fifth moves the peak by 8 %.
 CAUGHT = dict(
     thickness=0.0226454, reach=1.06409, flexible=0.322126, modulus=129837000.0, density=5811.14,
