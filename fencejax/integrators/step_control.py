@@ -26,7 +26,7 @@ from jaxtyping import Array
 from ..model import FenceState, Forces, force_tolerance
 from ..parts import AbstractFriction
 from .fence_response import FenceEnd
-from .step_defect import INNER, Ends, Pair, defects, friction_defect
+from .step_defect import INNER, Ends, Pair, defects, friction_defect, share_defect
 from .step_size import Clock, StepSize, Stride, is_whole
 
 # Share of the tolerance by which a defect may change the speed of approach.
@@ -102,8 +102,9 @@ def _judged(
     was: FenceState | None,
     after: FenceState | None,
 ) -> tuple[Array, Array, Array, Array]:
-    """The largest defect over what is allowed of it [1], of normal forces and of frictions, the
-    largest of what is allowed [N], and the largest force so far [N]."""
+    """The largest defect over what is allowed of it [1], of normal forces and of what only asks for
+    short steps (frictions, and forces that begin to end at the tip), the largest of what is allowed
+    [N], and the largest force so far [N]."""
     strides = tuple(clock.stride(theta * count) for theta in INNER)
     found = defects(pair, strides, stride.length, before.ends, now, fence, was, after)
     largest = before.largest
@@ -124,6 +125,8 @@ def _judged(
         touches = (a.normal > 0) | (b.normal > 0)
         most = jnp.maximum(most, jnp.where(touches, allowed, 0.0))
     rubs = jnp.zeros_like(largest)
+    for a, b in zip(before.ends, now, strict=True):
+        rubs = jnp.maximum(rubs, _over(share_defect(a, b), tolerance * largest))
     for friction, a, b in zip(pair.frictions, before.ends, now, strict=False):
         if friction is not None:
             assert pair.smoothing is not None

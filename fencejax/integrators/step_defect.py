@@ -139,6 +139,18 @@ def _inside(
     return _ringing(fence, vibration, tuple(residual), pads)
 
 
+def share_defect(was: Ends, now: Ends) -> Array:
+    """How far the normal force of a contact [N] is from its line inside a step in which it begins
+    to end near the tip, or comes to its end there: by half of what that takes away, at most, as it
+    may do all of that in either half of the step."""
+    kinks = (was.share != now.share) & (
+        (was.share >= 1) | (now.share >= 1) | (was.share <= 0) | (now.share <= 0)
+    )
+    most = jnp.maximum(was.share, now.share)
+    whole = jnp.maximum(was.normal, now.normal) / jnp.where(most > 0, most, 1.0)
+    return jnp.where(kinks, 0.5 * jnp.abs(now.share - was.share) * whole, 0.0)
+
+
 def friction_defect(
     friction: AbstractFriction, smoothing: Smoothing, was: Ends, now: Ends
 ) -> Array:

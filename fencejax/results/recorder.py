@@ -16,7 +16,7 @@ from .accumulators import Accumulator, Course, Step, Trace
 from .measures import Measure
 from .peak import Span
 from .resolution import RESOLUTION, cutoff
-from .rivals import rivals
+from .rivals import STEPS_MISS, rivals
 from .sample import Sample, describe, describe_normal
 from .slopes import SLOPES
 
@@ -149,7 +149,7 @@ def running(
         add(accumulators.ORIGIN)
     if slopes is not None:
         add(SLOPES)
-        add(rivals(slopes))
+        add(rivals(STEPS_MISS * slopes))
     return tuple(found.values())
 
 

@@ -6,8 +6,8 @@ what is known of a force: which of them is the peak is then in doubt, and where 
 the peak force has a kink. What its gradient may be off by is how far their derivatives are from its
 own.
 
-Forces are known to the tolerance of the steps and, as far as modes that are left out lag behind, to
-the 2.5 % that are promised, in proportion to the lag.
+Forces are known to two tolerances of the steps and, as far as modes that are left out lag behind,
+to the 2.5 % that are promised, in proportion to the lag.
 
 The least and the most of derivatives are no functions of the motion: they are carried by numbers
 that are 0 themselves. So they cost nothing where nobody differentiates.
@@ -23,6 +23,9 @@ from .accumulators import CONTACT, DEEPEST, FORCE, Accumulator, Step, last_chang
 from .peak import Vertex
 from .resolution import LAGGING, RESOLUTION, modes_lag
 
+STEPS_MISS = 2.0
+"""What steps may miss of a force at a maximum, in tolerances of the error control, each on one side
+of it. A search had found two maxima 1.2 of them apart, the wrong one the higher."""
 # What of a force is in doubt where modes left out lag as far as they may [1].
 _IN_DOUBT = 0.025
 
@@ -73,18 +76,18 @@ def _candidate(step: Step) -> tuple[Array, Array]:
     return inner | shoulder, jnp.where(inner, value, 0.5 * (known.before + known.now))
 
 
-def _in_doubt(step: Step, tolerance: float) -> Array:
+def _in_doubt(step: Step, missed: float) -> Array:
     """The share of a force that is in doubt [1]."""
     lag = modes_lag(step.known["resolution"], step.known["deepest"], step.cutoff)
-    return tolerance + _IN_DOUBT * jnp.minimum(lag / LAGGING, 1.0)
+    return missed + _IN_DOUBT * jnp.minimum(lag / LAGGING, 1.0)
 
 
-def rivals(tolerance: float) -> Accumulator:
-    """By steps of a `tolerance` [1], 0 where they are fixed."""
+def rivals(missed: float) -> Accumulator:
+    """Of forces of which steps may have `missed` a share [1], 0 where they are fixed."""
 
     def update(state: Rivals, step: Step) -> Rivals:
         there, value = _candidate(step)
-        apart = jax.lax.stop_gradient(_in_doubt(step, tolerance))
+        apart = jax.lax.stop_gradient(_in_doubt(step, missed))
         alone = there & (state.largest < (1 - apart) * value)
         joins = there & (value >= (1 - apart) * state.largest)
         flags = (joins.astype(value.dtype), alone.astype(value.dtype))
