@@ -80,13 +80,13 @@ def oblique_impact(
 
     >>> print(fj.simulate(fj.scenes.oblique_impact(distance=0.9, parcel=fj.Parcel(mass=8.0))))
                 status  successful
-            peak force  873.71 N  at 30.91 ms
+            peak force  873.73 N  at 30.91 ms
                impulse  28.201 N s
                contact  56.44 ms  from 0.00 ms to 56.44 ms
            leaves at x  0.858 m  y 0.584 m (C_s, end of the force)
         tip deflection  34.23 mm  at 30.58 ms
         bending stress  10.87 MPa  at 0.450 m from the hinge
-          drive torque  934.57 N m  largest
+          drive torque  934.59 N m  largest
           border force  0.00 N  largest
          surface force  0.00 N  largest
          pressed in by  26.35 mm

@@ -222,7 +222,7 @@ def test_refusals(impact):
         fj.plot.draw_scene(IMPACT, impact, 0.0, forces=("gravity",))
     with pytest.raises(ValueError, match="`force_scale` must be finite and above 0"):
         fj.plot.draw_scene(IMPACT, impact, 0.0, force_scale=0.0)
-    with pytest.raises(ValueError, match="has 2 modes and the history 4"):
+    with pytest.raises(ValueError, match="has 3 modes and the history 4"):
         fj.plot.draw_scene(IMPACT, impact, 0.0, fidelity=fj.Fidelity.coarse())
     with pytest.raises(ValueError, match="holds none"):
         fj.plot.draw_scene(IMPACT, with_history(impact, None))

@@ -28,8 +28,6 @@ KINK = {"belt-friction-5": 0.2}
 """The same where a corner comes to rest on the fence at the peak: the derivative jumps there, the
 more so the less friction is smoothed. Fixed steps of 25 us find slopes that are 13 % off with the
 smoothing of `standard`, 20 % with a quarter of it."""
-RINGS = {("undamped", "fast"): 0.06}
-"""The same where nothing damps the fence: its phase at the peak depends on every step before."""
 
 # Designs: (changes of the ordinary impact).
 ROWS = {
@@ -130,8 +128,10 @@ GIVEN = {
     "approach-1", "no-friction", "friction-5", "static-is-kinetic", "at-the-joint", "at-a-node",
     "no-gravity", "size-2m", "steel-plate", "receding",
 }
-# It rides along the fence to its tip, where the force ends within a few steps of 1 ms, and bounces.
-WARNED = {("no-friction", "coarse"), ("no-friction", "fast")}
+# Without friction it rides along the fence to its tip, where the force ends within a few steps of
+# 1 ms, and bounces. Where nothing damps the fence, `fast` leaves in doubt which of two maxima is
+# the peak, and its gradient is 6 % off: the phase at the peak depends on every step before.
+WARNED = {("no-friction", "coarse"), ("no-friction", "fast"), ("undamped", "fast")}
 # What happened is said, and by which status.
 SAID = {
     ("reach-0.3m", "standard"): fj.Status.PEAK_AT_TIP,
@@ -266,7 +266,6 @@ def test_gradients_are_within_the_promise(name, fidelity):
         assert name not in GIVEN or (name, fidelity) in WARNED
         return
     promise = KINK.get(name, (GRADIENT_PROMISE if name in GIVEN else HARD)[fidelity])
-    promise = RINGS.get((name, fidelity), promise)
     off = np.linalg.norm(slopes[0] - true_slopes()[lane])
     assert off <= promise * np.linalg.norm(true_slopes()[lane])
 
