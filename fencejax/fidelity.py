@@ -215,8 +215,8 @@ class Fidelity(Readable):
         The second has at least eight modes, an eighth of the tolerance, half the step and an eighth
         of a millisecond at most, and half of the friction's smoothing; the third has the
         modes and the smoothing of `reference`, an eighth of the second one's tolerance and steps of
-        a tenth of a millisecond at most: as right as fixed steps of `reference`, which it has where
-        steps do not follow their error, in a third of the time. Both keep this one's geometry, so
+        a tenth of a millisecond at most, or the fixed step of `reference` where this one's steps do
+        not follow their error. Both keep this one's geometry, so
         that what is refined is the same model: the paper's chords are within 5e-4 of the arc, and
         their derivatives cost ten times as much. They keep its longest stride, too, over which
         nothing touches or parts: the 60,000 steps of a whole sort would else cost as much as all
@@ -235,9 +235,6 @@ class Fidelity(Readable):
 
         single = self.precision == "float32" or not jax.config.read("jax_enable_x64")
 
-        def resolved(*rungs: Fidelity) -> tuple[Fidelity, ...]:
-            return tuple(rung for rung in rungs if not (single and rung.step < SINGLE_STEP))
-
         if self.step <= last.step:
             beyond = self.replace(
                 modes=with_modes(2 * self.mode_count),
@@ -245,7 +242,7 @@ class Fidelity(Readable):
                 slip_speed=self.slip_speed / 2,
                 static_speed=self.static_speed / 2,
             )
-            return self, *resolved(beyond)
+            return (self,) if single else (self, beyond)
 
         finer = self.replace(
             modes=with_modes(8),
@@ -264,7 +261,9 @@ class Fidelity(Readable):
             slip_speed=min(finer.slip_speed, last.slip_speed),
             static_speed=min(finer.static_speed, last.static_speed),
         )
-        return self, *resolved(finer), *(() if single else (finest,))
+        if single:
+            return (self, finer) if finer.step >= SINGLE_STEP else (self,)
+        return self, finer, finest
 
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":

@@ -390,7 +390,7 @@ def at_rest(
     leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
     size = StepSize(zero, zero + 1) if stride_counts(mechanics.fidelity)[-1] > 1 else None
     if mechanics.fidelity.step_tolerance is not None:
-        size = StepSize(zero, zero + 1, Control.start(mechanics.frictions, zero))
+        size = StepSize(zero, zero + 1, Control.start(mechanics.frictions, len(places), zero))
     sticking = tuple(zero for _ in range(friction_tangent.count(mechanics)))
     held = still if sticking else None
     drifts = () if mechanics.fidelity.step_tolerance is None else none

@@ -107,7 +107,7 @@ def run(
     clock = Clock(link, fidelity, zero, step, maps)
     size = None
     if fidelity.step_tolerance is not None:
-        size = StepSize(zero, zero + 1, Control.start((None,), zero))
+        size = StepSize(zero, zero + 1, Control.start((None,), 0, zero))
     begin = _Memory(zero, scene.speed + zero, zero, zero, fence, size)
     reach = zero if link is None else link.reach
     given = (scene.parcel, link, shape, clock)
@@ -167,7 +167,7 @@ def _step(fidelity: Fidelity, given, memory: _Memory, begins: Array, ends: Array
         tolerance = fidelity.step_tolerance
         assert tolerance is not None
         foreseen = StepSize(ends - begins, jnp.full_like(ends, clock.unit))
-        now = (Ends(force, gap, rate, jnp.ones_like(gap)),)
+        now = (Ends(force, gap, rate),)
         size = controlled(
             Pair(law, blow.viscosity, parcel.mass), tolerance, clock, memory.step_size.control,
             foreseen, ends, stride, now, fence, memory.fence, held,

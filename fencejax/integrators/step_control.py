@@ -11,7 +11,7 @@ short steps where sliding comes to rest: the peak force hardly minds what these 
 derivatives do, as the moment of rest moves with the parameters. Where the shortest steps still miss
 it, they are taken; only what normal forces miss makes the status `STEP_TOO_COARSE`. So it is with
 the belt's friction, where the parcel lets go of it or its slip turns while the fence is touched: a
-share of that friction itself.
+share of that friction itself. And so it is where a force begins to end at the fence's tip.
 
 A step whose equations are not solved, as Newton's method has come to no end, is taken again as
 well: friction that holds is less stiff over a shorter one, next to the inertia.
@@ -55,12 +55,18 @@ class Control(NamedTuple):
     ends: tuple[Ends, ...]
 
     @classmethod
-    def start(cls, frictions: tuple[AbstractFriction | None, ...], zero: Array) -> "Control":
-        """Before the first step of a scene with contacts of these `frictions`."""
+    def start(
+        cls, frictions: tuple[AbstractFriction | None, ...], ending: int, zero: Array
+    ) -> "Control":
+        """Before the first step of a scene with contacts of these `frictions`, the first `ending`
+        of which may end at the fence's tip."""
         ends = tuple(
-            Ends(zero, zero, zero, zero, *(() if friction is None else (zero, zero)))
-            for friction in frictions
-        )
+            Ends(
+                zero, zero, zero, zero if k < ending else None,
+                *(() if friction is None else (zero, zero)),
+            )
+            for k, friction in enumerate(frictions)
+        )  # fmt: skip
         return cls(zero + 1, zero, zero, zero, ends)
 
     @property
@@ -78,7 +84,7 @@ def contacts(
     law act at the fence's corners."""
     found = []
     for k, (what, touch, _, _) in enumerate(forces.meetings):
-        share = touch.remaining(shares[k]) if k < len(shares) else jnp.ones_like(what.gap)
+        share = touch.remaining(shares[k]) if k < len(shares) else None
         rubs = () if frictions[k] is None else (what.friction, what.sliding)
         found.append(Ends(what.normal, what.gap, what.gap_rate, share, *rubs))
     return tuple(found)
@@ -124,17 +130,17 @@ def _judged(
         worst = jnp.maximum(worst, _over(force, allowed))
         touches = (a.normal > 0) | (b.normal > 0)
         most = jnp.maximum(most, jnp.where(touches, allowed, 0.0))
-    rubs = jnp.zeros_like(largest)
+    asked = jnp.zeros_like(largest)
     for a, b in zip(before.ends, now, strict=True):
-        rubs = jnp.maximum(rubs, _over(share_defect(a, b), tolerance * largest))
+        asked = jnp.maximum(asked, _over(share_defect(a, b), tolerance * largest))
     for friction, a, b in zip(pair.frictions, before.ends, now, strict=False):
         if friction is not None:
             assert pair.smoothing is not None
             off = friction_defect(friction, pair.smoothing, a, b)
-            rubs = jnp.maximum(rubs, _over(off, tolerance * largest))
+            asked = jnp.maximum(asked, _over(off, tolerance * largest))
     # A state that is no longer finite has no step that helps.
-    worst, rubs = (jnp.where(jnp.isfinite(found), found, 0.0) for found in (worst, rubs))
-    return worst, rubs, most, largest
+    worst, asked = (jnp.where(jnp.isfinite(found), found, 0.0) for found in (worst, asked))
+    return worst, asked, most, largest
 
 
 def controlled(
@@ -161,7 +167,7 @@ def controlled(
     belt. No derivative follows from it.
     """
     count = foreseen.last
-    missed_force, rubs, allowed, largest = _judged(
+    missed_force, asked, allowed, largest = _judged(
         pair, tolerance, clock, before, stride, count, now, fence, was, after
     )
     if belt is not None and now:
@@ -169,8 +175,8 @@ def controlled(
         square = jnp.maximum((tolerance * largest) ** 2, _OF_BELT**2 * most)
         # Without contact it moves no peak.
         over = jnp.where(allowed > 0, jnp.sqrt(_over(off, square)), 0.0)
-        rubs = jnp.maximum(rubs, jnp.where(jnp.isfinite(over), over, 0.0))
-    worst = jnp.maximum(missed_force, rubs)
+        asked = jnp.maximum(asked, jnp.where(jnp.isfinite(over), over, 0.0))
+    worst = jnp.maximum(missed_force, asked)
     unsolved = jnp.asarray(unsolved)
     first, shortest = count == 0, count <= 1
     accepted = ((worst <= 1) & ~unsolved) | shortest

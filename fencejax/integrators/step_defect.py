@@ -51,13 +51,13 @@ class Pair(NamedTuple):
 
 class Ends(NamedTuple):
     """A contact at the end of a step, and so at the start of the next one: the normal force [N],
-    the gap [m], its rate [m/s] and the share of the contact law that acts there [1]; the friction
-    [N] and the sliding speed [m/s], `None` without friction."""
+    the gap [m], its rate [m/s] and the share of the contact law that acts there [1], `None` where
+    all of it always does; the friction [N] and the sliding speed [m/s], `None` without friction."""
 
     normal: Array
     gap: Array
     gap_rate: Array
-    share: Array
+    share: Array | None = None
     friction: Array | None = None
     sliding: Array | None = None
 
@@ -143,6 +143,8 @@ def share_defect(was: Ends, now: Ends) -> Array:
     """How far the normal force of a contact [N] is from its line inside a step in which it begins
     to end near the tip, or comes to its end there: by half of what that takes away, at most, as it
     may do all of that in either half of the step."""
+    if was.share is None or now.share is None:
+        return jnp.zeros_like(now.normal)
     kinks = (was.share != now.share) & (
         (was.share >= 1) | (now.share >= 1) | (was.share <= 0) | (now.share <= 0)
     )
@@ -249,8 +251,9 @@ def defects(
             gap, gap_rate = _smooth(theta, length, low, high, bend)
             if k < len(ringing):
                 gap, gap_rate = gap + ringing[k].deflection, gap_rate + ringing[k].rate
-            share = a.share + theta * (b.share - a.share)
-            law = share * pair.law.force(gap, gap_rate, pair.viscosity).force
+            law = pair.law.force(gap, gap_rate, pair.viscosity).force
+            if a.share is not None and b.share is not None:
+                law = (a.share + theta * (b.share - a.share)) * law
             line = a.normal + theta * (b.normal - a.normal)
             defect = jnp.maximum(defect, jnp.abs(law - line))
         found.append(defect)
