@@ -159,25 +159,29 @@ def friction_defect(
     """How far the friction of a contact [N] is from its line inside a step, where the corner slides
     at a speed that goes straight under a normal force that does.
 
-    Friction bends where the corner comes to rest, and hardly before and after. So one point tells:
-    half way to there from that end of the step which is further off, or the middle.
+    Friction bends where the corner comes to rest, and where it falls from static to kinetic, by a
+    curve that may be as much above its line as below. So two points tell: half way from rest to
+    either end, or a quarter from each.
     """
     assert was.sliding is not None
     assert now.sliding is not None
     assert was.friction is not None
     assert now.friction is not None
     turns = was.sliding * now.sliding < 0
-    rest = was.sliding / jnp.where(turns, was.sliding - now.sliding, 1.0)
-    theta = jnp.where(turns, 0.5 * jnp.where(rest > 0.5, rest, 1 + rest), 0.5)
-    sliding, normal, line = (
-        a + theta * (b - a)
-        for a, b in (
-            (was.sliding, now.sliding),
-            (was.normal, now.normal),
-            (was.friction, now.friction),
+    rest = jnp.where(turns, was.sliding / jnp.where(turns, was.sliding - now.sliding, 1.0), 0.5)
+    off = jnp.zeros_like(rest)
+    for theta in (0.5 * rest, 0.5 + 0.5 * rest):
+        sliding, normal, line = (
+            a + theta * (b - a)
+            for a, b in (
+                (was.sliding, now.sliding),
+                (was.normal, now.normal),
+                (was.friction, now.friction),
+            )
         )
-    )
-    return jnp.abs(normal * corner_share(friction, sliding, smoothing)[0] - line)
+        of_line = normal * corner_share(friction, sliding, smoothing)[0] - line
+        off = jnp.maximum(off, jnp.abs(of_line))
+    return off
 
 
 def _product(a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
@@ -191,8 +195,10 @@ def belt_defect(
     that friction itself, both squared [N^2]; a moment counts as a force at the distance c. `None`
     without a belt.
 
-    It turns with the slip, where that passes near rest. So one point theta tells, as for a corner:
-    there the slip is (1 - theta) s_0 + theta s_1, friction g s, and what the two differ by
+    It turns with the slip, where that passes near rest, and falls from static to kinetic by a curve
+    that may be as much above its line as below. So two points tell, half way from rest to either
+    end, or a quarter from each: at theta the slip is (1 - theta) s_0 + theta s_1, friction g s, and
+    what it differs from its line by
 
         (1 - theta) (g - g_0) s_0 + theta (g - g_1) s_1.
     """
@@ -203,14 +209,16 @@ def belt_defect(
     square_0, square_1, both = _product(start, start), _product(end, end), _product(start, end)
     moved = square_0 + square_1 - 2 * both
     passes = (both < square_0) & (both < square_1)
-    rest = jnp.where(passes, (square_0 - both) / jnp.where(passes, moved, 1.0), 0.0)
-    theta = jnp.where(passes, 0.5 * jnp.where(rest > 0.5, rest, 1 + rest), 0.5)
-    left = 1 - theta
-    square = left**2 * square_0 + 2 * theta * left * both + theta**2 * square_1
-    grip = belt.grip(now, square, smoothing)
-    first, second = left * (grip - before), theta * (grip - after)
-    off = first**2 * square_0 + 2 * first * second * both + second**2 * square_1
-    return off, grip**2 * square
+    rest = jnp.where(passes, (square_0 - both) / jnp.where(passes, moved, 1.0), 0.5)
+    off = most = jnp.zeros_like(square_0)
+    for theta in (0.5 * rest, 0.5 + 0.5 * rest):
+        left = 1 - theta
+        square = left**2 * square_0 + 2 * theta * left * both + theta**2 * square_1
+        grip = belt.grip(now, square, smoothing)
+        first, second = left * (grip - before), theta * (grip - after)
+        of_line = first**2 * square_0 + 2 * first * second * both + second**2 * square_1
+        off, most = jnp.maximum(off, of_line), jnp.maximum(most, grip**2 * square)
+    return off, most
 
 
 def defects(

@@ -17,7 +17,8 @@ class CoDesignConfig:
     """Every number of the job; `python -m optimize.co_design --help` says what each is."""
 
     not_in_key = frozenset({
-        "out", "tolerance", "feasibility", "budget", "verify", "agreement", "plots",
+        "out", "tolerance", "feasibility", "budget", "starts", "scouting", "verify", "agreement",
+        "plots",
     })  # fmt: skip
     """Fields that do not bear on the numbers of an evaluation: those kept hold for any."""
     designs_drive = True
@@ -73,6 +74,13 @@ class CoDesignConfig:
     tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]")
     feasibility: float = flags.field(1e-4, "violation of a margin that counts as none [1]")
     budget: int = flags.field(200, "evaluations at most", least=1)
+    starts: int = flags.field(
+        6,
+        "first searches: from the fence given, and from others with the same drive, as each may "
+        "end in another valley; the most promising goes on",
+        least=1,
+    )
+    scouting: int = flags.field(30, "evaluations of each of them, where there are several", least=2)
     fidelity: str = flags.field(
         "standard", "fidelity of the optimisation", choices=flags.FIDELITIES
     )
@@ -139,10 +147,10 @@ class CoDesignConfig:
 
     def quick(self) -> "CoDesignConfig":
         """A small version: two sorts, or those of the sorter file, few control angles, the fast
-        fidelity throughout."""
+        fidelity throughout, from one start."""
         own = {} if self.sorter != machine.NONE else dict(masses=(15.0,), offsets=(0.05, 0.2))
         return dataclasses.replace(
-            self, controls=5, budget=40, fidelity="fast", verify="standard", **own
+            self, controls=5, budget=40, starts=1, fidelity="fast", verify="standard", **own
         )
 
 

@@ -7,7 +7,8 @@ period from parcel to parcel. The largest peak force of several whole sorts is m
 limits on the fence (tip deflection, stress), on the sort (the parcel gets across), on the drive
 (speed, acceleration and jerk, exact for the spline; torque, parcel included) and on what the fence
 still rings with when the next cycle begins. It starts from the paper's fence, with a spline as
-near as can be to the paper's drive.
+near as can be to the paper's drive, and from other fences with that drive: a search ends in the
+valley that it comes into. After some evaluations the most promising search goes on to its end.
 
 Every evaluation is written to `evaluations.jsonl` at once: the same command with the same folder
 goes on where it was interrupted.
@@ -15,14 +16,15 @@ goes on where it was interrupted.
 
 import dataclasses
 import time
+from collections.abc import Callable
 
 import numpy as np
 
-from fencejax.design import Journal, Stop, minimize, objectives, verify
+from fencejax.design import Journal, Optimum, Stop, minimize, objectives, verify
 from fencejax.printing import shown
 from fencejax.results import counted
 
-from ..common import command, designs, evaluations, machine, nearby, pages, report
+from ..common import command, designs, evaluations, machine, nearby, pages, report, starts
 from ..common.amounts import plain
 from . import page
 from .configuration import CoDesignConfig, configure
@@ -44,19 +46,10 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
         f"{joint.encounters.lanes} sorts, {len(joint.space.names)} variables: "
         f"{', '.join(joint.space.names)}; compiling (minutes, the first time) ..."
     )
-    optimum = minimize(
-        joint.program,
-        joint.start,
-        data=(joint.encounters,),
-        tolerance=config.tolerance,
-        feasibility=config.feasibility,
-        budget=config.budget,
-        journal=journal,
-        progress=lambda record: say(report.progress_line(record)),
-    )
+    tried, optimum, given = _search(joint, journal, say)
     say(f"\nstopped: {optimum.stop.value} ({len(optimum.history)} evaluations)")
     measured = {
-        "before": joint.measure(optimum.first.point), "after": joint.measure(optimum.point),
+        "before": joint.measure(given), "after": joint.measure(optimum.point),
     }  # fmt: skip
     verified = verify(
         lambda z: (*joint.combined(measured["after"], 0.0), measured["after"]["status"]),
@@ -64,17 +57,43 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
         agreement=config.agreement,
         feasibility=config.feasibility,
     )
-    before, after = (
-        np.asarray(joint.space.from_shares(e.point)) for e in (optimum.first, optimum.last)
-    )
+    before, after = (np.asarray(joint.space.from_shares(z)) for z in (given, optimum.point))
     outcome = Outcome(
-        config, joint, optimum, before, after, measured, verified, joint.stiff(optimum.point),
-        joint.push(optimum.point), time.perf_counter() - begin,
+        config, joint, tuple(tried), optimum, before, after, measured, verified,
+        joint.stiff(optimum.point), joint.push(optimum.point), time.perf_counter() - begin,
     )  # fmt: skip
     say("\n" + _table(outcome) + "\n\n" + _verdict(outcome) + "\n\n" + _mine(outcome))
     _write(outcome, journal)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
+
+
+def _search(
+    joint: Joint, journal: Journal, say: Callable[[str], None]
+) -> tuple[list[Optimum], Optimum, np.ndarray]:
+    """What searches from several starts came to, the one that was gone on with to its end, and the
+    design that was given."""
+    config = joint.config
+
+    def search(start: np.ndarray, budget: int, known: int = 0) -> Optimum:
+        return minimize(
+            joint.program,
+            start,
+            data=(joint.encounters,),
+            tolerance=config.tolerance,
+            feasibility=config.feasibility,
+            budget=budget,
+            journal=journal,
+            progress=lambda one: one.evaluation > known and say(report.progress_line(one)),
+        )
+
+    if len(joint.starts) == 1:
+        return [], search(joint.starts[0], config.budget), joint.starts[0]
+    few = min(config.scouting, config.budget)
+    tried, which = starts.scouted(search, joint.starts, few)
+    say(f"\n{starts.told(tried, few)}")
+    # The journal knows its evaluations: they are not made again.
+    return tried, search(joint.starts[which], config.budget, few), joint.starts[0]
 
 
 def _worst(outcome: Outcome, when: str) -> dict[str, float]:
@@ -154,6 +173,11 @@ def _write(outcome: Outcome, journal: Journal) -> None:
         "succeeded": outcome.succeeded,
         **report.ended(optimum),
         "recalled": journal.recalled,
+        "starts": [
+            {"lowest_force": starts.lowest(one), "stop": one.ended,
+             "evaluations": len(one.history)}
+            for one in outcome.tried
+        ],
         "design": {"before": space.named(outcome.before), "after": space.named(outcome.after)},
         "on_bounds": designs.on_bounds(space, outcome.after),
         "encounters": [joint.encounters.named(i) for i in range(joint.encounters.lanes)],

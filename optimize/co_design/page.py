@@ -6,7 +6,7 @@ import fencejax as fj
 from fencejax.printing import shown
 from fencejax.results import counted
 
-from ..common import nearby, pages, report
+from ..common import nearby, pages, report, starts
 from ..common.amounts import plain
 from ..common.encounters import Course
 from ..common.html_report import Part, Report, Section, Table
@@ -54,6 +54,7 @@ def write(outcome: Outcome, verdict: str) -> None:
             Section("Statuses and checks", [
                 pages.status_table(counted(measured["after"]["status"]), "Sorts at the design"),
                 pages.search_text(optimum),
+                *filter(None, [starts.told(outcome.tried, config.scouting)]),
             ]),
             pages.assumptions(
                 "The drive follows the motion exactly; the torque it takes for that is limited, "

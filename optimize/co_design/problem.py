@@ -11,11 +11,16 @@ import fencejax as fj
 from fencejax.design import LaneProgram, extremes, objectives, ring_amplitude
 from fencejax.results import refined
 
-from ..common import nearby
+from ..common import nearby, starts
 from ..common.encounters import Course, Encounter, inflexible
 from .configuration import CoDesignConfig
 
 _DRIVE = {"speed": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"}
+
+
+def _of_motion(name: str) -> bool:
+    """Whether a variable is of the drive's motion."""
+    return name.startswith("control_angles") or name == "cycle_time"
 
 
 class Joint:
@@ -32,7 +37,9 @@ class Joint:
         quantities = (objectives.PEAK_FORCE, *(x.quantity for x in self.limits))
         self._quantities = (*quantities, objectives.RING_ENERGY)
         base = self.space.values_of(self.space.fence, self.space.drive)
-        self.start = np.asarray(self.space.to_shares(base))
+        start = np.asarray(self.space.to_shares(base))
+        fence = [k for k, name in enumerate(self.space.names) if not _of_motion(name)]
+        self.starts = starts.spread(start, config.starts, fence)
         self.program = LaneProgram(
             self.sorts,
             lambda z, found, statuses, encounters: self.combined(

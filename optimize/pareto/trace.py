@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
 
 import fencejax as fj
 from fencejax.design import (
@@ -25,6 +24,7 @@ from fencejax.design import (
     verify,
 )
 
+from ..common.starts import best, spread
 from .problem import FORCE, OTHER, Measured, Tradeoff
 
 
@@ -99,22 +99,15 @@ class Tracer:
 
     def _ends(self) -> tuple[Optimum, Optimum]:
         """Where the force is least, from several starts, and where the other quantity is."""
-        start = self.tradeoff.start
-        power = int(np.ceil(np.log2(self.config.starts + 1)))
-        engine = qmc.Sobol(start.size, seed=0)  # pyright: ignore[reportCallIssue]
-        shares = 0.1 + 0.8 * engine.random_base2(power)[1 : self.config.starts]
-        starts = np.vstack([start, shares])
+        starts = spread(self.tradeoff.start, self.config.starts)
         self.say(f"least force, {len(starts)} starts; compiling (minutes, the first time) ...")
         if len(starts) == 1:
             tried = [self._minimize(starts[0], FORCE, self.tradeoff.loose, None)]
         else:
             tried = self._many(starts, [self.tradeoff.loose] * len(starts))
-        feasible = [o for o in tried if o.feasible]
-        best = min(feasible or tried, key=lambda o: (o.residual.violation, o.last.worst))
-        if feasible:
-            best = min(feasible, key=lambda o: o.last.worst)
+        least = best(tried)
         self.say(f"least {self.tradeoff.quantity.name.replace('_', ' ')}")
-        return best, self._minimize(best.point, OTHER, self.tradeoff.loose, None)
+        return least, self._minimize(least.point, OTHER, self.tradeoff.loose, None)
 
     def _data(self, minimised: float, bound: float):
         numbers = (np.asarray(x, dtype=float) for x in (minimised, bound, self.unit))

@@ -1,6 +1,8 @@
 """The belt's friction inside a step: how far it is from its line, and what short steps are worth
 where it turns and where a parcel lets go of the belt."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +13,7 @@ from robustness.peaks import gradient_error, peaks
 import fencejax as fj
 from fencejax.fidelity import Smoothing
 from fencejax.integrators import step_defect
-from fencejax.model import BeltContact
+from fencejax.model import BeltContact, corner_share
 from fencejax.scenes import Body
 
 WEIGHT, MU, SPEED, ARM = 20.0, 0.5, 2.0, 0.1
@@ -62,6 +64,66 @@ def test_slip_that_comes_to_rest_and_goes_back(rest):
 def test_a_parcel_at_rest_has_none():
     off, _ = step_defect.belt_defect(BELT, SHARP, body(0.0, 0.0, 0.0), body(0.0, 0.0, 0.0))
     assert float(off) == 0.0
+
+
+STRIBECK = fj.Friction(kinetic=0.43, static=0.87)
+SMOOTHED = Smoothing(1.5e-4, 7.5e-4)
+
+
+def test_two_points_see_the_fall_from_static_to_kinetic():
+    """That fall is a curve which crosses its chord: half way through a step it may be on its line
+    and a quarter from there by a third of itself off it. Of a parabola the two points see three
+    quarters of the largest deviation, of an odd cubic all but 3 %. What falls by a bell of the
+    width w_s is, over up to 2 w_s, between these and steeper: half is asked for.
+    """
+    belt = dataclasses.replace(BELT, friction=STRIBECK)
+    theta = jnp.linspace(0, 1, 201)
+
+    def seen(slip, after):
+        was, now = (Body(0.0, 0.0, 0.0, SPEED + 0.8 * s, 0.6 * s, 0.0) for s in (slip, after))
+        off, most = step_defect.belt_defect(belt, SMOOTHED, was, now)
+
+        def force(s):
+            body = Body(0.0, 0.0, 0.0, SPEED + 0.8 * s, 0.6 * s, 0.0)
+            found = belt.force(body, SMOOTHED)[0]
+            return 0.8 * found.x + 0.6 * found.y
+
+        forces = jax.vmap(force)(slip + theta * (after - slip))
+        line = forces[0] + theta * (forces[-1] - forces[0])
+        return jnp.sqrt(off), jnp.max(jnp.abs(forces - line)), jnp.sqrt(most)
+
+    rng = np.random.default_rng(0)
+    slips, afters = 10 ** rng.uniform(-5, -2, (2, 4000))
+    afters *= rng.choice([1, 1, -1], 4000)
+    off, largest, most = (np.asarray(x) for x in jax.jit(jax.vmap(seen))(slips, afters))
+    counts = (np.abs(afters - slips) < 2 * SMOOTHED.static_speed) & (largest > 0.02 * most)
+    assert np.sum(counts) > 1000
+    assert np.all(off[counts] > 0.5 * largest[counts])
+
+
+def test_two_points_see_it_at_a_corner_too():
+    theta, normal = jnp.linspace(0, 1, 201), jnp.asarray(7.0)
+
+    def friction(sliding):
+        return normal * corner_share(STRIBECK, sliding, SMOOTHED)[0]
+
+    def seen(sliding, after):
+        was, now = (
+            step_defect.Ends(normal, normal, normal, None, friction(s), s)
+            for s in (sliding, after)
+        )  # fmt: skip
+        forces = jax.vmap(friction)(sliding + theta * (after - sliding))
+        line = forces[0] + theta * (forces[-1] - forces[0])
+        off = step_defect.friction_defect(STRIBECK, SMOOTHED, was, now)
+        return off, jnp.max(jnp.abs(forces - line))
+
+    rng = np.random.default_rng(1)
+    slidings, afters = 10 ** rng.uniform(-5, -2, (2, 4000))
+    afters *= rng.choice([1, 1, -1], 4000)
+    off, largest = (np.asarray(x) for x in jax.jit(jax.vmap(seen))(slidings, afters))
+    counts = (np.abs(afters - slidings) < 2 * SMOOTHED.static_speed) & (largest > 0.02 * 0.43 * 7)
+    assert np.sum(counts) > 1000
+    assert np.all(off[counts] > 0.5 * largest[counts])
 
 
 # Found by a search for wrong gradients (`robustness.search`): the fence stops a light parcel and

@@ -12,9 +12,11 @@ import fencejax as fj
 from fencejax.design import LaneProgram, extremes, ring_amplitude
 from optimize.co_design import main, problem
 from optimize.co_design.configuration import CoDesignConfig, configure
+from optimize.common import starts
 
 _SMALL = CoDesignConfig(
-    masses=(15.0,), offsets=(0.1,), controls=4, budget=14, fidelity="coarse", verify="coarse",
+    masses=(15.0,), offsets=(0.1,), controls=4, budget=14, starts=2, scouting=8, fidelity="coarse",
+    verify="coarse",
 )  # fmt: skip
 
 
@@ -103,7 +105,39 @@ def test_files_and_resumption(small):
     again = main(CoDesignConfig(**{**vars(_SMALL), "out": out, "plots": False}), quiet=True)
     np.testing.assert_array_equal(again.after, outcome.after)
     content = json.loads((out / "co_design.json").read_text())
-    assert content["recalled"] == len(outcome.optimum.history)
+    # All of the first searches, and of the one that went on once more.
+    scouted = sum(len(one.history) for one in outcome.tried)
+    assert content["recalled"] == scouted + len(outcome.optimum.history)
+    assert len(content["starts"]) == 2
+    # `None` where a search met nothing within limits.
+    forces = [one["lowest_force"] for one in content["starts"] if one["lowest_force"]]
+    assert outcome.optimum.objective <= 1.01 * min(forces)
+    assert "2 starts" in (out / "report.html").read_text()
+
+
+def test_starts_keep_the_drive():
+    base = np.linspace(0.2, 0.8, 4)
+    found = starts.spread(base, 5, (0, 2))
+    np.testing.assert_array_equal(found[0], base)
+    np.testing.assert_array_equal(found[:, [1, 3]], np.tile(base[[1, 3]], (5, 1)))
+    assert len(np.unique(found[:, 0])) == 5
+    assert np.all((found[1:, [0, 2]] >= 0.1) & (found[1:, [0, 2]] <= 0.9))
+
+
+def test_the_most_promising_start_is_gone_on_with():
+    # Two valleys, the higher one at 0.2; a search from each ends in its own.
+    def problem(z):
+        force = 3 - jnp.exp(-100 * (z - 0.2) ** 2) - 2 * jnp.exp(-100 * (z - 0.8) ** 2)
+        return force, z, jnp.zeros(0, int)
+
+    at = np.array([[0.25], [0.75]])
+    tried, which = starts.scouted(lambda z, budget: fj.minimize(problem, z, budget=budget), at, 4)
+    assert which == 1
+    assert [len(one.history) for one in tried] == [4, 4]
+    assert starts.lowest(tried[1]) < 1.1 < 1.9 < starts.lowest(tried[0])
+    assert starts.best(tried) is tried[1]
+    assert starts.told(tried, 4).startswith("After 4 evaluations from each of 2 starts")
+    assert starts.told(tried[:1], 4) == ""
 
 
 def test_start_is_near_the_papers_drive():
