@@ -25,9 +25,10 @@ class Step(NamedTuple):
     """Two samples next to each other, as an accumulator sees them.
 
     `unbalance` [N] is the force that the step's equations leave unbalanced; `second` whether `now`
-    is the scene's second sample; `smoothing` how dry friction is smoothed; `cutoff` the square of
-    an angular frequency [1/s^2] up to which the fence's modes are kept, `None` without any; `known`
-    the states of all accumulators before this step; `scene` what is simulated.
+    is the scene's second sample; `smoothing` how dry friction is smoothed; `unit` [s] the length of
+    a step that nothing makes shorter; `cutoff` the square of an angular frequency [1/s^2] up to
+    which the fence's modes are kept, `None` without any; `known` the states of all accumulators
+    before this step; `scene` what is simulated.
     """
 
     before: Sample
@@ -36,6 +37,7 @@ class Step(NamedTuple):
     second: Array
     unbalance: Array
     smoothing: Smoothing
+    unit: float
     cutoff: Array | None
     known: Mapping[str, Any]
     scene: NormalScene | Scene

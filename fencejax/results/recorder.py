@@ -74,6 +74,11 @@ class AbstractRecorder(eqx.Module):
 
     @property
     @abc.abstractmethod
+    def unit(self) -> float:
+        """The length of a step that nothing makes shorter [s]."""
+
+    @property
+    @abc.abstractmethod
     def modes(self) -> FlexibleLink | None:
         """What bends, if anything."""
 
@@ -103,8 +108,8 @@ class AbstractRecorder(eqx.Module):
         # Times count from the scene's first sample.
         second = ~first & (before.time == 0)
         step = Step(
-            before, now, span, second, unbalance, self.smoothing, cutoff(self.modes),
-            record.states, self.scene,
+            before, now, span, second, unbalance, self.smoothing, self.unit,
+            cutoff(self.modes), record.states, self.scene,
         )  # fmt: skip
         states = {
             each.name: each.update(record.states[each.name], step)
@@ -171,6 +176,10 @@ class SceneRecorder(AbstractRecorder):
         return self.mechanics.fidelity.smoothing
 
     @property
+    def unit(self) -> float:
+        return self.mechanics.fidelity.step
+
+    @property
     def modes(self) -> FlexibleLink | None:
         return self.mechanics.link
 
@@ -189,6 +198,11 @@ class NormalRecorder(AbstractRecorder):
     def smoothing(self) -> Smoothing:
         # Nothing slides: any smoothing does.
         return Smoothing(1.0, 1.0)
+
+    @property
+    def unit(self) -> float:
+        # Nothing comes to the tip.
+        return 0.0
 
     @property
     def modes(self) -> FlexibleLink | None:

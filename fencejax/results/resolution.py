@@ -42,8 +42,8 @@ _LITTLE = 0.1
 class AtPeak(NamedTuple):
     """What was so when the fence's force was largest: `slip` [m/s] is the speed at which C_s
     slipped on the belt, `creep_time` [s] how long it had crept on it until then, `drift` [m] how
-    far it may have slid by that, `over_tip` 1.0 where a corner ran over the tip then or a step
-    later, `rebound_roughness` [N] the largest second difference of the force from step to step
+    far it may have slid by that, `over_tip` 1.0 where a corner ran over the tip then or up to a
+    step later, `rebound_roughness` [N] the largest second difference of the force from step to step
     until then if parcel and fence had parted before, else 0; `sliding_reversed` 1.0 where a corner
     pressed on the fence had come to rest on it, or turned round, before, `belt_slip_reversed` where
     C_s, pressed by it, had turned round on the belt; `blows` [1] how often the force had risen and
@@ -184,10 +184,14 @@ def _belt_slip_reversed(
     return jnp.where(turns, 1.0, known)
 
 
-def _at_peak(peak: Peak, known: AtPeak, sample: Sample, new: AtPeak) -> AtPeak:
-    """`known`, or what is so now where the force has not been larger; `peak` lacks this sample."""
+def _at_peak(peak: Peak, known: AtPeak, sample: Sample, new: AtPeak, unit: float) -> AtPeak:
+    """`known`, or what is so now where the force has not been larger; `peak` lacks this sample.
+
+    A force that is largest within a whole step before it begins to end at the tip rises, as far as
+    such steps tell, until then; and its derivative goes fast with the time in between.
+    """
     higher = sample.fence_force > peak.value
-    after = ~higher & (peak.now >= peak.value)
+    after = ~higher & ((peak.now >= peak.value) | (sample.time <= peak.time + unit))
     known = known._replace(
         over_tip=jnp.where(after, jnp.maximum(known.over_tip, new.over_tip), known.over_tip)
     )
@@ -292,7 +296,7 @@ def _update(state: Resolution, step: Step) -> Resolution:
         residual_deflection=_residual_deflection(now, state.residual_deflection),
         hold=hold,
         catch=catch,
-        at_peak=_at_peak(force, state.at_peak, now, at_peak),
+        at_peak=_at_peak(force, state.at_peak, now, at_peak, step.unit),
     )
 
 
