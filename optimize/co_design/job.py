@@ -46,7 +46,8 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
         f"{joint.encounters.lanes} sorts, {len(joint.space.names)} variables: "
         f"{', '.join(joint.space.names)}; compiling (minutes, the first time) ..."
     )
-    tried, optimum, given = _search(joint, journal, say)
+    tried, optimum = _search(joint, journal, say)
+    given = joint.starts[0]
     say(f"\nstopped: {optimum.stop.value} ({len(optimum.history)} evaluations)")
     measured = {
         "before": joint.measure(given), "after": joint.measure(optimum.point),
@@ -70,9 +71,8 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
 
 def _search(
     joint: Joint, journal: Journal, say: Callable[[str], None]
-) -> tuple[list[Optimum], Optimum, np.ndarray]:
-    """What searches from several starts came to, the one that was gone on with to its end, and the
-    design that was given."""
+) -> tuple[list[Optimum], Optimum]:
+    """What searches from several starts came to, and the one that was gone on with to its end."""
     config = joint.config
 
     def search(start: np.ndarray, budget: int, known: int = 0) -> Optimum:
@@ -88,12 +88,12 @@ def _search(
         )
 
     if len(joint.starts) == 1:
-        return [], search(joint.starts[0], config.budget), joint.starts[0]
+        return [], search(joint.starts[0], config.budget)
     few = min(config.scouting, config.budget)
     tried, which = starts.scouted(search, joint.starts, few)
-    say(f"\n{starts.told(tried, few)}")
+    say(f"\n{starts.told(tried)}")
     # The journal knows its evaluations: they are not made again.
-    return tried, search(joint.starts[which], config.budget, few), joint.starts[0]
+    return tried, search(joint.starts[which], config.budget, few)
 
 
 def _worst(outcome: Outcome, when: str) -> dict[str, float]:

@@ -54,7 +54,7 @@ def write(outcome: Outcome, verdict: str) -> None:
             Section("Statuses and checks", [
                 pages.status_table(counted(measured["after"]["status"]), "Sorts at the design"),
                 pages.search_text(optimum),
-                *filter(None, [starts.told(outcome.tried, config.scouting)]),
+                *filter(None, [starts.told(outcome.tried)]),
             ]),
             pages.assumptions(
                 "The drive follows the motion exactly; the torque it takes for that is limited, "

@@ -47,10 +47,11 @@ def scouted(
     return tried, min(range(len(tried)), key=order.__getitem__)
 
 
-def told(tried: Sequence[Optimum], evaluations: int) -> str:
+def told(tried: Sequence[Optimum]) -> str:
     """How low searches from several starts came, in a sentence; nothing of one."""
     if len(tried) < 2:
         return ""
+    evaluations = max(len(one.history) for one in tried)
     ends = [lowest(one) for one in tried]
     texts = [f"{end:.1f} N" if np.isfinite(end) else "none within limits" for end in ends]
     return (

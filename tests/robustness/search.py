@@ -54,7 +54,7 @@ _JUDGED = 0.1
 
 def true_to(fidelity, step, **finer):
     """The same model by fixed steps; with `finer` knobs besides."""
-    return fidelity.replace(**{"step": step, "step_tolerance": None, **finer})
+    return fidelity.replace(step=step, step_tolerance=None, **finer)
 
 
 def truth_of(fidelity, kind, of="value"):
@@ -78,7 +78,8 @@ def first_truth_of(fidelity, kind, of="value"):
 def _following(fidelity, share, **finer):
     """Steps of 0.1 ms at most that follow their error."""
     tolerance = fj.Fidelity.standard().step_tolerance / share
-    return _truth(fidelity, 1e-4, step_tolerance=tolerance, halvings=4, **finer)
+    fixed = _truth(fidelity, 1e-4, **finer)
+    return fixed.replace(step_tolerance=tolerance, halvings=4)
 
 
 def _truth(fidelity, step, **finer):
