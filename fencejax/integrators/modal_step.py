@@ -35,7 +35,7 @@ from ..scenes import Body
 from . import friction_tangent, friction_turn, newton, newton_matrix
 from .fence_response import FenceEnd
 from .step_control import Control, contacts, controlled
-from .step_defect import Pair, belt_defect
+from .step_defect import Pair
 from .step_size import Clock, StepSize, Stride, next_step_size, stride_counts
 
 
@@ -329,7 +329,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             unsolved = unbalance > 2 * force_tolerance(scale.dtype) * scale
             size = controlled(
                 pair, tolerance, clock, control, size, end, stride, now, fence, was, state,
-                unsolved, belt_defect(mechanics.belt, mechanics.fidelity.smoothing, body, after),
+                unsolved, mechanics.belt_defect(body, after),
             )  # fmt: skip
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)

@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..model import FenceState, Forces, force_tolerance
+from ..model import BeltDefect, FenceState, Forces, force_tolerance
 from ..parts import AbstractFriction
 from .fence_response import FenceEnd
 from .step_defect import INNER, Ends, Pair, defects, friction_defect, share_defect
@@ -32,11 +32,18 @@ from .step_size import Clock, StepSize, Stride, is_whole
 # Share of the tolerance by which a defect may change the speed of approach.
 _OF_SPEED = 0.1
 # Share of itself by which the belt's friction may be off its line inside a step, as it is where a
-# parcel lets go of the belt and where its slip turns (by 0.33 rad: by 3 a^2 / 32). It changes the
+# parcel lets go of the belt and where its slip turns (by 0.16 rad: by 3 a^2 / 32). It changes the
 # speed by this share of mu g h, or not, as the instant falls in the step. So the speed's derivative
 # in that instant is off by the share of mu g, however short the steps: next to an approach at 1.5
-# m/s that begins after 0.35 s, later in proportion to a drive's speed, by 1.5 % for this one.
-_OF_BELT = 0.01
+# m/s that begins after 0.35 s, later in proportion to a drive's speed, by 0.4 % for this one. Where
+# static friction is largest it changes little and the slip much, and the share tells less of the
+# instant: of 1 % a search found derivatives off by half of their norm, by a parcel pressed slowly
+# off the belt. A tolerance so small that twenty of it are less is kept by the belt, too.
+_OF_BELT, _IN_TOLERANCES = 0.0025, 20.0
+# Where the belt's friction falls as the slip grows, by k [N s/m], the slip and its derivatives grow
+# as exp(2 z), z = k h / (2 m), in a step: by the trapezoidal rule as (1 + z) / (1 - z), by 2 z^3 / 3
+# more, which is 1 % for this one, and without bound as z comes to 1.
+_GROWS = 0.25
 # The defect of a smooth force goes with the square of the step: a step of twice the length has four
 # times as much of it, with room for half as much again.
 _GROWTH = 6.0
@@ -156,25 +163,27 @@ def controlled(
     was: FenceState | None,
     after: FenceState | None,
     unsolved: Array | bool = False,
-    belt: tuple[Array, Array] | None = None,
+    belt: BeltDefect | None = None,
 ) -> StepSize:
     """Whether the step of `foreseen.last` that came to `end`, with the contacts `now`, is accepted,
     and how long the next trial is: up to the clock's unit by the defect, beyond it at most
     `foreseen.next` too.
 
     The fence, if any, was in the state `was` and is in the state `after`; `unsolved` is whether the
-    step's equations are left out of balance; `belt` is what `belt_defect` gives, `None` without a
-    belt. No derivative follows from it.
+    step's equations are left out of balance; `belt` is what `BeltContact.defect` gives, `None`
+    without a belt. No derivative follows from it.
     """
     count = foreseen.last
     missed_force, asked, allowed, largest = _judged(
         pair, tolerance, clock, before, stride, count, now, fence, was, after
     )
     if belt is not None and now:
-        off, most = belt
-        square = jnp.maximum((tolerance * largest) ** 2, _OF_BELT**2 * most)
+        of_belt = min(_OF_BELT, _IN_TOLERANCES * tolerance)
+        square = jnp.maximum((tolerance * largest) ** 2, of_belt**2 * belt.most)
+        growth = 0.5 * stride.length * belt.fall / pair.mass
+        over = jnp.maximum(jnp.sqrt(_over(belt.off, square)), growth / _GROWS)
         # Without contact it moves no peak.
-        over = jnp.where(allowed > 0, jnp.sqrt(_over(off, square)), 0.0)
+        over = jnp.where(allowed > 0, over, 0.0)
         asked = jnp.maximum(asked, jnp.where(jnp.isfinite(over), over, 0.0))
     worst = jnp.maximum(missed_force, asked)
     unsolved = jnp.asarray(unsolved)

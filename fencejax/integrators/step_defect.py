@@ -11,7 +11,6 @@ under the linear force, and the rest of the gap is smooth. Two inner points, a q
 the step, see deviations of even and of odd shape; their maps are those of shorter steps.
 """
 
-import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -19,7 +18,6 @@ from jaxtyping import Array
 
 from ..fidelity import Smoothing
 from ..model import (
-    BeltContact,
     FenceState,
     PadState,
     ResidualMode,
@@ -29,7 +27,6 @@ from ..model import (
     propagate,
 )
 from ..parts import AbstractContactLaw, AbstractFriction
-from ..scenes import Body
 from .fence_response import FenceEnd
 from .pad_response import PadEnd
 from .step_size import Stride
@@ -182,43 +179,6 @@ def friction_defect(
         of_line = normal * corner_share(friction, sliding, smoothing)[0] - line
         off = jnp.maximum(off, jnp.abs(of_line))
     return off
-
-
-def _product(a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
-    return functools.reduce(jnp.add, map(jnp.multiply, a, b))
-
-
-def belt_defect(
-    belt: BeltContact | None, smoothing: Smoothing, was: Body, now: Body
-) -> tuple[Array, Array] | None:
-    """How far the belt's friction is from its line inside a step, where the slip goes straight, and
-    that friction itself, both squared [N^2]; a moment counts as a force at the distance c. `None`
-    without a belt.
-
-    It turns with the slip, where that passes near rest, and falls from static to kinetic by a curve
-    that may be as much above its line as below. So two points tell, half way from rest to either
-    end, or a quarter from each: at theta the slip is (1 - theta) s_0 + theta s_1, friction g s, and
-    what it differs from its line by
-
-        (1 - theta) (g - g_0) s_0 + theta (g - g_1) s_1.
-    """
-    if belt is None:
-        return None
-    start, end = (belt.slip(body)[:3] for body in (was, now))
-    before, after = (belt.force(body, smoothing)[1][0] for body in (was, now))
-    square_0, square_1, both = _product(start, start), _product(end, end), _product(start, end)
-    moved = square_0 + square_1 - 2 * both
-    passes = (both < square_0) & (both < square_1)
-    rest = jnp.where(passes, (square_0 - both) / jnp.where(passes, moved, 1.0), 0.5)
-    off = most = jnp.zeros_like(square_0)
-    for theta in (0.5 * rest, 0.5 + 0.5 * rest):
-        left = 1 - theta
-        square = left**2 * square_0 + 2 * theta * left * both + theta**2 * square_1
-        grip = belt.grip(now, square, smoothing)
-        first, second = left * (grip - before), theta * (grip - after)
-        of_line = first**2 * square_0 + 2 * first * second * both + second**2 * square_1
-        off, most = jnp.maximum(off, of_line), jnp.maximum(most, grip**2 * square)
-    return off, most
 
 
 def defects(

@@ -15,6 +15,7 @@ from .beam import (
 )
 from .belt_contact import (
     BeltContact as BeltContact,
+    BeltDefect as BeltDefect,
     BeltForce as BeltForce,
 )
 from .belt_edge import (

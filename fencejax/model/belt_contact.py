@@ -1,12 +1,14 @@
 """The belt under the parcel: the force of Goyal's limit surface."""
 
+import functools
 from typing import NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Smoothing
-from ..parts import AbstractFriction
+from ..parts import AbstractFriction, Belt, Parcel
 from ..scenes import Body
 from .belt_edge import BeltEdge
 from .friction import belt_grip
@@ -33,6 +35,19 @@ class BeltSlip(NamedTuple):
     lever: Array | None = None
 
 
+class BeltDefect(NamedTuple):
+    """Of the belt's friction inside a step: how far it is from its line, and that friction itself,
+    both squared [N^2]; and how steeply it falls at most as the slip grows, `fall` [N s/m]."""
+
+    off: Array
+    most: Array
+    fall: Array
+
+
+def _product(a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
+    return functools.reduce(jnp.add, map(jnp.multiply, a, b))
+
+
 class BeltContact(eqx.Module):
     """The parcel's contact with the belt: the belt's speed v [m/s], the friction, the weight m_p g
     [N], the mean distance c [m] of the parcel's points from C_s and the belt's edge, if it ends
@@ -43,6 +58,13 @@ class BeltContact(eqx.Module):
     weight: Array
     mean_distance: Array
     edge: BeltEdge | None = None
+
+    @classmethod
+    def of(cls, belt: Belt, parcel: Parcel) -> "BeltContact":
+        """Of a parcel on a belt."""
+        edge = BeltEdge(belt, parcel) if belt.edge else None
+        weight = parcel.mass * belt.gravity
+        return cls(belt.speed, belt.friction, weight, parcel.mean_distance, edge)
 
     def slip(self, body: Body) -> BeltSlip:
         """On the belt."""
@@ -57,9 +79,9 @@ class BeltContact(eqx.Module):
         weight, arm, lever = self.edge.carried(body, self.weight)
         return BeltSlip(x + lever * body.spin, y, arm * body.spin, arm, lever), weight
 
-    def grip(self, body: Body, square: Array, smoothing: Smoothing) -> Array:
-        """The grip [N s/m] on a parcel that slips at a speed of that `square` [m^2/s^2]."""
-        return belt_grip(self.friction, self._carried(body)[1], square, smoothing)[0]
+    def grip(self, body: Body, square: Array, smoothing: Smoothing) -> tuple[Array, Array]:
+        """What `belt_grip` gives of a parcel that slips at a speed of that `square` [m^2/s^2]."""
+        return belt_grip(self.friction, self._carried(body)[1], square, smoothing)
 
     def force(self, body: Body, smoothing: Smoothing) -> tuple[BeltForce, tuple[Array, Array]]:
         """The belt's force, and (grip, d grip / d s^2) of `belt_grip`."""
@@ -70,3 +92,33 @@ class BeltContact(eqx.Module):
         if lever is not None:
             moment = moment - grip * lever * x
         return BeltForce(-grip * x, -grip * y, moment, grip * square), (grip, bend)
+
+    def defect(self, smoothing: Smoothing, was: Body, now: Body) -> BeltDefect:
+        """How far the friction is from its line inside a step, where the slip goes straight; a
+        moment counts as a force at the distance c.
+
+        It turns with the slip, where that passes near rest, and falls from static to kinetic by a
+        curve that may be as much above its line as below. So two points tell, half way from rest
+        to either end, or a quarter from each: at theta the slip is (1 - theta) s_0 + theta s_1,
+        friction g s, and what it differs from its line by
+
+            (1 - theta) (g - g_0) s_0 + theta (g - g_1) s_1.
+        """
+        start, end = (self.slip(body)[:3] for body in (was, now))
+        before, (after, bend) = self.force(was, smoothing)[1][0], self.force(now, smoothing)[1]
+        square_0, square_1 = _product(start, start), _product(end, end)
+        both = _product(start, end)
+        moved = square_0 + square_1 - 2 * both
+        passes = (both < square_0) & (both < square_1)
+        rest = jnp.where(passes, (square_0 - both) / jnp.where(passes, moved, 1.0), 0.5)
+        off = most = jnp.zeros_like(square_0)
+        fall = jnp.maximum(-after - 2 * bend * square_1, 0.0)
+        for theta in (0.5 * rest, 0.5 + 0.5 * rest):
+            left = 1 - theta
+            square = left**2 * square_0 + 2 * theta * left * both + theta**2 * square_1
+            grip, bend = self.grip(now, square, smoothing)
+            first, second = left * (grip - before), theta * (grip - after)
+            of_line = first**2 * square_0 + 2 * first * second * both + second**2 * square_1
+            off, most = jnp.maximum(off, of_line), jnp.maximum(most, grip**2 * square)
+            fall = jnp.maximum(fall, -grip - 2 * bend * square)
+        return BeltDefect(off, most, fall)

@@ -23,8 +23,7 @@ from ..parts import (
     turned,
 )
 from ..scenes import Body, Scene
-from .belt_contact import BeltContact, BeltForce, BeltSlip
-from .belt_edge import BeltEdge
+from .belt_contact import BeltContact, BeltDefect, BeltForce, BeltSlip
 from .contact import fade
 from .fence_geometry import FencePoint
 from .flexible_link import FlexibleLink
@@ -161,11 +160,7 @@ class Mechanics(eqx.Module):
         self.corners = {number: parcel.corner(number) for number in touching}
         self.law = parcel.contact_law
         self.viscosity = self.law.viscosity(parcel.mass)
-        self.belt = None
-        if belt is not None:
-            weight = parcel.mass * belt.gravity
-            edge = BeltEdge(belt, parcel) if belt.edge else None
-            self.belt = BeltContact(belt.speed, belt.friction, weight, parcel.mean_distance, edge)
+        self.belt = None if belt is None else BeltContact.of(belt, parcel)
         self.size = jnp.sqrt(self.inertia / self.mass)
         self.link = None
         if scene.fence is not None:
@@ -233,6 +228,10 @@ class Mechanics(eqx.Module):
         if self.edge_radius is not None:
             last = last + self.edge_radius / LEAST_SHARE
         return jnp.minimum(place + lean.shift, last)
+
+    def belt_defect(self, was: Body, now: Body) -> BeltDefect | None:
+        """What `BeltContact.defect` says of the belt's friction; `None` without a belt."""
+        return None if self.belt is None else self.belt.defect(self.fidelity.smoothing, was, now)
 
     def drag(self, sliding: Array) -> Array:
         """Friction on the fence along its tangent, over N [1], of a corner that slides there at a

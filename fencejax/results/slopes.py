@@ -6,7 +6,12 @@ steps miss
 
     R = sum of h^3 |N_p''| / 12
 
-in all, which comes back as an error of N_p at the rate at which N_p changes: e = R V / I, with V
+in all. Where the belt lets the parcel go within a step, or catches it, friction changes by J, and
+the impulse by J times the instant, of which the step knows nothing: its derivative lacks J times
+that of the instant. J d^2 stands for it, with d J how far friction is from its line inside the step:
+d^2 falls with the fourth power of a step that is short beside the change, what the trapezoidal rule
+owes to the instant faster yet. The instant goes with that at which the gap is what it is at the
+step's end, -D_p / Ddot. R comes back as an error of N_p at the rate at which N_p changes: e = R V / I, with V
 the sum of |change of N_p| and I the integral of |N_p|. Sizes are summed, not signed terms, which
 would cancel where nothing is right.
 
@@ -20,6 +25,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..model import BeltContact
+from ..scenes import NormalScene
 from .accumulators import FORCE, OVER_TIP, Accumulator, Step
 from .peak import signed_second_difference
 from .resolution import ends_over_tip
@@ -70,12 +77,32 @@ def _start(nothing, body) -> Slopes:
     return Slopes(sums, sums)
 
 
+def _friction_missed(step: Step) -> list[Array]:
+    """Numbers [N s] whose derivatives are what the step misses of that of the belt's impulse, by
+    corner that presses."""
+    scene, now = step.scene, step.now
+    if isinstance(scene, NormalScene) or scene.belt is None:
+        return []
+    belt, parcel, was, body, corners = jax.lax.stop_gradient(
+        (scene.belt, scene.parcel, step.before.body, now.body, now.fence)
+    )
+    off, most, _ = BeltContact.of(belt, parcel).defect(step.smoothing, was, body)
+    jump, found = off / jnp.sqrt(jnp.where(most > 0, most, 1.0)), []
+    for still, corner in zip(corners, now.fence, strict=True):
+        pressed = (still.normal > 0) & (still.gap_rate != 0)
+        rate = jnp.where(pressed, jnp.abs(still.gap_rate), 1.0)
+        found.append(jnp.where(pressed, jump / rate, 0.0) * corner.gap)
+    return found
+
+
 def _update(state: Slopes, step: Step) -> Slopes:
     known, new, span = step.known["force"], step.now.fence_force, step.span
     bend = signed_second_difference(known.before, known.now, new, span, step.second)
     missed = jnp.where(ends_over_tip(step), 0.0, span.length / 12 * bend)
     changes = Sums(missed, jnp.where(span.first, 0.0, new - known.now), span.length * new)
     now = Sums(*map(_with_size, state.now, changes))
+    for more in _friction_missed(step):
+        now = now._replace(missed=_with_size(now.missed, more))
     higher = new > known.value
     at_peak = jax.tree.map(lambda old, sums: jnp.where(higher, sums, old), state.at_peak, now)
     return Slopes(now, at_peak)

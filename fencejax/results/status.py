@@ -11,10 +11,10 @@ class Status(enum.IntEnum):
     """The outcome of a simulation, one a lane; the largest that applies counts.
 
     `text` says the likely cause and what to change. Up to `LEFT_OVER_TIP` the numbers are good
-    within what `Fidelity` promises; from `PEAK_AT_TIP` on they are not to be relied on, and
+    within what `Fidelity` promises; from `PEAK_AT_END` on they are not to be relied on, and
     `fencejax.good` takes them out of a sum and of its gradient.
 
-    >>> status = fj.Status(10)
+    >>> status = fj.Status(11)
     >>> status.name, status.numerical
     ('STEP_TOO_COARSE', True)
     """
@@ -23,16 +23,17 @@ class Status(enum.IntEnum):
     NEVER_TOUCHED = 1
     IN_CONTACT_AT_END = 2
     LEFT_OVER_TIP = 3
-    PEAK_AT_TIP = 4
-    LARGE_DEFLECTION = 5
-    DEEP_PENETRATION = 6
-    FRICTION_SMOOTHED = 7
-    MODES_TOO_FEW = 8
-    ENERGY_UNBALANCED = 9
-    STEP_TOO_COARSE = 10
-    LIMIT_REACHED = 11
-    INCONSISTENT = 12
-    NON_FINITE = 13
+    PEAK_AT_END = 4
+    PEAK_AT_TIP = 5
+    LARGE_DEFLECTION = 6
+    DEEP_PENETRATION = 7
+    FRICTION_SMOOTHED = 8
+    MODES_TOO_FEW = 9
+    ENERGY_UNBALANCED = 10
+    STEP_TOO_COARSE = 11
+    LIMIT_REACHED = 12
+    INCONSISTENT = 13
+    NON_FINITE = 14
 
     @property
     def text(self) -> str:
@@ -54,6 +55,8 @@ _TEXT = {
     Status.LEFT_OVER_TIP: "a corner ran over the fence's tip while pressed on it, and the force "
     "was ended there; let the tip carry on against the parcel's side by `tip_contact=True` in the "
     "scene, with the corner that follows, or that came under the fence, in `fence_corners`",
+    Status.PEAK_AT_END: "the fence's force was largest as the simulation ended and may grow on; run "
+    "longer with `duration=...`",
     Status.PEAK_AT_TIP: "the force was largest while a corner ran over the fence's tip, where it "
     "is ended; let the tip carry on against the parcel's side by `tip_contact=True` in the scene, "
     "with the corner that follows, or that came under the fence, in `fence_corners`",

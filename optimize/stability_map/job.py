@@ -8,7 +8,7 @@ do not suffice, with steps of 12.5 us. A point is
 
 - right: a good status, and the peak within the fidelity's promise;
 - off: a good status, and the peak beyond the promise. This is what must not be;
-- warned: a status from `PEAK_AT_TIP` on, which says what to change, or no reference to judge by;
+- warned: a status from `PEAK_AT_END` on, which says what to change, or no reference to judge by;
 - refused: out of bounds, or not a number.
 
 Writes `stability_axes.png`, `stability_pairs.png` and `stability_map.json`. The exit status is 0
@@ -127,7 +127,7 @@ def main(config: StabilityConfig, quiet: bool = False) -> bool:
     say(f"{hard.size} of them again, finer")
     finer = truth.replace(step=1.25e-5)
     judged[hard], true[hard] = _run(finer, config, [rows[k] for k in hard], say)
-    doubt = np.where(judged > fj.Status.LEFT_OVER_TIP, fj.Status.PEAK_AT_TIP, 0)
+    doubt = np.where(judged > fj.Status.LEFT_OVER_TIP, fj.Status.PEAK_AT_END, 0)
     report: dict = {"impacts": len(rows), "promise": PROMISE, "fidelities": {}}
     kinds, fine = {}, True
     for name in config.fidelities:

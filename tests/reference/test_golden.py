@@ -7,6 +7,11 @@ itself of the size of round-off once it has converged (its steps are quadratic).
 relative difference by about 500 x 100 x 2.2e-16 = 1e-11 for values; tangents grow no faster, but
 gradients are sums of terms up to 100 times as large as they are: 1e-9. Measured between programs
 unoptimised, fully optimised and without vector instructions: 4e-12 and 2e-11.
+
+What depends on the modes differs by more from one processor to another, whose LAPACK orders sums in
+its own way: a beam's eigenvalues are right to round-off beside the largest one, which is 4.6e7
+times the first, so 1e-8 of that, half as much its frequency. Its phase after 20 rad is off by 1e-7
+at worst, and as much the energies that go to and fro with it. Measured: 5e-9.
 """
 
 import numpy as np
@@ -23,6 +28,8 @@ CHEAP = [
     "rigid wall",
 ]
 RELATIVE = 1e-9
+# Of what goes with the phase of the modes.
+RELATIVE_OF_MODES = 1e-7
 # Numbers that are zero but for round-off: metres, joules and the like; slopes, per pascal too.
 ABSOLUTE, ABSOLUTE_SLOPE = 1e-12, 1e-17
 # The defect is the energy that the steps lose: a small difference of energies of some joules,
@@ -34,7 +41,9 @@ def bounds(key):
     """Relative and absolute tolerance of a number."""
     if key == "defect":
         return 0.0, ABSOLUTE_DEFECT
-    return RELATIVE, ABSOLUTE_SLOPE if key.startswith("gradient ") else ABSOLUTE
+    of_modes = key.startswith(("energy.", "gradient "))
+    relative = RELATIVE_OF_MODES if of_modes else RELATIVE
+    return relative, ABSOLUTE_SLOPE if key.startswith("gradient ") else ABSOLUTE
 
 
 @pytest.mark.parametrize("name", CHEAP)

@@ -64,7 +64,7 @@ LONG_STEPS = fj.Fidelity(step=5e-3, step_tolerance=None)
         (
             lambda: fj.scenes.oblique_impact(
                 belt=fj.Belt(0.02), velocity=(0.02, 0.0, 0.0), drive=fj.HarmonicDrive(0.02),
-                drive_angle=0.002, duration=0.1,
+                drive_angle=0.002, duration=0.6,
             ),
             PLAIN, "FRICTION_SMOOTHED",
         ),
@@ -96,8 +96,12 @@ def slow(slip_speed):
     [
         ("NEVER_TOUCHED", (fj.scenes.rigid_wall(speed=-1.0), None), None),
         (
-            "IN_CONTACT_AT_END", (fj.scenes.rigid_wall(duration=4e-3), None),
-            (fj.scenes.rigid_wall(duration=2e-2), None),
+            "IN_CONTACT_AT_END", (fj.scenes.rigid_wall(duration=2.5e-2), None),
+            (fj.scenes.rigid_wall(duration=5e-2), None),
+        ),
+        (
+            "PEAK_AT_END", (fj.scenes.rigid_wall(duration=1e-2), None),
+            (fj.scenes.rigid_wall(duration=2.5e-2), None),
         ),
         ("LARGE_DEFLECTION", (limp(0.004), PLAIN), (limp(0.045), PLAIN)),
         (

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
+from robustness import offline_fuzz
 from robustness.extreme_scenes import USUAL, WIDE, draw, impact
 from robustness.offline_fuzz import HALVES, LANES, beyond, check, errors, program, truth
 
@@ -53,15 +54,19 @@ def test_a_good_status_keeps_its_promise(half):
 
 
 def test_a_derivative_that_is_not_finite_is_said():
-    """One lane in 10,000 by fixed steps: a limp fence at a step far too long runs away; its values
-    are finite still, and its derivatives are not."""
-    numbers, lane = draw([20260101, 54], LANES, WIDE), 79
-    run = program("fast", step_tolerance=None)
-    status, found, slopes, _ = jax.device_get(run(numbers))
-    assert status[lane] == fj.Status.NON_FINITE
-    assert np.isfinite(found[lane]).all()
-    assert np.all(slopes[lane] == 0)
-    assert np.isfinite(slopes).all()
+    """One lane in 200 by fixed steps, far too long for the fence: values are finite, and so small
+    that they do not run away, and derivatives are not finite. Which lane that is goes with
+    round-off, and so with the processor."""
+    run, told = program("fast", step_tolerance=None), 0
+    tip = offline_fuzz.FIELDS.index("tip_deflection")
+    for k in (60, 62, 83, 84, 87, 116):
+        status, found, slopes, _ = jax.device_get(run(draw([20260101, k], LANES, WIDE)))
+        finite = np.isfinite(found).all(axis=1)
+        lost = (status == fj.Status.NON_FINITE) & finite & (found[:, tip] < 1e-2)
+        assert np.all(slopes[lost] == 0)
+        assert np.isfinite(slopes).all()
+        told += np.sum(lost)
+    assert told > 0
 
 
 # --- Symmetries, with the cheapest program ------------------------------------------------------

@@ -61,7 +61,8 @@ def test_promises_tell_a_wrong_design():
 @pytest.mark.parametrize("name", PROMISES)
 def test_rung_keeps_its_promise(name):
     truth = json.loads(RECORD.read_text())
-    assert truth["numbers"] == FAMILY.numbers.tolist()
+    # Logarithms and powers differ by processor in the last place.
+    np.testing.assert_allclose(FAMILY.numbers, truth["numbers"], rtol=1e-14)
     exact, slopes = np.array(truth["peak_force"]), np.array(truth["elasticities"])
     value, found, status = measured(getattr(fj.Fidelity, name)())
     doubtful = np.flatnonzero(status > fj.Status.IN_CONTACT_AT_END)
