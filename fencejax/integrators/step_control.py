@@ -41,8 +41,8 @@ _OF_SPEED = 0.1
 # off the belt. A tolerance so small that twenty of it are less is kept by the belt, too.
 _OF_BELT, _IN_TOLERANCES = 0.0025, 20.0
 # Where the belt's friction falls as the slip grows, by k [N s/m], the slip and its derivatives grow
-# as exp(2 z), z = k h / (2 m), in a step: by the trapezoidal rule as (1 + z) / (1 - z), by 2 z^3 / 3
-# more, which is 1 % for this one, and without bound as z comes to 1.
+# as exp(2 z), z = k h / (2 m), in a step: by the trapezoidal rule as (1 + z) / (1 - z), which is
+# more by 2 z^3 / 3, 1 % for this one, and without bound as z comes to 1.
 _GROWS = 0.25
 # The defect of a smooth force goes with the square of the step: a step of twice the length has four
 # times as much of it, with room for half as much again.

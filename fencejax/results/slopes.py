@@ -8,12 +8,14 @@ steps miss
 
 in all. Where the belt lets the parcel go within a step, or catches it, friction changes by J, and
 the impulse by J times the instant, of which the step knows nothing: its derivative lacks J times
-that of the instant. J d^2 stands for it, with d J how far friction is from its line inside the step:
-d^2 falls with the fourth power of a step that is short beside the change, what the trapezoidal rule
-owes to the instant faster yet. The instant goes with that at which the gap is what it is at the
-step's end, -D_p / Ddot. R comes back as an error of N_p at the rate at which N_p changes: e = R V / I, with V
-the sum of |change of N_p| and I the integral of |N_p|. Sizes are summed, not signed terms, which
-would cancel where nothing is right.
+that of the instant. J d^2 stands for it, with d J how far friction is from its line inside the
+step: d^2 falls with the fourth power of a step that is short beside the change, what the
+trapezoidal rule owes to the instant faster yet. The instant goes with that at which the gap is what
+it is at the step's end, -D_p / Ddot.
+
+R comes back as an error of N_p at the rate at which N_p changes: e = R V / I, with V the sum of
+|change of N_p| and I the integral of |N_p|. Sizes are summed, not signed terms, which would cancel
+where nothing is right.
 
 A running sum of sizes of derivatives is no function of the motion: it is 0 itself, and its
 derivatives are the sums. So it costs nothing where nobody differentiates.

@@ -55,8 +55,8 @@ _TEXT = {
     Status.LEFT_OVER_TIP: "a corner ran over the fence's tip while pressed on it, and the force "
     "was ended there; let the tip carry on against the parcel's side by `tip_contact=True` in the "
     "scene, with the corner that follows, or that came under the fence, in `fence_corners`",
-    Status.PEAK_AT_END: "the fence's force was largest as the simulation ended and may grow on; run "
-    "longer with `duration=...`",
+    Status.PEAK_AT_END: "the fence's force was largest as the simulation ended, and may grow on; "
+    "run longer with `duration=...`",
     Status.PEAK_AT_TIP: "the force was largest while a corner ran over the fence's tip, where it "
     "is ended; let the tip carry on against the parcel's side by `tip_contact=True` in the scene, "
     "with the corner that follows, or that came under the fence, in `fence_corners`",

@@ -211,7 +211,8 @@ LETS_GO = {
 def test_gradient_where_friction_falls_faster_than_a_step():
     """The slip grows exponentially once friction falls, and in a step that is long beside that it
     grows by the trapezoidal rule's pole. Slopes were off by more than themselves, with the wrong
-    sign, however small the tolerance. The secant is of 5 forces, each right to 1e-7, over 2e-4: 1e-3.
+    sign, however small the tolerance. The secant, of forces right to 1e-7 each, over 2e-4, is right
+    to 1e-3.
     """
     tolerance = fj.Fidelity.standard().step_tolerance / 256
     fine = fj.Fidelity.standard(
