@@ -75,7 +75,7 @@ def tapered(fidelity, taper):
         def one(place):
             scene = fj.scenes.normal_impact(
                 fence=fj.Fence(thickness=thickness, taper=TAPERS[taper]()), distance=place,
-                parcel=fj.Parcel(stiffness=1e9), duration=0.03,
+                parcel=fj.Parcel(2.0, stiffness=1e9), duration=0.08,
             )
             result = fj.simulate(scene, fidelity=fidelity, only=("peak_force",))
             return result.peak_force, result.status
