@@ -20,7 +20,6 @@ from .integrators import (
     Clock,
     Memory,
     diffrax_reference,
-    modal_step,
     normal_direction,
     stride_counts,
     time_loop,
@@ -295,7 +294,7 @@ def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory
     clock = fusion_barrier(
         good, lambda *given: Clock(given[0], fidelity, given[1], step, given[2]), link, time, maps
     )
-    return mechanics, clock, modal_step.at_rest(mechanics, body, vibration, drive)
+    return mechanics, clock, Memory.at_rest(mechanics, body, vibration, drive)
 
 
 def _pose(

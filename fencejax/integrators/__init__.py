@@ -15,12 +15,12 @@ from . import (
     step_defect as step_defect,
     time_loop as time_loop,
 )
-from .modal_step import (
-    Memory as Memory,
-)
 from .newton import (
     eliminate as eliminate,
     solve as solve,
+)
+from .step_memory import (
+    Memory as Memory,
 )
 from .step_size import (
     Clock as Clock,

@@ -24,6 +24,17 @@ beta the sliding gains
 with z = sqrt(w^2 + eps^2) - w and q^2 = beta (beta + J). beta is that of friction unsmoothed,
 beta (beta + J) = J (w_1 - w_0) + beta (w_1 - w_0) - J max(-w_0, 0).
 
+The way goes with that share, too. Were friction all along what it is while the corner slides, it
+would be larger by G in the mean than the F_m which the step's equations have found, and the sliding
+speed change by w_1 - w_0 + h lambda G, with the corner's lightness lambda [1/kg]. So theta is the
+share of that which takes w_0 away. And a parcel that is pushed early in a step goes further than by
+the same push later: than by the step's cubic, for which a push in the mean acts at a third of it,
+
+    h^2 G / m (theta - 1 / 3) / 2.
+
+A corner that is held from a step's start on is so by the friction at its end, whatever was there at
+its start: h^2 / 6 times what that changes the acceleration by.
+
 Static friction above the kinetic one gives the equations a second root, at which the corner is
 held. There friction counts as it did: by the trapezoidal rule, or by the step's end alone.
 """
@@ -175,3 +186,45 @@ def turned(
     if total is None:
         return end
     return Acceleration(*map(jnp.add, end, mechanics.acceleration(*total)))
+
+
+def _early(before: Array, after: Array, change: Array) -> Array:
+    """theta - 1 / 3 of a corner that slides at the speeds `before` and `after` a step [m/s], whose
+    sliding friction changes that by `change` [m/s] more than its mean one; 0 where it slides on."""
+    slows = before - after - change
+    rests = (slows * before > 0) & (jnp.abs(before) < jnp.abs(slows))
+    return jnp.where(rests, before / jnp.where(rests, slows, 1.0) - 1 / 3, 0.0)
+
+
+def way(
+    mechanics: Mechanics,
+    forces: Forces,
+    sticking: tuple[Array, ...],
+    before: tuple[Array, ...],
+    turns: list[Turn | None],
+    holds: list[Array] | None,
+    step: Array,
+) -> Acceleration | None:
+    """How much further than by the step's cubic the parcel goes (x, y [m], angle [rad]) in a step
+    in which corners come to rest or turn round, as the `turns` count them, and in one in which they
+    are held, and the acceleration by frictions that hold changes by `holds`; `None` where no
+    corner has friction."""
+    if holds is None:
+        return None
+    total = [jnp.zeros_like(step)] * 3
+    smoothing = mechanics.fidelity.smoothing
+    weights = friction_tangent.spread(mechanics, sticking)
+    for meeting, friction, weight, turn, speed in zip(
+        forces.meetings, mechanics.frictions, weights, turns, before, strict=False
+    ):
+        if friction is None or turn is None:
+            continue
+        what, parts, _, response = meeting
+        assert response is not None
+        was, _ = corner_share(friction, speed, smoothing)
+        more = 0.5 * what.normal * (was - response.share - turn.share)
+        early = _early(speed, what.sliding, step * mechanics.lightness(parts) * more)
+        push = 0.5 * (1 - weight) * early * more
+        total = [q + push * t for q, t in zip(total, parts.tangent, strict=True)]
+    further = mechanics.acceleration(*total)
+    return Acceleration(*(step**2 * (a + f / 6) for a, f in zip(further, holds, strict=True)))

@@ -10,8 +10,6 @@ that the sliding speed predicts. The gap is stationary at the foot, so that the 
 enters it squared. The error of a step is of the third order, that of a solution of the second.
 """
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -21,59 +19,19 @@ from ..model import (
     Acceleration,
     FenceFrame,
     FencePoint,
-    FenceState,
     Forces,
-    Lean,
     Mechanics,
     SceneState,
-    Vibration,
     bending_loads,
     force_tolerance,
 )
-from ..parts import DriveMotion
 from ..scenes import Body
 from . import friction_tangent, friction_turn, newton, newton_matrix
 from .fence_response import FenceEnd
-from .step_control import Control, contacts, controlled
+from .step_control import contacts, controlled
 from .step_defect import Pair
-from .step_size import Clock, StepSize, Stride, next_step_size, stride_counts
-
-
-class Leans(NamedTuple):
-    """How a corner loads the fence: now, one step back, and as it was foreseen for now."""
-
-    now: Lean
-    before: Lean
-    foreseen: Lean
-
-
-class Memory(NamedTuple):
-    """The state of the integrator at a sample.
-
-    `fence` holds the vibration, its modal forces, the rates of the loads that the modes left out
-    carry and their residual mode, and nothing else; `before` is the acceleration and
-    `normals_before` the forces one step back, for the first guess alone;
-    `drifts`, under error control, is how much faster [m/s] each corner's foot moves along the fence
-    than the corner does: steps of different lengths must find the same foot;
-    `held` is the acceleration by the frictions that hold a corner, by the weights `sticking`, both
-    absent without friction; `gone` is 1 for a corner that has left over the tip. Where the tip may
-    carry a contact, `leans` say how each corner loads the fence.
-    """
-
-    body: Body
-    acceleration: Acceleration
-    before: Acceleration
-    fence: FenceState | None
-    places: tuple[Array, ...]
-    sliding: tuple[Array, ...]
-    drifts: tuple[Array, ...]
-    normals: tuple[Array, ...]
-    normals_before: tuple[Array, ...]
-    held: Acceleration | None
-    sticking: tuple[Array, ...]
-    gone: tuple[Array, ...]
-    leans: tuple[Leans, ...]
-    step_size: StepSize | None
+from .step_memory import Leans, Memory
+from .step_size import Clock, Stride, next_step_size
 
 
 def _rotated(arm, turn):
@@ -138,10 +96,15 @@ class _End(eqx.Module):
         forces = self.forces(unknowns, points)
         begin, end = self.acceleration, forces.acceleration
         holds = friction_tangent.held(mechanics, forces, self.sticking)
+        changed = None
         if holds is not None and self.held is not None:
+            changed = [b - a for a, b in zip(self.held, holds, strict=True)]
             begin = [a - f for a, f in zip(begin, self.held, strict=True)]
             end = Acceleration(*map(jnp.add, end, holds))
         turns = friction_turn.turns(mechanics, forces, self.sticking, self.sliding, h)
+        way = friction_turn.way(
+            mechanics, forces, self.sticking, self.sliding, turns, changed, h
+        )
         end = friction_turn.turned(mechanics, forces, turns, end)
         residual = [
             v1 - v0 - 0.5 * h * (a0 + a1)
@@ -181,7 +144,8 @@ class _End(eqx.Module):
         size = unbalance / (force_tolerance(scale.dtype) * scale)
         sticking = friction_tangent.weights(mechanics, forces, h)
         holds = friction_tangent.held(mechanics, forces, sticking)
-        return tuple(residual), matrix, size, (forces, unbalance, sticking, holds, drifts)
+        extra = (forces, unbalance, sticking, holds, way, drifts)
+        return tuple(residual), matrix, size, extra
 
     def drifts(self, points: tuple[FencePoint, ...]) -> list[list[Array]]:
         """How fast each corner slides for each force as the fence moves along itself [m/s/N];
@@ -291,7 +255,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         frame, fence, stride,
     )  # fmt: skip
     guess = equations.at_rest(jax.lax.stop_gradient(guess))
-    root, (forces, unbalance, sticking, held) = newton.solve(
+    root, (forces, unbalance, sticking, held, way) = newton.solve(
         _End.evaluate,
         _End.shorten,
         equations,
@@ -301,6 +265,10 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         mechanics.fidelity.gradient == "forward",
     )
     after = equations.body_at(root[:3])
+    if way is not None:
+        after = after._replace(
+            x=after.x + way.x, y=after.y + way.y, angle=after.angle + way.angle
+        )
     normals = tuple(meeting.contact.normal for meeting in forces.fence)
     frictions = holding = ()
     if fence is not None and fence.drags:
@@ -362,39 +330,3 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         step_size=size,
     )
     return memory, SceneState(time, after, forces, state), h, unbalance
-
-
-def at_rest(
-    mechanics: Mechanics, body: Body, vibration: Vibration | None, drive: DriveMotion | None
-) -> Memory:
-    """The memory before a scene's first step, which has no length and finds the forces.
-
-    The feet of the corners are those on the straight fence: right where a scene begins with a
-    fence at rest, and else wrong by the bending times the gap, which that first step mends.
-    """
-    zero = jnp.zeros_like(body.x)
-    arms = mechanics.arms(body.angle)
-    fence, places = None, ()
-    if mechanics.link is not None:
-        assert vibration is not None
-        assert drive is not None
-        cosine, sine = jnp.cos(drive.angle), jnp.sin(drive.angle)
-        places = tuple(
-            (body.x + arms[k][0]) * cosine + (body.y + arms[k][1]) * sine
-            for k in mechanics.fence_corners
-        )
-        fence = FenceState.unloaded(mechanics.link, vibration, len(places))
-    none = tuple(zero for _ in places)
-    still = Acceleration(zero, zero, zero)
-    upright = Lean(zero + 1, zero)
-    leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
-    size = StepSize(zero, zero + 1) if stride_counts(mechanics.fidelity)[-1] > 1 else None
-    if mechanics.fidelity.step_tolerance is not None:
-        size = StepSize(zero, zero + 1, Control.start(mechanics.frictions, len(places), zero))
-    sticking = tuple(zero for _ in range(friction_tangent.count(mechanics)))
-    held = still if sticking else None
-    drifts = () if mechanics.fidelity.step_tolerance is None else none
-    return Memory(
-        body, still, still, fence, places, none, drifts, none, none, held, sticking, none, leans,
-        size,
-    )  # fmt: skip

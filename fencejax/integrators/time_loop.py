@@ -20,8 +20,8 @@ from ..derivatives import complete, one_a_lane
 from ..fidelity import Fidelity
 from ..model import Mechanics
 from . import modal_step
-from .modal_step import Memory
 from .observer import Observer
+from .step_memory import Memory
 from .step_size import Clock, is_whole
 
 
