@@ -230,3 +230,24 @@ def test_gradient_where_friction_falls_faster_than_a_step():
     forces, slopes = map(np.asarray, run(factors))
     secant = (forces[-1] - forces[0]) / (factors[-1] - factors[0])
     np.testing.assert_allclose(slopes, secant, rtol=2e-3)
+
+
+def test_what_the_shortest_steps_miss_of_a_let_go_is_told():
+    """Twice as much static friction, under a hard contact: friction falls within the shortest step,
+    slopes are those of teeth, and the gradient's error covers how far they are from the secant."""
+    known = LETS_GO | {"belt_static": 1.8, "stiffness": 1e12}
+
+    def peak(factor):
+        numbers = known | {name: known["belt"] * factor for name in ("belt", "ride")}
+        scene = extreme_sorts.scene("sort", numbers)
+        result = fj.simulate(scene, only="peak_force")
+        return result.peak_force, (result.peak_force, result.gradient_error, result.status)
+
+    factors = 1 + jnp.linspace(0.0, 3e-4, 11)
+    run = jax.jit(lambda each: jax.lax.map(jax.jacfwd(peak, has_aux=True), each))
+    slopes, (forces, told, status) = jax.tree.map(np.asarray, run(factors))
+    secant = (forces[-1] - forces[0]) / (factors[-1] - factors[0])
+    off = np.abs(slopes - secant) / np.maximum(np.abs(secant), forces)
+    assert np.max(off) > 0.1
+    assert np.all(told > off)
+    assert np.all(status == fj.Status.STEP_TOO_COARSE)

@@ -36,6 +36,8 @@ def said(status):
         return "numbers in doubt: computed finer"
     if status >= fj.Status.INCONSISTENT:
         return "no result: the scene's numbers"
+    if status == fj.Status.PEAK_AT_END:
+        return "not all of it was simulated: run longer"
     return "beyond the model: change the design"
 
 
