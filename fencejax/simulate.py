@@ -104,7 +104,7 @@ def simulate(
 
     >>> print(fj.simulate(fj.scenes.oblique_impact(distance=1.0)))
                 status  successful
-            peak force  1115.71 N  at 48.11 ms
+            peak force  1115.72 N  at 48.11 ms
                impulse  60.167 N s
                contact  88.07 ms  from 0.00 ms to 88.07 ms
            leaves at x  0.993 m  y 0.672 m (C_s, end of the force)

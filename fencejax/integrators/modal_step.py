@@ -264,9 +264,10 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         lambda extra: (extra[0].outcome(), *extra[1:-1]),
         mechanics.fidelity.gradient == "forward",
     )
-    after = equations.body_at(root[:3])
+    after = carried = equations.body_at(root[:3])
     if way is not None:
-        after = after._replace(
+        # The forces here are those of the cubic's end.
+        carried = after._replace(
             x=after.x + way.x, y=after.y + way.y, angle=after.angle + way.angle
         )
     normals = tuple(meeting.contact.normal for meeting in forces.fence)
@@ -309,7 +310,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             for new, old, was, now in zip(feet, memory.places, memory.sliding, sliding, strict=True)
         )
     memory = Memory(
-        body=after,
+        body=carried,
         acceleration=forces.acceleration,
         before=memory.acceleration,
         fence=None if state is None else state.kept(),

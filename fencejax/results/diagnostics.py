@@ -182,13 +182,6 @@ def _peaks_at_end(seen: Evidence, fidelity: Fidelity) -> Array:
     return presses & (seen.force.time + fidelity.step >= seen.last.time)
 
 
-def _without_doubt(
-    checks: list[tuple[Status, Array]], where: Array
-) -> list[tuple[Status, Array]]:
-    """The checks, without those that doubt the numbers `where` no fidelity settles that."""
-    return [(code, holds & ~where if code in _SETTLED else holds) for code, holds in checks]
-
-
 def of_record(
     scene: Scene,
     mechanics: Mechanics,
@@ -257,13 +250,15 @@ def of_record(
         checks.append((Status.NON_FINITE, seen.tip.value > _RUNAWAY * limit))
     if scene.fence_corners:
         at_tip = seen.resolution.at_peak.over_tip > 0
-        at_end = _peaks_at_end(seen, mechanics.fidelity)
-        # No fidelity settles a force that the model ends at the tip, or the time cuts off.
-        checks = _without_doubt(checks, at_tip | at_end)
+        # No fidelity settles a force that the model ends at the tip.
+        checks = [
+            (code, holds & ~at_tip if code in _SETTLED else holds) for code, holds in checks
+        ]
         checks.append((Status.NEVER_TOUCHED, seen.touched == 0))
         checks.append((Status.IN_CONTACT_AT_END, seen.last.fence_force > 0))
         checks.append((Status.LEFT_OVER_TIP, seen.over_tip > 0))
-        checks += [(Status.PEAK_AT_END, at_end), (Status.PEAK_AT_TIP, at_tip)]
+        checks.append((Status.PEAK_AT_END, _peaks_at_end(seen, mechanics.fidelity)))
+        checks.append((Status.PEAK_AT_TIP, at_tip))
     body = seen.last.body
     finite = jnp.isfinite(sum(body) + seen.force.value + seen.tip.value)
     checks.append((Status.NON_FINITE, ~finite))
@@ -282,11 +277,10 @@ def of_normal_record(
     seen = evidence(record)
     scene = jax.lax.stop_gradient(scene)
     side = jnp.minimum(scene.parcel.length, scene.parcel.breadth)
-    at_end = _peaks_at_end(seen, fidelity)
     checks = [
         (Status.NEVER_TOUCHED, seen.force.value <= 0),
         (Status.IN_CONTACT_AT_END, seen.last.fence_force > 0),
-        (Status.PEAK_AT_END, at_end),
+        (Status.PEAK_AT_END, _peaks_at_end(seen, fidelity)),
         (Status.DEEP_PENETRATION, seen.deepest > side / 2),
         (Status.STEP_TOO_COARSE, seen.unbalance > 1e-3 * seen.force.value + 1e-9),
         (Status.INCONSISTENT, ~consistent(scene)),
@@ -296,7 +290,7 @@ def of_normal_record(
     if scene.fence is not None:
         limit = scene.fence.flexible_length / 4
         checks.append((Status.LARGE_DEFLECTION, seen.tip.value > limit))
-    return worst(_without_doubt(checks, at_end), seen.last.body.y)
+    return worst(checks, seen.last.body.y)
 
 
 # --- Of a result ----------------------------------------------------------------------------------

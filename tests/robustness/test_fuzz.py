@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
-from robustness import offline_fuzz
 from robustness.extreme_scenes import USUAL, WIDE, draw, impact
 from robustness.offline_fuzz import HALVES, LANES, beyond, check, errors, program, truth
 
@@ -54,15 +53,13 @@ def test_a_good_status_keeps_its_promise(half):
 
 
 def test_a_derivative_that_is_not_finite_is_said():
-    """One lane in 200 by fixed steps, far too long for the fence: values are finite, and so small
-    that they do not run away, and derivatives are not finite. Which lane that is goes with
-    round-off, and so with the processor."""
+    """One lane in 100 by fixed steps, far too long for the fence, runs away: its values are finite
+    still, its derivatives need not be. Which lane that is goes with round-off, and so with the
+    processor."""
     run, told = program("fast", step_tolerance=None), 0
-    tip = offline_fuzz.FIELDS.index("tip_deflection")
-    for k in (60, 62, 83, 84, 87, 116):
+    for k in (51, 60, 68, 87):
         status, found, slopes, _ = jax.device_get(run(draw([20260101, k], LANES, WIDE)))
-        finite = np.isfinite(found).all(axis=1)
-        lost = (status == fj.Status.NON_FINITE) & finite & (found[:, tip] < 1e-2)
+        lost = (status == fj.Status.NON_FINITE) & np.isfinite(found).all(axis=1)
         assert np.all(slopes[lost] == 0)
         assert np.isfinite(slopes).all()
         told += np.sum(lost)
