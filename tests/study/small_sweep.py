@@ -14,7 +14,7 @@ from optimize.sweep.configuration import SweepConfig
 # farthest place of touch.
 SMALL = SweepConfig(
     vary=("mass=1:20:5", "reach=1:1.3:3:linear", "distance=0.6:1.2:4"),
-    duration=0.05,
+    duration=0.08,
     fidelity="fast",
     chunk=16,
     group=8,
@@ -31,7 +31,7 @@ def tiny():
     """16 impacts by the smallest program there is with a fence that bends."""
     samples = sampling.sobol(["mass", "distance"], 16)
     family = SceneFamily(
-        "oblique_impact", samples.names, belt=None, fence_friction=None, duration=0.03
+        "oblique_impact", samples.names, belt=None, fence_friction=None, duration=0.1
     )
     fidelity = fj.Fidelity.fast(modes=1, static_correction=False, geometry="small", elements=4)
     return Sweep(family, samples, ("peak_force", "impulse"), fidelity=fidelity)
