@@ -77,7 +77,7 @@ class CoDesignConfig:
     starts: int = flags.field(
         6,
         "first searches: from the fence given, and from others with the same drive, as each may "
-        "end in another valley; the two most promising go on",
+        "end in another valley; the most promising goes on",
         least=1,
     )
     scouting: int = flags.field(30, "evaluations of each of them, where there are several", least=2)

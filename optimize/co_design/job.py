@@ -72,7 +72,7 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
 def _search(
     joint: Joint, journal: Journal, say: Callable[[str], None]
 ) -> tuple[list[Optimum], Optimum]:
-    """What searches from several starts came to, and the best of those that went on to the end."""
+    """What searches from several starts came to, and the one that was gone on with to its end."""
     config = joint.config
 
     def search(start: np.ndarray, budget: int, known: int = 0) -> Optimum:
@@ -90,11 +90,10 @@ def _search(
     if len(joint.starts) == 1:
         return [], search(joint.starts[0], config.budget)
     few = min(config.scouting, config.budget)
-    tried, order = starts.scouted(search, joint.starts, few)
+    tried, which = starts.scouted(search, joint.starts, few)
     say(f"\n{starts.told(tried)}")
-    # The journal knows their evaluations: they are not made again.
-    ends = [search(joint.starts[k], config.budget, few) for k in order[: starts.GO_ON]]
-    return tried, starts.best(ends)
+    # The journal knows its evaluations: they are not made again.
+    return tried, search(joint.starts[which], config.budget, few)
 
 
 def _worst(outcome: Outcome, when: str) -> dict[str, float]:

@@ -7,9 +7,6 @@ from scipy.stats import qmc
 
 from fencejax.design import Optimum
 
-GO_ON = 2
-"""How many searches go on to their end: after some evaluations two valleys may be as low within one
-or two per cent, and the deeper one is not the one that was lower by then."""
 # A design that breaks limits by no more than this share tells how low its valley is.
 _NEARLY = 0.01
 
@@ -42,12 +39,12 @@ def lowest(tried: Optimum) -> float:
 
 def scouted(
     search: Callable[[np.ndarray, int], Optimum], starts: np.ndarray, budget: int
-) -> tuple[list[Optimum], list[int]]:
-    """What short searches of `budget` evaluations come to, and the starts, the most promising
-    first: the one that met the lowest objective, or else the smallest violation."""
+) -> tuple[list[Optimum], int]:
+    """What short searches of `budget` evaluations come to, and which of the starts is the most
+    promising: the one that met the lowest objective, or else the smallest violation."""
     tried = [search(start, budget) for start in starts]
     order = [(lowest(one), one.residual.violation, one.objective) for one in tried]
-    return tried, sorted(range(len(tried)), key=order.__getitem__)
+    return tried, min(range(len(tried)), key=order.__getitem__)
 
 
 def told(tried: Sequence[Optimum]) -> str:
@@ -59,5 +56,5 @@ def told(tried: Sequence[Optimum]) -> str:
     texts = [f"{end:.1f} N" if np.isfinite(end) else "none within limits" for end in ends]
     return (
         f"After {evaluations} evaluations from each of {len(tried)} starts the lowest forces were "
-        f"{', '.join(texts)}; the search went on from the {GO_ON} where it was least."
+        f"{', '.join(texts)}; the search went on from where it was least."
     )
