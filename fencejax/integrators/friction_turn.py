@@ -51,10 +51,12 @@ from . import friction_tangent
 
 class Turn(NamedTuple):
     """What a turn within the step adds to twice the mean friction over it, as a share of the normal
-    force at its end: the `share` [1], and its `slope` with the sliding speed [s/m]."""
+    force at its end: the `share` [1], and its `slope` with the sliding speed [s/m]. And the share
+    `early` [1]: the acceleration by it, times h^2, is how much further the parcel goes for it."""
 
     share: Array
     slope: Array
+    early: Array
 
 
 class _Corner(NamedTuple):
@@ -126,6 +128,15 @@ def _from_hold(corner: _Corner) -> _Added:
     return _Added(2 * ahead * mu * added, 2 * slope)
 
 
+def _early(before: Array, after: Array, change: Array) -> Array:
+    """(theta - 1 / 3) / 2 of a corner that slides at the speeds `before` and `after` a step [m/s],
+    whose sliding friction changes that by `change` [m/s] more than its mean one; 0 where it slides
+    on."""
+    slows = before - after - change
+    rests = (slows * before > 0) & (jnp.abs(before) < jnp.abs(slows))
+    return jnp.where(rests, 0.5 * (before / jnp.where(rests, slows, 1.0) - 1 / 3), 0.0)
+
+
 def turns(
     mechanics: Mechanics,
     forces: Forces,
@@ -158,7 +169,10 @@ def turns(
         slope = (1 - weight) * response.sliding * sliding.by_share
         slope = slope + (1 - weight) * sliding.slope + weight * held.slope
         counts = friction_tangent.monotone(friction, what.sliding)
-        found.append(Turn(counts * share, counts * slope))
+        share, slope = counts * share, counts * slope
+        more = 0.5 * (was - response.share - share)
+        early = (1 - weight) * more * _early(before[k], what.sliding, gain * more)
+        found.append(Turn(share, slope, early))
     return found
 
 
@@ -174,57 +188,41 @@ def shares(
     ]
 
 
+def _pushed(
+    mechanics: Mechanics, forces: Forces, shares: list[Array | None]
+) -> Acceleration | None:
+    """The acceleration by these `shares` of the normal forces along the surfaces; `None` without
+    any."""
+    total = None
+    for (what, parts, _, _), share in zip(forces.meetings, shares, strict=True):
+        if share is not None:
+            more = [what.normal * share * t for t in parts.tangent]
+            total = more if total is None else [q + f for q, f in zip(total, more, strict=True)]
+    return None if total is None else mechanics.acceleration(*total)
+
+
 def turned(
     mechanics: Mechanics, forces: Forces, turns: list[Turn | None], end: Acceleration
 ) -> Acceleration:
     """The acceleration at the `end` of a step with what the turns add to it."""
-    total = None
-    for (what, parts, _, _), turn in zip(forces.meetings, turns, strict=True):
-        if turn is not None:
-            more = [what.normal * turn.share * t for t in parts.tangent]
-            total = more if total is None else [q + f for q, f in zip(total, more, strict=True)]
-    if total is None:
-        return end
-    return Acceleration(*map(jnp.add, end, mechanics.acceleration(*total)))
-
-
-def _early(before: Array, after: Array, change: Array) -> Array:
-    """theta - 1 / 3 of a corner that slides at the speeds `before` and `after` a step [m/s], whose
-    sliding friction changes that by `change` [m/s] more than its mean one; 0 where it slides on."""
-    slows = before - after - change
-    rests = (slows * before > 0) & (jnp.abs(before) < jnp.abs(slows))
-    return jnp.where(rests, before / jnp.where(rests, slows, 1.0) - 1 / 3, 0.0)
+    more = _pushed(mechanics, forces, [turn and turn.share for turn in turns])
+    return end if more is None else Acceleration(*map(jnp.add, end, more))
 
 
 def way(
     mechanics: Mechanics,
     forces: Forces,
-    sticking: tuple[Array, ...],
-    before: tuple[Array, ...],
     turns: list[Turn | None],
     holds: list[Array] | None,
     step: Array,
 ) -> Acceleration | None:
     """How much further than by the step's cubic the parcel goes (x, y [m], angle [rad]) in a step
-    in which corners come to rest or turn round, as the `turns` count them, and in one in which they
-    are held, and the acceleration by frictions that hold changes by `holds`; `None` where no
-    corner has friction."""
+    in which corners come to rest or turn round, and in one in which they are held and the
+    acceleration by frictions that hold changes by `holds`; `None` where no corner has friction."""
     if holds is None:
         return None
-    total = [jnp.zeros_like(step)] * 3
-    smoothing = mechanics.fidelity.smoothing
-    weights = friction_tangent.spread(mechanics, sticking)
-    for meeting, friction, weight, turn, speed in zip(
-        forces.meetings, mechanics.frictions, weights, turns, before, strict=False
-    ):
-        if friction is None or turn is None:
-            continue
-        what, parts, _, response = meeting
-        assert response is not None
-        was, _ = corner_share(friction, speed, smoothing)
-        more = 0.5 * what.normal * (was - response.share - turn.share)
-        early = _early(speed, what.sliding, step * mechanics.lightness(parts) * more)
-        push = 0.5 * (1 - weight) * early * more
-        total = [q + push * t for q, t in zip(total, parts.tangent, strict=True)]
-    further = mechanics.acceleration(*total)
-    return Acceleration(*(step**2 * (a + f / 6) for a, f in zip(further, holds, strict=True)))
+    further = [f / 6 for f in holds]
+    more = _pushed(mechanics, forces, [turn and turn.early for turn in turns])
+    if more is not None:
+        further = map(jnp.add, further, more)
+    return Acceleration(*(step**2 * a for a in further))

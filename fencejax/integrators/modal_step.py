@@ -102,9 +102,7 @@ class _End(eqx.Module):
             begin = [a - f for a, f in zip(begin, self.held, strict=True)]
             end = Acceleration(*map(jnp.add, end, holds))
         turns = friction_turn.turns(mechanics, forces, self.sticking, self.sliding, h)
-        way = friction_turn.way(
-            mechanics, forces, self.sticking, self.sliding, turns, changed, h
-        )
+        way = friction_turn.way(mechanics, forces, turns, changed, h)
         end = friction_turn.turned(mechanics, forces, turns, end)
         residual = [
             v1 - v0 - 0.5 * h * (a0 + a1)
@@ -208,7 +206,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     """
     stride = clock.stride(end - begin)
     h = stride.length
-    body, start = memory.body, memory.acceleration
+    body, start = memory.parcel, memory.acceleration
     time = clock.time(end)
     drive = None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
     speeds = memory.sliding
@@ -264,12 +262,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         lambda extra: (extra[0].outcome(), *extra[1:-1]),
         mechanics.fidelity.gradient == "forward",
     )
-    after = carried = equations.body_at(root[:3])
-    if way is not None:
-        # The forces here are those of the cubic's end.
-        carried = after._replace(
-            x=after.x + way.x, y=after.y + way.y, angle=after.angle + way.angle
-        )
+    after = equations.body_at(root[:3])
     normals = tuple(meeting.contact.normal for meeting in forces.fence)
     frictions = holding = ()
     if fence is not None and fence.drags:
@@ -310,7 +303,8 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             for new, old, was, now in zip(feet, memory.places, memory.sliding, sliding, strict=True)
         )
     memory = Memory(
-        body=carried,
+        body=after,
+        way=way,
         acceleration=forces.acceleration,
         before=memory.acceleration,
         fence=None if state is None else state.kept(),

@@ -24,6 +24,8 @@ class Leans(NamedTuple):
 class Memory(NamedTuple):
     """The state of the integrator at a sample.
 
+    `body` is where the forces at the sample are those of; `way` (x, y [m], angle [rad]) how much
+    further the parcel has gone by friction on corners (`friction_turn.way`), absent without it;
     `fence` holds the vibration, its modal forces, the rates of the loads that the modes left out
     carry and their residual mode, and nothing else; `before` is the acceleration and
     `normals_before` the forces one step back, for the first guess alone;
@@ -35,6 +37,7 @@ class Memory(NamedTuple):
     """
 
     body: Body
+    way: Acceleration | None
     acceleration: Acceleration
     before: Acceleration
     fence: FenceState | None
@@ -48,6 +51,14 @@ class Memory(NamedTuple):
     gone: tuple[Array, ...]
     leans: tuple[Leans, ...]
     step_size: StepSize | None
+
+    @property
+    def parcel(self) -> Body:
+        """Where the next step begins."""
+        body, way = self.body, self.way
+        if way is None:
+            return body
+        return body._replace(x=body.x + way.x, y=body.y + way.y, angle=body.angle + way.angle)
 
     @classmethod
     def at_rest(
@@ -82,9 +93,9 @@ class Memory(NamedTuple):
         if mechanics.fidelity.step_tolerance is not None:
             size = StepSize(zero, zero + 1, Control.start(mechanics.frictions, len(places), zero))
         sticking = tuple(zero for _ in range(friction_tangent.count(mechanics)))
-        held = still if sticking else None
+        held = way = still if sticking else None
         drifts = () if mechanics.fidelity.step_tolerance is None else none
         return cls(
-            body, still, still, fence, places, none, drifts, none, none, held, sticking, none,
+            body, way, still, still, fence, places, none, drifts, none, none, held, sticking, none,
             leans, size,
         )  # fmt: skip

@@ -84,7 +84,7 @@ def _search(
             feasibility=config.feasibility,
             budget=budget,
             journal=journal,
-            progress=lambda one: one.evaluation > known and say(report.progress_line(one)),
+            progress=lambda one: say(report.progress_line(one)) if one.evaluation > known else None,
         )
 
     if len(joint.starts) == 1:

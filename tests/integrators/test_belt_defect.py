@@ -7,9 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from robustness import extreme_sorts
 from robustness.extreme_scenes import ORDINARY
-from robustness.peaks import gradient_error, peaks
+from robustness.peaks import gradient_error, over_belt_speeds, peaks
 
 import fencejax as fj
 from fencejax.fidelity import Smoothing
@@ -220,34 +219,17 @@ def test_gradient_where_friction_falls_faster_than_a_step():
         static_speed=1.5e-4,
     )  # fmt: skip
 
-    def peak(factor):
-        numbers = LETS_GO | {name: LETS_GO["belt"] * factor for name in ("belt", "ride")}
-        scene = extreme_sorts.scene("sort", numbers)
-        return fj.simulate(scene, fidelity=fine, only="peak_force").peak_force
-
-    factors = 1 + jnp.linspace(0.0, 2e-4, 5)
-    run = jax.jit(lambda each: jax.lax.map(jax.value_and_grad(peak), each))
-    forces, slopes = map(np.asarray, run(factors))
-    secant = (forces[-1] - forces[0]) / (factors[-1] - factors[0])
-    np.testing.assert_allclose(slopes, secant, rtol=2e-3)
+    course = over_belt_speeds(LETS_GO, 0.0, 2e-4, 5, fine)
+    np.testing.assert_allclose(course.slopes, course.secant, rtol=2e-3)
 
 
 def test_what_the_shortest_steps_miss_of_a_let_go_is_told():
     """Twice as much static friction, under a hard contact: friction falls within the shortest step,
     slopes are those of teeth, and the gradient's error covers how far they are from the secant."""
     known = LETS_GO | {"belt_static": 1.8, "stiffness": 1e12}
-
-    def peak(factor):
-        numbers = known | {name: known["belt"] * factor for name in ("belt", "ride")}
-        scene = extreme_sorts.scene("sort", numbers)
-        result = fj.simulate(scene, only="peak_force")
-        return result.peak_force, (result.peak_force, result.gradient_error, result.status)
-
-    factors = 1 + jnp.linspace(0.0, 3e-4, 11)
-    run = jax.jit(lambda each: jax.lax.map(jax.jacfwd(peak, has_aux=True), each))
-    slopes, (forces, told, status) = jax.tree.map(np.asarray, run(factors))
-    secant = (forces[-1] - forces[0]) / (factors[-1] - factors[0])
-    off = np.abs(slopes - secant) / np.maximum(np.abs(secant), forces)
+    course = over_belt_speeds(known, 0.0, 3e-4, 11)
+    size = np.maximum(np.abs(course.secant), course.forces)
+    off = np.abs(course.slopes - course.secant) / size
     assert np.max(off) > 0.1
-    assert np.all(told > off)
-    assert np.all(status == fj.Status.STEP_TOO_COARSE)
+    assert np.all(course.told > off)
+    assert np.all(course.status == fj.Status.STEP_TOO_COARSE)

@@ -117,10 +117,11 @@ def test_size_of_the_state():
     # rate and force of each mode. A corner at it: its place, sliding speed, force now and before,
     # whether it has left over the tip, and of the modes left out the lagged rate, force and rate;
     # where the tip may carry the contact, the share and the place of the fence's load, now, before
-    # and foreseen. Friction of corners: the acceleration by what holds, 3, and a weight each.
+    # and foreseen. Friction of corners: the acceleration by what holds, 3, a weight each, and the way
+    # that it has made beside the step's cubic, 3.
     assert cost("free motion")[0] == cost("free motion without belt")[0] == 12
     assert cost("free motion beside a fence")[0] == 12 + 3 * MODES
-    assert cost("oblique impact")[0] == 12 + 3 * MODES + 8 + 4
+    assert cost("oblique impact")[0] == 12 + 3 * MODES + 8 + 7
     # Error control: steps taken and to come 2, what it judges by 4; of each contact its force, gap,
     # rate and share at the step's end, and how its foot drifts, 5; its friction and its sliding
     # speed, 2.
@@ -130,10 +131,10 @@ def test_size_of_the_state():
     assert cost("one mode")[0] == 12 + 3 + 5
     assert cost("rigid fence")[0] == 12 + 5
     # The border keeps but its friction's weights.
-    assert cost("sort, 4 + 4 corners")[0] == 12 + 3 * MODES + 4 * 14 + 3 + 8
-    assert cost("no border")[0] == 12 + 3 * MODES + 2 * 14 + 3 + 2
+    assert cost("sort, 4 + 4 corners")[0] == 12 + 3 * MODES + 4 * 14 + 6 + 8
+    assert cost("no border")[0] == 12 + 3 * MODES + 2 * 14 + 6 + 2
     assert cost("sort, 2 + 2 corners")[0] == cost("no border")[0] + 2
-    assert cost("no contact at the tip")[0] == 12 + 3 * MODES + 2 * 8 + 3 + 4
+    assert cost("no contact at the tip")[0] == 12 + 3 * MODES + 2 * 8 + 6 + 4
 
 
 def test_operations_of_absent_parts_are_absent():

@@ -1,11 +1,13 @@
 """The peak force of random scenes with its time and its slopes, and how wrong slopes are."""
 
 import functools
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from robustness.searched_scenes import KINDS, changed
+from runs import one_by_one
 
 import fencejax as fj
 
@@ -38,3 +40,30 @@ def gradient_error(slopes, true, size):
     `size` of what has them."""
     off = np.linalg.norm(slopes - true, axis=-1)
     return off / np.maximum(np.linalg.norm(true, axis=-1), size)
+
+
+class Course(NamedTuple):
+    """The peak force of a sort at some belt speeds, its slopes in the factor on the speed, each
+    (speeds,), the secant from the first to the last, the error told of each gradient, and
+    statuses."""
+
+    forces: np.ndarray
+    slopes: np.ndarray
+    secant: float
+    told: np.ndarray
+    status: np.ndarray
+
+
+def over_belt_speeds(numbers, low, high, count, fidelity=None):
+    """The course of a sort whose belt is faster by the shares from `low` to `high`."""
+
+    def peak(factor):
+        scene = KINDS["sort"].scene(changed(numbers, {"belt": numbers["belt"] * factor}))
+        result = fj.simulate(scene, fidelity=fidelity, only="peak_force")
+        return result.peak_force, (result.peak_force, result.gradient_error, result.status)
+
+    factors = 1 + jnp.linspace(low, high, count)
+    run = jax.jit(one_by_one(jax.jacfwd(peak, has_aux=True)))
+    slopes, (forces, told, status) = jax.tree.map(np.asarray, run(factors))
+    secant = float((forces[-1] - forces[0]) / (factors[-1] - factors[0]))
+    return Course(forces, slopes, secant, told, status)

@@ -41,7 +41,8 @@ def scene_of(numbers):
         fence=fj.Fence(
             rigid_length=numbers["reach"] * 0.375, flexible_length=numbers["reach"] * 0.625
         ),
-        parcel=fj.Parcel(mass=numbers["mass"]), distance=numbers["distance"], duration=0.15,
+        parcel=fj.Parcel(mass=numbers["mass"]), distance=numbers["distance"],
+        duration=SMALL.duration,
     )  # fmt: skip
 
 
@@ -131,7 +132,7 @@ def test_gradient_is_that_of_the_outputs(tmp_path):
             rows.append(row)
     mass, distance = np.array(rows).T
     samples = sampling.given({"mass": mass, "distance": distance})
-    family = SceneFamily("oblique_impact", samples.names, duration=0.15)
+    family = SceneFamily("oblique_impact", samples.names, duration=SMALL.duration)
     # The smallest program there is with a fence that bends.
     fidelity = fj.Fidelity.fast(modes=1, static_correction=False, geometry="small", elements=4)
     sweep = Sweep(family, samples, ("peak_force",), "peak_force", fidelity)
