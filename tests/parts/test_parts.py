@@ -117,8 +117,8 @@ def test_size_of_the_state():
     # rate and force of each mode. A corner at it: its place, sliding speed, force now and before,
     # whether it has left over the tip, and of the modes left out the lagged rate, force and rate;
     # where the tip may carry the contact, the share and the place of the fence's load, now, before
-    # and foreseen. Friction of corners: the acceleration by what holds, 3, a weight each, and the way
-    # that it has made beside the step's cubic, 3.
+    # and foreseen. Friction of corners: the acceleration by what holds, 3, a weight each, and its
+    # way beside the step's cubic, 3.
     assert cost("free motion")[0] == cost("free motion without belt")[0] == 12
     assert cost("free motion beside a fence")[0] == 12 + 3 * MODES
     assert cost("oblique impact")[0] == 12 + 3 * MODES + 8 + 7
