@@ -9,9 +9,12 @@ slides by the trapezoidal rule. So does all of the belt's: under the weight alon
 and the backward Euler rule would be late where a parcel lets go of the belt.
 """
 
+import math
+
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..fidelity import Smoothing
 from ..model import Acceleration, Forces, Mechanics
 from ..parts import AbstractFriction
 
@@ -20,16 +23,18 @@ from ..parts import AbstractFriction
 # holding is known (`friction_turn`) it is less: there the rule's (1 - k) / (1 + k) is within 2 % of
 # exp(-2 k), by which the sliding speed decays.
 _STIFF, _SMALL = 1.0, 0.3
-# Static friction above the kinetic one [1] up to which smoothed friction still rises with the
-# sliding speed everywhere, where w_s is five eps.
-_LEVEL = 0.05
+# Static friction above the kinetic one [1], in (eps / w_s)^2, up to which smoothed friction still
+# rises with the sliding speed everywhere: with z = (w / w_s)^2 and r = eps / w_s the logarithm of
+# (1 + L exp(-z)) / sqrt(1 + r^2 / z) rises where L < r^2 exp(z) / (2 z^2), which is least at z = 2.
+_LEVEL = math.exp(2) / 8
 
 
-def monotone(friction: AbstractFriction, sliding: Array) -> Array:
+def monotone(friction: AbstractFriction, sliding: Array, smoothing: Smoothing) -> Array:
     """1.0 where a corner at rest takes no more friction than one that slides, 0.0 where the jump
     from static to kinetic friction gives the equations of a step another root."""
     scales = friction.scales(sliding)
-    return (scales.largest <= (1 + _LEVEL) * scales.sliding).astype(sliding.dtype)
+    level = _LEVEL * (smoothing.slip_speed / smoothing.static_speed) ** 2
+    return (scales.largest <= (1 + level) * scales.sliding).astype(sliding.dtype)
 
 
 def _holds(stiff: Array, level: Array) -> Array:
@@ -50,7 +55,7 @@ def weights(mechanics: Mechanics, forces: Forces, step: Array) -> tuple[Array, .
         if friction is not None:
             assert response is not None
             slope = -what.normal * response.sliding * mechanics.lightness(parts)
-            level = monotone(friction, what.sliding)
+            level = monotone(friction, what.sliding, mechanics.fidelity.smoothing)
             found.append(_holds(0.5 * step * slope, level))
     return tuple(found)
 
