@@ -362,8 +362,9 @@ def test_a_whole_sort_needs_no_duration_inside_jit():
 
 
 def test_the_history_of_a_scene_that_a_program_has_built_in():
+    scene = fj.scenes.free_motion(fence=fj.Fence(), duration=0.02)
+
     def history():
-        scene = fj.scenes.free_motion(fence=fj.Fence(), duration=0.02)
         return fj.simulate(scene, fidelity=PLAIN, history=True).history
 
     inside, outside = (jax.tree.leaves(run()) for run in (jax.jit(history), history))
