@@ -53,4 +53,4 @@ def test_a_parcel_lets_go_of_the_belt_at_static_friction(sharper):
     # goes on rising until the parcel slides at w_s, by half as much.
     assert forces[peak] == pytest.approx(held, rel=0.0137)
     # Then the belt slips under it.
-    assert abs(float(history.body.x_rate[peak + 200])) < 0.009
+    assert np.max(np.abs(history.body.x_rate[peak:] - 0.01)) > 5e-3
