@@ -18,8 +18,8 @@ from jaxtyping import Array
 
 from ..fidelity import Smoothing
 from ..model import Acceleration, Forces, Mechanics
-from ..scenes import Body
 from ..parts import AbstractFriction
+from ..scenes import Body
 
 # Stiffness of a friction [1], its slope with the motion relative to that of the inertia over half a
 # step, above which it holds. Up to 1 the trapezoidal rule does not ring. Where what it adds beside

@@ -225,8 +225,8 @@ def test_gradient_where_friction_falls_faster_than_a_step():
 
 def test_what_the_shortest_steps_miss_of_a_let_go_is_told():
     """Twice as much static friction, under a hard contact: friction falls within the shortest step,
-    slopes are those of teeth, and the gradient's error tells a third at least of how far they are from
-    the secant: a line across a jump is off by no more than that where one looks at it."""
+    slopes are those of teeth, and the gradient's error tells a third at least of how far they are
+    from the secant. A line across a jump is off by a quarter of it at least where one looks."""
     known = LETS_GO | {"belt_static": 1.8, "stiffness": 1e12}
     course = over_belt_speeds(known, 0.0, 3e-4, 11)
     size = np.maximum(np.abs(course.secant), course.forces)
