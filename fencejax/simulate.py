@@ -247,9 +247,9 @@ def _result(scene, fidelity: Fidelity, history: bool, only, own=()) -> Result:
     traced = any(isinstance(number, Tracer) for number in numbers)
     result = (plain if traced else ready)(numbers)
     samples = result.history
-    if samples is None or isinstance(samples.time, Tracer):
-        return result
-    if samples.time.ndim == 1:
+    # A program that has the scene built in traces the result alone.
+    traced = traced or (samples is not None and isinstance(samples.time, Tracer))
+    if not traced and samples is not None and samples.time.ndim == 1:
         # Longer strides leave room at the end, filled with the last sample.
         times = np.asarray(samples.time)
         taken = 1 + int(np.searchsorted(times, times[-1]))
