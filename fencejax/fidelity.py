@@ -1,6 +1,7 @@
 """Every knob that trades speed for accuracy, in one place."""
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import jax
@@ -25,13 +26,18 @@ class Smoothing(NamedTuple):
     """How the jump of dry friction at rest is smoothed: `slip_speed` eps [m/s], below which the
     force falls off, and `static_speed` w_s [m/s], over which the coefficient goes from static to
     kinetic. True stick is what eps -> 0, with eps << w_s, tends to. Smoothed friction is largest at
-    a creep of about w_s ((eps / w_s) sqrt(mu_s / 2 (mu_s - mu_k)))^(1/2), and there it is short of
-    mu_s by up to (eps / w_s) sqrt(2 mu_s (mu_s - mu_k)). The named settings have w_s at five eps:
-    what holds is short of static friction at every one of them, by a tenth or more where it is well
-    above the kinetic one."""
+    a creep of w_s ((eps / w_s) sqrt(mu_s / 2 (mu_s - mu_k)))^(1/2), and there it is short of mu_s
+    by (eps / w_s) sqrt(2 mu_s (mu_s - mu_k)), to the first order: 0.8 % of a normal force where
+    static friction is 0.5 and kinetic 0.35, in the named settings."""
 
     slip_speed: float
     static_speed: float
+
+    @property
+    def holds_below(self) -> float:
+        """The creep [m/s] at which smoothed friction is largest where the kinetic one is little:
+        below it a surface holds."""
+        return math.sqrt(self.slip_speed * self.static_speed / math.sqrt(2))
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -69,10 +75,12 @@ class Fidelity(Readable):
       may be from their straight continuation. Derivatives mind it more than values.
     - `iterations`: the most Newton iterations a step on contact force and parcel's velocity; one
       or two are the rule, more where friction turns round.
-    - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s. What sliding
-      changes by within the shortest step should be less than w_s, or static friction above the
-      kinetic one may be stepped over where a corner comes to rest: the named settings have it up to
-      12 m/s^2. In single precision they are no finer than 2e-4 and 1e-3.
+    - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s. What holds is
+      short of static friction by a share that goes with eps / w_s, a fiftieth in the named settings
+      (`Smoothing`). What sliding changes by within the shortest step should be less than w_s, or
+      static friction above the kinetic one may be stepped over where a corner comes to rest: the
+      named settings have it up to 12 m/s^2. In single precision they are no finer than 2e-4 and
+      1e-3, a fifth, and the holding friction is a tenth or more below the static one.
     - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends or, with
       `tip_contact` in the scene, on either side of where it passes from the corner to the tip.
     - `integrator`: `"modal"`, this package's own (exact in the beam, implicit in contact and
@@ -111,7 +119,7 @@ class Fidelity(Readable):
     longest_stride: int | None = None
     stride_tolerance: float = 1e-3
     iterations: int = 20
-    slip_speed: float = 1.5e-4
+    slip_speed: float = 1.5e-5
     static_speed: float = 7.5e-4
     tip_fade: float = 5e-3
     integrator: "str | AbstractSolver" = "modal"
@@ -271,11 +279,11 @@ class Fidelity(Readable):
 
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":
-        """A tolerance of 0.5 %, steps of 1 ms at most, three modes, friction smoothed over 0.3
-        mm/s: for sweeps."""
+        """A tolerance of 0.5 %, steps of 1 ms at most, three modes, static friction smoothed over
+        1.5 mm/s: for sweeps."""
         settings = dict(
             modes=3, step=1e-3, step_tolerance=5e-3, gradient_tolerance=1 / 3,
-            stride_tolerance=5e-3, slip_speed=3e-4, static_speed=1.5e-3,
+            stride_tolerance=5e-3, slip_speed=3e-5, static_speed=1.5e-3,
         )  # fmt: skip
         return cls(**{**settings, **changes})
 
@@ -289,20 +297,20 @@ class Fidelity(Readable):
 
     @classmethod
     def standard(cls, **changes) -> "Fidelity":
-        """The default: a tolerance of 0.05 %, steps of 0.5 ms at most, four modes, friction
-        smoothed over 0.15 mm/s. Wider ranges than those of ordinary impacts give worse cases: ask
+        """The default: a tolerance of 0.05 %, steps of 0.5 ms at most, four modes, static friction
+        smoothed over 0.75 mm/s. Wider ranges than those of ordinary impacts give worse cases: ask
         `choose_fidelity`.
         """
         return cls(**changes)
 
     @classmethod
     def reference(cls, **changes) -> "Fidelity":
-        """Twelve modes, the paper's chords, fixed steps of 25 us, friction smoothed over 0.03 mm/s;
-        for double precision, and some ten times the cost of `standard`. It shares no error control
-        with the settings that are measured against it.
+        """Twelve modes, the paper's chords, fixed steps of 25 us, static friction smoothed over
+        0.15 mm/s; for double precision, and some ten times the cost of `standard`. It shares no
+        error control with the settings that are measured against it.
         """
         settings = dict(
             modes=12, geometry="chord", step=2.5e-5, step_tolerance=None, longest_stride=1,
-            slip_speed=3e-5, static_speed=1.5e-4,
+            slip_speed=3e-6, static_speed=1.5e-4,
         )
         return cls(**{**settings, **changes})

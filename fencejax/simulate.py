@@ -351,7 +351,8 @@ def _run(
     evidence = None
     if forward:
         states = record.states
+        slopes = states["slopes"]
         evidence = SlopeEvidence(
-            states["force"].value, states["slopes"].at_peak, states["rivals"]
+            states["force"].value, slopes.at_peak, slopes.kink, states["rivals"]
         )
     return gather(record, measures, wanted, saved, start, status, scene), evidence

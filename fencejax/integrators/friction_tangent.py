@@ -5,36 +5,68 @@ the sliding speed outweighs the inertia over half a step, tens of times under a 
 trapezoidal rule would hand a force that stopped the corner within a step on to the next, and the
 sliding speed, or its derivative, would ring from step to step, or turn its sign. So friction that
 holds counts with its value at a step's end alone (the backward Euler rule), and friction that
-slides by the trapezoidal rule. So does all of the belt's: under the weight alone it is soft enough,
-and the backward Euler rule would be late where a parcel lets go of the belt.
+slides by the trapezoidal rule. The belt's counts by a rule between the two while it holds
+(`belt_lag`): the backward Euler rule would be late where a parcel lets go of the belt.
 """
 
+import math
+from typing import NamedTuple
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..fidelity import Smoothing
 from ..model import Acceleration, Forces, Mechanics
 from ..parts import AbstractFriction
+from ..scenes import Body
 
 # Stiffness of a friction [1], its slope with the motion relative to that of the inertia over half a
 # step, above which it holds. Up to 1 the trapezoidal rule does not ring. Where what it adds beside
 # holding is known (`friction_turn`) it is less: there the rule's (1 - k) / (1 + k) is within 2 % of
 # exp(-2 k), by which the sliding speed decays.
 _STIFF, _SMALL = 1.0, 0.3
-# Static friction above the kinetic one [1] up to which smoothed friction still rises with the
-# sliding speed everywhere, where w_s is five eps.
-_LEVEL = 0.05
+# Weight of the belt's friction beyond the trapezoidal rule where it is stiff: of what rings from
+# step to step (1 - 0.2) / (1 + 0.2) is left, 1 % after eleven steps.
+_BELT_LAG = 0.2
+# Static friction above the kinetic one [1], in (eps / w_s)^2, up to which smoothed friction still
+# rises with the sliding speed everywhere: with z = (w / w_s)^2 and r = eps / w_s the logarithm of
+# (1 + L exp(-z)) / sqrt(1 + r^2 / z) rises where L < r^2 exp(z) / (2 z^2), which is least at z = 2.
+_LEVEL = math.exp(2) / 8
 
 
-def monotone(friction: AbstractFriction, sliding: Array) -> Array:
+def monotone(friction: AbstractFriction, sliding: Array, smoothing: Smoothing) -> Array:
     """1.0 where a corner at rest takes no more friction than one that slides, 0.0 where the jump
     from static to kinetic friction gives the equations of a step another root."""
     scales = friction.scales(sliding)
-    return (scales.largest <= (1 + _LEVEL) * scales.sliding).astype(sliding.dtype)
+    level = _LEVEL * (smoothing.slip_speed / smoothing.static_speed) ** 2
+    return (scales.largest <= (1 + level) * scales.sliding).astype(sliding.dtype)
 
 
 def _holds(stiff: Array, level: Array) -> Array:
     """1.0 where friction of a stiffness [1] holds a corner, 0.0 where it leaves it free."""
     return (stiff > _STIFF + level * (_SMALL - _STIFF)).astype(stiff.dtype)
+
+
+class BeltLag(NamedTuple):
+    """How much more the belt's friction counts at a step's end than at its start, `weight` [1],
+    and its `acceleration` of the parcel at the start."""
+
+    weight: Array
+    acceleration: Acceleration
+
+
+def belt_lag(mechanics: Mechanics, body: Body, step: Array) -> BeltLag | None:
+    """Of the belt's friction, for a step from `body`; `None` without a belt. The weight is that of
+    a stiff friction, and goes to 0 with the stiffness down to 1."""
+    if mechanics.belt is None:
+        return None
+    force, (grip, bend) = mechanics.belt.force(body, mechanics.fidelity.smoothing)
+    slip = mechanics.belt.slip(body)
+    square = slip.x**2 + slip.y**2 + slip.turning**2
+    stiff = jax.lax.stop_gradient(0.5 * step * (grip + 2 * bend * square) / mechanics.mass)
+    weight = _BELT_LAG * jnp.maximum(stiff - _STIFF, 0.0) / jnp.maximum(stiff, _STIFF)
+    return BeltLag(weight, mechanics.acceleration(*force[:3]))
 
 
 def count(mechanics: Mechanics) -> int:
@@ -50,7 +82,7 @@ def weights(mechanics: Mechanics, forces: Forces, step: Array) -> tuple[Array, .
         if friction is not None:
             assert response is not None
             slope = -what.normal * response.sliding * mechanics.lightness(parts)
-            level = monotone(friction, what.sliding)
+            level = monotone(friction, what.sliding, mechanics.fidelity.smoothing)
             found.append(_holds(0.5 * step * slope, level))
     return tuple(found)
 

@@ -168,7 +168,7 @@ def turns(
         share = (1 - weight) * sliding.share + weight * held.share
         slope = (1 - weight) * response.sliding * sliding.by_share
         slope = slope + (1 - weight) * sliding.slope + weight * held.slope
-        counts = friction_tangent.monotone(friction, what.sliding)
+        counts = friction_tangent.monotone(friction, what.sliding, smoothing)
         share, slope = counts * share, counts * slope
         more = 0.5 * (was - response.share - share)
         early = (1 - weight) * more * _early(before[k], what.sliding, gain * more)

@@ -48,6 +48,7 @@ class _End(eqx.Module):
     body: Body
     acceleration: Acceleration
     held: Acceleration | None
+    belt_lag: friction_tangent.BeltLag | None
     sticking: tuple[Array, ...]
     sliding: tuple[Array, ...]
     predicted: Array
@@ -101,6 +102,13 @@ class _End(eqx.Module):
             changed = [b - a for a, b in zip(self.held, holds, strict=True)]
             begin = [a - f for a, f in zip(begin, self.held, strict=True)]
             end = Acceleration(*map(jnp.add, end, holds))
+        on_belt = 1.0
+        if self.belt_lag is not None and forces.belt is not None:
+            lag, was = self.belt_lag
+            on_belt = 1 + lag
+            now = mechanics.acceleration(*forces.belt[:3])
+            begin = [a - lag * f for a, f in zip(begin, was, strict=True)]
+            end = Acceleration(*(a + lag * f for a, f in zip(end, now, strict=True)))
         turns = friction_turn.turns(mechanics, forces, self.sticking, self.sliding, h)
         way = friction_turn.way(mechanics, forces, turns, changed, h)
         end = friction_turn.turned(mechanics, forces, turns, end)
@@ -111,7 +119,9 @@ class _End(eqx.Module):
         scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
         shares = friction_turn.shares(mechanics, forces, self.sticking, turns)
         drags = newton_matrix.drags(mechanics, forces, h, self.sticking, turns)
-        block = newton_matrix.rate_matrix(mechanics, forces, h, bool(normals), shares, drags)
+        block = newton_matrix.rate_matrix(
+            mechanics, forces, h, bool(normals), shares, drags, on_belt
+        )
         matrix = [[float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)]
         drifts = self.drifts(points)
         for k, normal in enumerate(normals):
@@ -249,8 +259,8 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     predicted = body.angle + h * (body.spin + 0.5 * h * start.angle)
     arms = mechanics.arms(predicted)
     equations = _End(
-        mechanics, body, start, memory.held, memory.sticking, memory.sliding, predicted, arms,
-        frame, fence, stride,
+        mechanics, body, start, memory.held, friction_tangent.belt_lag(mechanics, memory.body, h),
+        memory.sticking, memory.sliding, predicted, arms, frame, fence, stride,
     )  # fmt: skip
     guess = equations.at_rest(jax.lax.stop_gradient(guess))
     root, (forces, unbalance, sticking, held, way) = newton.solve(

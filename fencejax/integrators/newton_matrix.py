@@ -49,15 +49,16 @@ def rate_matrix(
     unknown_normals: bool,
     shares: list[Array],
     drags: list[Array],
+    on_belt: Array | float = 1.0,
 ):
     """-d(generalised force)/d(velocities) [N s/m], 3 x 3, at frozen directions and arms, where
     positions follow the velocities by `step` / 3, with the frictions' `shares` of the normal
-    forces and their slopes `drags`. With `unknown_normals` the normal forces at the fence are
-    held."""
+    forces and their slopes `drags`, and where the belt's friction counts `on_belt` [1]. With
+    `unknown_normals` the normal forces at the fence are held."""
     zero = jnp.zeros_like(forces.acceleration.x)
     matrix = [[zero] * 3 for _ in range(3)]
     if mechanics.belt is not None and forces.belt_slopes is not None and forces.slip is not None:
-        grip, bend = forces.belt_slopes
+        grip, bend = (on_belt * slope for slope in forces.belt_slopes)
         x, y, turning, arm, lever = forces.slip
         slip, weights = (x, y, arm * turning), (1.0, 1.0, arm**2)
         if lever is not None:

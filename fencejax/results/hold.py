@@ -19,8 +19,8 @@ from ..parts import AbstractFriction, Parcel
 from ..scenes import NormalScene, Scene
 from .sample import Sample
 
-# Sliding speeds in w_s among which smoothed friction is largest, and one at which it slides: w_s is
-# five eps in all named settings, and the largest is met to 1 % up to a ratio of twenty.
+# Sliding speeds in w_s among which smoothed friction is largest, and one at which it slides: where
+# w_s is five to a hundred eps the largest is met to 1 %.
 _CREEPS, _SLIDES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.3, 1.7), 10.0
 # A corner at rest is slower than w_s, one that slides faster than so many w_s: exp(-3^2) of the
 # jump of friction is left there.

@@ -117,13 +117,13 @@ def _slip(sample: Sample) -> Slip:
 def _creep_time(
     before: Slip, now: Slip, sample: Sample, length: Array, smoothing: Smoothing, known: Array
 ) -> Array:
-    """How long C_s has crept on the belt under the fence's force [s]: its slip s was above 2 eps,
-    up to which the belt holds with nine tenths of the largest static friction; counted by what
-    static friction still has over kinetic, exp(-(s / w_s)^2). Over a step the slip is taken to go
-    straight, its size linearly down to the least and up again."""
+    """How long C_s has crept on the belt under the fence's force [s]: faster than what the belt
+    holds below (`Smoothing.holds_below`), and counted by what static friction still has over
+    kinetic, exp(-(s / w_s)^2). Over a step the slip s is taken to go straight, its size linearly
+    down to the least and up again."""
     if sample.belt is None:
         return known
-    least, scale = 2 * smoothing.slip_speed, smoothing.static_speed
+    least, scale = smoothing.holds_below, smoothing.static_speed
     x_change, y_change = now.x - before.x, now.y - before.y
     square = x_change**2 + y_change**2
     where = -(before.x * x_change + before.y * y_change) / jnp.where(square > 0, square, 1.0)
@@ -179,7 +179,7 @@ def _belt_slip_reversed(
     """1.0 from when C_s, pressed by the fence, has turned round on the belt from step to step."""
     if sample.belt is None or not sample.fence:
         return known
-    slides = jnp.maximum(before.speed, now.speed) > 2 * smoothing.slip_speed
+    slides = jnp.maximum(before.speed, now.speed) > smoothing.holds_below
     turns = (before.x * now.x + before.y * now.y < 0) & slides & (sample.fence_force > 0)
     return jnp.where(turns, 1.0, known)
 

@@ -17,6 +17,11 @@ R comes back as an error of N_p at the rate at which N_p changes: e = R V / I, w
 |change of N_p| and I the integral of |N_p|. Sizes are summed, not signed terms, which would cancel
 where nothing is right.
 
+Where friction turns round at the peak, as a corner stops on the fence, the force has a kink there.
+Its derivative at the kink is between those on either side, by how soon the force rises before and
+falls after it, and the parabola through three samples knows nothing of that. It may be off by as
+much as N_p bends there.
+
 A running sum of sizes of derivatives is no function of the motion: it is 0 itself, and its
 derivatives are the sums. So it costs nothing where nobody differentiates.
 """
@@ -45,18 +50,25 @@ class Sums(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """The sums so far, and as they were when the fence's force was largest."""
+    """The sums so far, and as they were when the fence's force was largest; a number that is 0,
+    whose derivative is the size of how N_p bends where friction turns round at that sample or a
+    neighbour, `kink` [N]; how many steps ago that was, `since`, and 1.0 where friction has turned
+    round in the last step, `turned`."""
 
     now: Sums
     at_peak: Sums
+    kink: Array
+    since: Array
+    turned: Array
 
 
 class SlopeEvidence(NamedTuple):
     """What tells the error of the peak force's derivatives: the peak force [N] with its
-    derivatives, the sums until then, and its rivals."""
+    derivatives, the sums until then, how they bend about it, and its rivals."""
 
     force: Array
     sums: Sums
+    kink: Array
     rivals: Rivals
 
 
@@ -76,7 +88,7 @@ def _(primals, tangents):
 def _start(nothing, body) -> Slopes:
     del body
     sums = Sums(*(nothing.time,) * 3)
-    return Slopes(sums, sums)
+    return Slopes(sums, sums, *(nothing.time,) * 3)
 
 
 def _friction_missed(step: Step) -> list[Array]:
@@ -97,6 +109,21 @@ def _friction_missed(step: Step) -> list[Array]:
     return found
 
 
+def _turned(step: Step) -> Array:
+    """1.0 where a corner pressed on the fence has come to rest on it in this step, has turned round
+    or has let go."""
+    rests = step.smoothing.holds_below
+    found = jnp.zeros_like(step.now.time)
+    for was, now in jax.lax.stop_gradient(
+        tuple(zip(step.before.fence, step.now.fence, strict=True))
+    ):
+        pressed = (was.normal > 0) & (now.normal > 0)
+        stops = (jnp.abs(was.sliding) < rests) != (jnp.abs(now.sliding) < rests)
+        turns = stops | (was.sliding * now.sliding < 0)
+        found = jnp.where(pressed & turns, 1.0, found)
+    return found
+
+
 def _update(state: Slopes, step: Step) -> Slopes:
     known, new, span = step.known["force"], step.now.fence_force, step.span
     bend = signed_second_difference(known.before, known.now, new, span, step.second)
@@ -107,7 +134,11 @@ def _update(state: Slopes, step: Step) -> Slopes:
         now = now._replace(missed=_with_size(now.missed, more))
     higher = new > known.value
     at_peak = jax.tree.map(lambda old, sums: jnp.where(higher, sums, old), state.at_peak, now)
-    return Slopes(now, at_peak)
+    since = jnp.where(higher, 0.0, state.since + 1)
+    turned = _turned(step)
+    near = (since <= 2) & (turned + state.turned > 0) & ~ends_over_tip(step)
+    kink = _with_size(jnp.where(higher, 0.0, state.kink), jnp.where(near, bend, 0.0))
+    return Slopes(now, at_peak, kink, since, turned)
 
 
 SLOPES = Accumulator("slopes", _start, _update, needs=(FORCE, OVER_TIP))
@@ -116,8 +147,8 @@ SLOPES = Accumulator("slopes", _start, _update, needs=(FORCE, OVER_TIP))
 
 def relative_error(columns: SlopeEvidence, values: SlopeEvidence, at: Array) -> Array:
     """Estimated error of the peak force's gradient [1], relative to its norm or to the force if
-    that is more: what the steps miss of it or, if that is more, how far the derivatives of the
-    peak's rivals are from it.
+    that is more: the most of what the steps miss of it, of how far the derivatives of the peak's
+    rivals are from it, and of how they bend about the peak.
 
     `columns` are the derivatives in numbers whose values are `at`, each of the shape (numbers,).
     The norm is that of the derivatives times these values, none of which counts as more than the
@@ -139,4 +170,5 @@ def relative_error(columns: SlopeEvidence, values: SlopeEvidence, at: Array) -> 
     by_rivals = norm(scale * jnp.maximum(most - columns.force, columns.force - least))
     rivals = values.rivals.largest >= (1 - values.rivals.apart) * values.force
     off = jnp.maximum(by_steps, jnp.where(rivals, by_rivals, 0.0))
+    off = jnp.maximum(off, norm(scale * columns.kink))
     return off / jnp.maximum(norm(along), 1.0)

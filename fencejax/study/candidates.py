@@ -15,26 +15,26 @@ def ladder() -> tuple[Fidelity, ...]:
     """The candidates that are tried if none are named: tolerances of 1 % to 0.002 %, each with more
     or fewer modes, cheaper and dearer geometry, and friction smoothed more and less."""
     rungs = (
-        # step_tolerance [1], step [s], modes, geometry, slip_speed [m/s]
-        (1e-2, 1e-3, 0, "small", 2e-2),
-        (1e-2, 1e-3, 2, "small", 2e-2),
-        (1e-2, 1e-3, 4, "arc", 2e-2),
-        (3e-3, 1e-3, 2, "small", 2e-2),
-        (3e-3, 1e-3, 3, "arc", 2e-2),
-        (3e-3, 1e-3, 4, "arc", 5e-3),
-        (5e-4, 5e-4, 3, "arc", 2e-2),
-        (5e-4, 5e-4, 4, "arc", 5e-3),
-        (5e-4, 5e-4, 6, "chord", 2e-3),
-        (1e-4, 2.5e-4, 6, "arc", 2e-3),
-        (1e-4, 2.5e-4, 8, "chord", 1e-3),
-        (2e-5, 1.25e-4, 8, "chord", 1e-3),
+        # step_tolerance [1], step [s], modes, geometry, static_speed [m/s]
+        (1e-2, 1e-3, 0, "small", 0.1),
+        (1e-2, 1e-3, 2, "small", 0.1),
+        (1e-2, 1e-3, 4, "arc", 0.1),
+        (3e-3, 1e-3, 2, "small", 0.1),
+        (3e-3, 1e-3, 3, "arc", 0.1),
+        (3e-3, 1e-3, 4, "arc", 2.5e-2),
+        (5e-4, 5e-4, 3, "arc", 0.1),
+        (5e-4, 5e-4, 4, "arc", 2.5e-2),
+        (5e-4, 5e-4, 6, "chord", 1e-2),
+        (1e-4, 2.5e-4, 6, "arc", 1e-2),
+        (1e-4, 2.5e-4, 8, "chord", 5e-3),
+        (2e-5, 1.25e-4, 8, "chord", 5e-3),
     )
     return tuple(
         Fidelity(
-            step_tolerance=tolerance, step=step, modes=modes, geometry=geometry, slip_speed=slip,
-            static_speed=5 * slip,
+            step_tolerance=tolerance, step=step, modes=modes, geometry=geometry,
+            slip_speed=static / 50, static_speed=static,
         )
-        for tolerance, step, modes, geometry, slip in rungs
+        for tolerance, step, modes, geometry, static in rungs
     )  # fmt: skip
 
 

@@ -79,7 +79,7 @@ def test_a_parcel_that_comes_to_rest_stays():
     # After 2 / (9.81 1.5) = 0.14 s at most; what is left of the slip has no number to follow.
     slopes, (value, status) = braked(POINT | {"kinetic": 1.5, "static": 2.0})
     assert int(status) == fj.Status.SUCCESSFUL
-    assert abs(float(value)) < 1e-6
+    assert abs(float(value)) < 0.1 * fj.Fidelity.standard().slip_speed
     assert all(abs(float(slope)) < 1e-3 for slope in slopes.values())
 
 

@@ -135,8 +135,8 @@ def test_estimates_are_constants_to_differentiation():
 
 def test_companions():
     coarse, smooth = error.companions(STANDARD)
-    assert (coarse.modes, coarse.step, coarse.slip_speed) == (3, 1e-3, 1.5e-4)
-    assert smooth == coarse.replace(slip_speed=6e-4, static_speed=3e-3)
+    assert (coarse.modes, coarse.step, coarse.slip_speed) == (3, 1e-3, 1.5e-5)
+    assert smooth == coarse.replace(slip_speed=6e-5, static_speed=3e-3)
     few = [fj.Fidelity(modes=n) for n in (0, 1, 2, 12, None)]
     assert [error.companions(f)[0].modes for f in few] == [1, 2, 1, 9, 30]
     assert error.companions(fj.Fidelity(elements=6, geometry="small"))[0].elements == 20
