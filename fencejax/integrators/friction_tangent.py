@@ -64,7 +64,7 @@ def belt_lag(mechanics: Mechanics, body: Body, step: Array) -> BeltLag | None:
     force, (grip, bend) = mechanics.belt.force(body, mechanics.fidelity.smoothing)
     slip = mechanics.belt.slip(body)
     square = slip.x**2 + slip.y**2 + slip.turning**2
-    stiff = jax.lax.stop_gradient(0.5 * step * (grip + 2 * bend * square) / mechanics.mass)
+    stiff = 0.5 * step * (grip + 2 * bend * square) / mechanics.mass
     weight = _BELT_LAG * jnp.maximum(stiff - _STIFF, 0.0) / jnp.maximum(stiff, _STIFF)
     return BeltLag(weight, mechanics.acceleration(*force[:3]))
 

@@ -52,5 +52,6 @@ def test_a_parcel_lets_go_of_the_belt_at_static_friction(sharper):
     # Smoothed friction is short of it by (eps / w_s) sqrt(2 (mu_s - mu_k) / mu_s), 1.4 %; the force
     # goes on rising until the parcel slides at w_s, by half as much.
     assert forces[peak] == pytest.approx(held, rel=0.0137)
-    # Then the belt slips under it.
-    assert np.max(np.abs(history.body.x_rate[peak:] - 0.01)) > 5e-3
+    # Then the belt slips under it, beyond what is smoothed.
+    slip = np.max(np.abs(history.body.x_rate[peak:] - 0.01))
+    assert slip > 2 * fidelity.static_speed

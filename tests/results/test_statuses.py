@@ -206,10 +206,10 @@ def told(name):
     """Status and peak force of impacts at a fidelity: a heavy parcel that bends the fence far, one
     that sticks to the belt until the fence lets it go, and those of `OFF`."""
     fixed = fj.Fidelity(
-        step=5e-4, step_tolerance=None, slip_speed=5e-4, static_speed=2.5e-3
+        step=5e-4, step_tolerance=None, slip_speed=5e-5, static_speed=2.5e-3
     )
     # Friction sharper than a slip on the belt that turns round without ever being nought.
-    truth = TRUTH.replace(slip_speed=5e-5, static_speed=2.5e-4)
+    truth = TRUTH.replace(slip_speed=5e-6, static_speed=2.5e-4)
     known = {"truth": truth, "fixed": fixed}
     fidelity = known.get(name) or getattr(fj.Fidelity, name)()
     rows = [

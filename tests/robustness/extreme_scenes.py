@@ -10,7 +10,7 @@ from optimize.stability_map.scenes import ORDINARY, impact as impact
 
 # As smooth in friction as differences of 2e-4 between two values can see.
 TRUTH = fj.Fidelity.reference(
-    step=5e-5, geometry="arc", modes=8, slip_speed=2e-4, static_speed=1e-3
+    step=5e-5, geometry="arc", modes=8, slip_speed=2e-5, static_speed=1e-3
 )
 
 # Of programs that run longer than they compile at the suite's least effort.

@@ -76,7 +76,7 @@ def check(numbers, outcome):
 
 
 TRUTH = fj.Fidelity.reference(
-    step=2.5e-5, geometry="arc", modes=8, slip_speed=2e-5, static_speed=1e-4
+    step=2.5e-5, geometry="arc", modes=8, slip_speed=2e-6, static_speed=1e-4
 )
 
 

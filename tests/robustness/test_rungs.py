@@ -18,7 +18,7 @@ from optimize.work_precision import cases
 TRUTH = fj.Fidelity(
     modes=12, geometry="chord", step=1.25e-5, step_tolerance=None, longest_stride=1,
     iterations=20,
-    slip_speed=1e-4, static_speed=5e-4,
+    slip_speed=1e-5, static_speed=5e-4,
 )
 RECORD = Path(__file__).with_name("reference_impacts.json")
 FAMILY = cases.impacts(31, 11, 0.08)
