@@ -104,17 +104,17 @@ def simulate(
 
     >>> print(fj.simulate(fj.scenes.oblique_impact(distance=1.0)))
                 status  successful
-            peak force  1115.72 N  at 48.11 ms
-               impulse  60.167 N s
+            peak force  1116.05 N  at 48.11 ms
+               impulse  60.192 N s
                contact  88.07 ms  from 0.00 ms to 88.07 ms
            leaves at x  0.993 m  y 0.672 m (C_s, end of the force)
-        tip deflection  65.21 mm  at 48.60 ms
+        tip deflection  65.24 mm  at 48.61 ms
         bending stress  16.09 MPa  at 0.450 m from the hinge
-          drive torque  1254.83 N m  largest
+          drive torque  1255.24 N m  largest
           border force  0.00 N  largest
          surface force  0.00 N  largest
          pressed in by  28.25 mm
-       energy residual  2.21e-02 J
+       energy residual  2.35e-02 J
     """
     if not isinstance(scene, (NormalScene, Scene)):
         raise TypeError(

@@ -12,7 +12,6 @@ slides by the trapezoidal rule. The belt's counts by a rule between the two whil
 import math
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 

@@ -80,17 +80,17 @@ def oblique_impact(
 
     >>> print(fj.simulate(fj.scenes.oblique_impact(distance=0.9, parcel=fj.Parcel(mass=8.0))))
                 status  successful
-            peak force  873.73 N  at 30.91 ms
-               impulse  28.201 N s
+            peak force  874.05 N  at 30.91 ms
+               impulse  28.212 N s
                contact  56.44 ms  from 0.00 ms to 56.44 ms
            leaves at x  0.858 m  y 0.584 m (C_s, end of the force)
-        tip deflection  34.23 mm  at 30.58 ms
-        bending stress  10.87 MPa  at 0.450 m from the hinge
-          drive torque  934.59 N m  largest
+        tip deflection  34.24 mm  at 30.58 ms
+        bending stress  10.88 MPa  at 0.450 m from the hinge
+          drive torque  934.93 N m  largest
           border force  0.00 N  largest
          surface force  0.00 N  largest
          pressed in by  26.35 mm
-       energy residual  1.63e-02 J
+       energy residual  1.72e-02 J
     """
     fence = fence_of(fence)
     drive = drive_of(drive, fence)

@@ -208,8 +208,9 @@ def told(name):
     fixed = fj.Fidelity(
         step=5e-4, step_tolerance=None, slip_speed=5e-5, static_speed=2.5e-3
     )
-    # Friction sharper than a slip on the belt that turns round without ever being nought.
-    truth = TRUTH.replace(slip_speed=5e-6, static_speed=2.5e-4)
+    # Friction sharper than a slip on the belt that turns round without ever being nought, and steps
+    # short enough for it.
+    truth = TRUTH.replace(step=2.5e-5, slip_speed=5e-6, static_speed=2.5e-4)
     known = {"truth": truth, "fixed": fixed}
     fidelity = known.get(name) or getattr(fj.Fidelity, name)()
     rows = [

@@ -20,7 +20,7 @@ import fencejax as fj
 PROMISE = {"coarse": 0.0035, "fast": 0.004, "standard": 0.0015, "reference": 0.0025}
 """Of the peak force, for every row with a good status; the fidelities promise 2.5 % of any scene.
 `reference` has the paper's chords where the truth has the arc."""
-GRADIENT_PROMISE = {"coarse": 0.035, "fast": 0.02, "standard": 0.015, "reference": 0.006}
+GRADIENT_PROMISE = {"coarse": 0.035, "fast": 0.02, "standard": 0.015, "reference": 0.007}
 """The same for its gradient, as elasticities and relative to its norm; for the rows of `GIVEN`."""
 HARD = {"coarse": 0.05, "fast": 0.11, "standard": 0.065}
 """The same for the other rows: a contact of ten steps, one without stiffness."""
@@ -129,9 +129,13 @@ GIVEN = {
     "no-gravity", "size-2m", "steel-plate", "receding",
 }
 # Without friction it rides along the fence to its tip, where the force ends within a few steps of
-# 1 ms, and bounces. Where nothing damps the fence, `fast` leaves in doubt which of two maxima is
-# the peak, and its gradient is 6 % off: the phase at the peak depends on every step before.
-WARNED = {("no-friction", "coarse"), ("no-friction", "fast"), ("undamped", "fast")}
+# 1 ms, and bounces. Where nothing damps the fence, `coarse` and `fast` leave in doubt which of two
+# maxima is the peak, and their gradients are 2 and 5 % off: the phase at the peak depends on every
+# step before.
+WARNED = {
+    ("no-friction", "coarse"), ("no-friction", "fast"),
+    ("undamped", "coarse"), ("undamped", "fast"),
+}
 # What happened is said, and by which status.
 SAID = {
     ("reach-0.3m", "standard"): fj.Status.PEAK_AT_TIP,
