@@ -371,3 +371,17 @@ def test_the_history_of_a_scene_that_a_program_has_built_in():
     for one, other in zip(inside, outside, strict=True):
         # Outside a program the room that is left at the end is cut off.
         np.testing.assert_allclose(one[: len(other)], other, rtol=1e-12, atol=1e-12)
+
+
+def test_the_derivative_of_a_history_outside_a_program():
+    # Closed form: nothing touches it, and the parcel moves on as fast as it was let go.
+    def positions(speed):
+        scene = fj.scenes.free_motion(
+            fence=None, belt=None, velocity=(speed, 0.3, 0.0), duration=0.02
+        )
+        return fj.simulate(scene, fidelity=PLAIN, history=True).history
+
+    history, slopes = jax.jvp(positions, (1.5,), (1.0,))
+    np.testing.assert_allclose(slopes.body.x, history.time, atol=1e-12)
+    np.testing.assert_allclose(slopes.body.x_rate, 1.0, atol=1e-12)
+    np.testing.assert_allclose(slopes.body.y, 0.0, atol=1e-12)
