@@ -15,7 +15,7 @@ from optimize.co_design.configuration import CoDesignConfig, configure
 from optimize.common import starts
 
 _SMALL = CoDesignConfig(
-    masses=(15.0,), offsets=(0.1,), controls=4, budget=14, starts=2, scouting=8, fidelity="coarse",
+    masses=(15.0,), offsets=(0.1,), controls=4, budget=18, starts=2, scouting=8, fidelity="coarse",
     verify="coarse",
 )  # fmt: skip
 
