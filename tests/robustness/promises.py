@@ -56,7 +56,7 @@ def true_to(fidelity, kind):
     return fidelity.replace(
         modes=last.modes, step_tolerance=None, step=1.25e-5 if kind == "impacts" else 2.5e-5,
         longest_stride=1 if kind == "impacts" else None, slip_speed=last.slip_speed,
-        static_speed=last.static_speed,
+        static_speed=last.static_speed, stride_tolerance=1e-4,
     )  # fmt: skip
 
 
