@@ -16,8 +16,9 @@ much beside its derivatives: for the gradients of sorts steps follow their error
 a fifth of the work, judges all designs, and the truth itself those of each generation that come to
 more than their parents, the largest errors first, up to a tenth of all: the errors told are the
 truth's. A finding, the largest error after a generation, is judged again by a truth of half the
-step, and strides of a quarter of its tolerance: where the two truths differ by a quarter of the error, it is the truth that cannot be told.
-Such a design is left out, and how many there were is told.
+step, and strides of a quarter of its tolerance: where the two truths differ by a quarter of the
+error, it is the truth that cannot be told. Such a design is left out, and how many there were is
+told.
 `search.json` beside this file is what the first command found.
 """
 
