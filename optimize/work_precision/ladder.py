@@ -39,8 +39,9 @@ class Ladder:
 
 
 def smoothed(slip_speed: float) -> dict[str, Any]:
-    """Smoothing of friction over `slip_speed` [m/s], static_speed five times that."""
-    return {"slip_speed": slip_speed, "static_speed": 5 * slip_speed}
+    """Smoothing of friction over `slip_speed` [m/s], static_speed fifty times that, as in the named
+    settings."""
+    return {"slip_speed": slip_speed, "static_speed": 50 * slip_speed}
 
 
 def _knob(name: str, base: fj.Fidelity, points) -> tuple[Point, ...]:
@@ -79,7 +80,7 @@ def full() -> Ladder:
     """The ladder of the default run."""
     return _ladder(
         modes=(1, 2, 3, 4, 6, 8, None), bare_modes=(1, 4), elements=(10, 20),
-        slips=(0.1, 0.02, 5e-3, 1e-3, 1e-4),
+        slips=(1e-2, 2e-3, 5e-4, 1e-4, 1e-5),
         steps=(2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5), fades=(5e-3, 1e-3),
         tolerances=(3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4),
     )  # fmt: skip
@@ -89,7 +90,7 @@ def dense() -> Ladder:
     """The same with more points a knob, in about half as long again."""
     return _ladder(
         modes=(0, 1, 2, 3, 4, 6, 8, 12, None), bare_modes=(1, 2, 4, 8), elements=(10, 20, 40),
-        slips=(0.1, 0.05, 0.02, 0.01, 5e-3, 1e-3, 1e-4),
+        slips=(1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 1e-4, 1e-5),
         steps=(4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5, 3.125e-5),
         fades=(2e-2, 5e-3, 1e-3), tolerances=(1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4),
     )  # fmt: skip
@@ -98,7 +99,7 @@ def dense() -> Ladder:
 def _ladder(modes, bare_modes, elements, slips, steps, fades, tolerances) -> Ladder:
     truth = fj.Fidelity(
         modes=12, geometry="chord", step=1.25e-5, step_tolerance=None, longest_stride=1,
-        iterations=20, **smoothed(1e-4),
+        iterations=20, **smoothed(1e-5),
     )  # fmt: skip
     base = fj.Fidelity(
         modes=8, geometry="chord", step=6.25e-5, step_tolerance=None, longest_stride=1,
@@ -142,7 +143,7 @@ def _ladder(modes, bare_modes, elements, slips, steps, fades, tolerances) -> Lad
     return Ladder(
         truth, truth.replace(step=truth.step / 2), base, rungs, knobs,
         _grid(base, (1, 2, 3, 4, 6), (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4),
-              (2e-2, 5e-3, 1e-3), ("small", "arc")),
+              (2e-3, 5e-4, 1e-4), ("small", "arc")),
     )  # fmt: skip
 
 
@@ -150,7 +151,7 @@ def quick() -> Ladder:
     """A small ladder around `fast` and `standard`."""
     truth = fj.Fidelity(
         modes=8, geometry="chord", step=1e-4, step_tolerance=None, longest_stride=1, iterations=20,
-        **smoothed(1e-3),
+        **smoothed(2e-5),
     )  # fmt: skip
     base = fj.Fidelity(step=2.5e-4, step_tolerance=None)
     knobs = {
