@@ -44,7 +44,7 @@ RUNGS = ("coarse", "fast", "standard")
 _SHOWN = (
     "realistic, value, `standard`", "realistic, value, `fast`", "realistic, value, `coarse`",
     "normal impact, realistic, gradient, `standard`", "impact, realistic, gradient, `standard`",
-    "sorts, realistic, value, `standard`",
+    "sorts, realistic, gradient, `standard`", "sorts, realistic, value, `standard`",
     "sorts, realistic, value, `fast`", "sorts, realistic, value, `coarse`",
 )  # fmt: skip
 # Lanes that run side by side; fewer of those that a truth judges after a first one.
