@@ -24,6 +24,7 @@ import numpy as np
 from robustness import random_scenes
 from robustness.extreme_scenes import USUAL, draw, impact
 from robustness.peaks import gradient_error
+from robustness.search import STRIDES
 
 import fencejax as fj
 from fencejax.study import in_chunks
@@ -56,7 +57,7 @@ def true_to(fidelity, kind):
     return fidelity.replace(
         modes=last.modes, step_tolerance=None, step=1.25e-5 if kind == "impacts" else 2.5e-5,
         longest_stride=1 if kind == "impacts" else None, slip_speed=last.slip_speed,
-        static_speed=last.static_speed, stride_tolerance=1e-4,
+        static_speed=last.static_speed, stride_tolerance=STRIDES,
     )  # fmt: skip
 
 

@@ -52,14 +52,14 @@ _BATCH, _FEWER = 128, 32
 # Share of a generation that it judges.
 _JUDGED = 0.1
 # Tolerance of the truth's strides where nothing touches, a tenth of that of `standard`.
-_STRIDES = 1e-4
+STRIDES = 1e-4
 
 
 def true_to(fidelity, step, **finer):
-    """The same model by fixed steps; with `finer` knobs besides. Longer strides, where nothing
-    touches, at a tolerance at which a parcel that comes to rest on the belt is not stepped over: at
-    5e-3, that of `coarse` and `fast`, a sort was off by 6 %."""
-    return fidelity.replace(step=step, step_tolerance=None, stride_tolerance=_STRIDES, **finer)
+    """The same model by fixed steps; with `finer` knobs besides. Where nothing touches, strides are
+    longer, at a tolerance of their own: at that of `coarse` and `fast`, 5e-3, they stepped over a
+    parcel that came to rest on the belt, and a sort was off by 6 %."""
+    return fidelity.replace(step=step, step_tolerance=None, stride_tolerance=STRIDES, **finer)
 
 
 def truth_of(fidelity, kind, of="value"):

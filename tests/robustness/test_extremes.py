@@ -20,7 +20,7 @@ import fencejax as fj
 PROMISE = {"coarse": 0.0035, "fast": 0.004, "standard": 0.0015, "reference": 0.0025}
 """Of the peak force, for every row with a good status; the fidelities promise 2.5 % of any scene.
 `reference` has the paper's chords where the truth has the arc."""
-GRADIENT_PROMISE = {"coarse": 0.035, "fast": 0.02, "standard": 0.015, "reference": 0.007}
+GRADIENT_PROMISE = {"coarse": 0.035, "fast": 0.02, "standard": 0.015, "reference": 0.006}
 """The same for its gradient, as elasticities and relative to its norm; for the rows of `GIVEN`."""
 HARD = {"coarse": 0.05, "fast": 0.11, "standard": 0.065}
 """The same for the other rows: a contact of ten steps, one without stiffness."""
@@ -28,6 +28,10 @@ KINK = {"belt-friction-5": 0.2}
 """The same where a corner comes to rest on the fence at the peak: the derivative jumps there, the
 more so the less friction is smoothed. Fixed steps of 25 us find slopes that are 13 % off with the
 smoothing of `standard`, 20 % with a quarter of it."""
+
+BEYOND = {("size-2m", "reference"): 0.007}
+"""The same of one row, which is 0.63 % off where the truth smooths static friction over seven times
+the speed."""
 
 # Designs: (changes of the ordinary impact).
 ROWS = {
@@ -270,6 +274,7 @@ def test_gradients_are_within_the_promise(name, fidelity):
         assert name not in GIVEN or (name, fidelity) in WARNED
         return
     promise = KINK.get(name, (GRADIENT_PROMISE if name in GIVEN else HARD)[fidelity])
+    promise = BEYOND.get((name, fidelity), promise)
     off = np.linalg.norm(slopes[0] - true_slopes()[lane])
     assert off <= promise * np.linalg.norm(true_slopes()[lane])
 
