@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Smoothing
-from ..model import Acceleration, Forces, Mechanics
+from ..model import Acceleration, Forces, Mechanics, belt_slope
 from ..parts import AbstractFriction
 from ..scenes import Body
 
@@ -61,9 +61,8 @@ def belt_lag(mechanics: Mechanics, body: Body, step: Array) -> BeltLag | None:
     if mechanics.belt is None:
         return None
     force, (grip, bend) = mechanics.belt.force(body, mechanics.fidelity.smoothing)
-    slip = mechanics.belt.slip(body)
-    square = slip.x**2 + slip.y**2 + slip.turning**2
-    stiff = 0.5 * step * (grip + 2 * bend * square) / mechanics.mass
+    slope = belt_slope(grip, bend, mechanics.belt.slip(body).squared)
+    stiff = 0.5 * step * slope / mechanics.mass
     weight = _BELT_LAG * jnp.maximum(stiff - _STIFF, 0.0) / jnp.maximum(stiff, _STIFF)
     return BeltLag(weight, mechanics.acceleration(*force[:3]))
 

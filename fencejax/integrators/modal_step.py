@@ -292,7 +292,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
                 mechanics.fidelity.smoothing,
             )  # fmt: skip
             now = contacts(
-                forces, () if frame is None else frame.shares, mechanics.frictions
+                forces, () if frame is None else frame.shares, mechanics.frictions, sticking
             )
             was = memory.fence
             if fence is not None and was is not None and frictions:

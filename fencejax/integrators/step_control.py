@@ -70,7 +70,7 @@ class Control(NamedTuple):
         ends = tuple(
             Ends(
                 zero, zero, zero, zero if k < ending else None,
-                *(() if friction is None else (zero, zero)),
+                *(() if friction is None else (zero, zero, zero)),
             )
             for k, friction in enumerate(frictions)
         )  # fmt: skip
@@ -86,13 +86,16 @@ def contacts(
     forces: Forces,
     shares: tuple[Array, ...],
     frictions: tuple[AbstractFriction | None, ...],
+    sticking: tuple[Array, ...] = (),
 ) -> tuple[Ends, ...]:
     """What the control of the next step has to know of each contact; `shares` [1] of the contact
-    law act at the fence's corners."""
-    found = []
+    law act at the fence's corners, and friction holds those that have it by `sticking` [1]."""
+    found, held = [], iter(sticking)
     for k, (what, touch, _, _) in enumerate(forces.meetings):
         share = touch.remaining(shares[k]) if k < len(shares) else None
-        rubs = () if frictions[k] is None else (what.friction, what.sliding)
+        rubs = () if frictions[k] is None else (
+            what.friction, what.sliding, next(held)
+        )
         found.append(Ends(what.normal, what.gap, what.gap_rate, share, *rubs))
     return tuple(found)
 

@@ -57,6 +57,7 @@ class Ends(NamedTuple):
     share: Array | None = None
     friction: Array | None = None
     sliding: Array | None = None
+    held: Array | None = None
 
 
 def _smooth(
@@ -159,6 +160,10 @@ def friction_defect(
     Friction bends where the corner comes to rest, and where it falls from static to kinetic, by a
     curve that may be as much above its line as below. So two points tell: half way from rest to
     either end, or a quarter from each.
+
+    Where friction holds the corner it counts with its value at the end (`friction_tangent`), which
+    under a normal force that grows is more than the surface gives in the mean over the step: then
+    it holds on too long, by what is above mu_s (N_0 + N_1) / 2.
     """
     assert was.sliding is not None
     assert now.sliding is not None
@@ -178,7 +183,11 @@ def friction_defect(
         )
         of_line = normal * corner_share(friction, sliding, smoothing)[0] - line
         off = jnp.maximum(off, jnp.abs(of_line))
-    return off
+    if was.held is None:
+        return off
+    counts = 0.5 * ((1 - was.held) * was.friction + (1 + was.held) * now.friction)
+    gives = 0.5 * friction.scales(now.sliding).largest * (was.normal + now.normal)
+    return jnp.maximum(off, jnp.abs(counts) - gives)
 
 
 def defects(

@@ -41,6 +41,7 @@ from .flexible_link import (
 )
 from .friction import (
     belt_grip as belt_grip,
+    belt_slope as belt_slope,
     corner_share as corner_share,
 )
 from .hinge import (

@@ -11,7 +11,7 @@ from ..fidelity import Smoothing
 from ..parts import AbstractFriction, Belt, Parcel
 from ..scenes import Body
 from .belt_edge import BeltEdge
-from .friction import belt_grip
+from .friction import belt_grip, belt_slope
 
 
 class BeltForce(NamedTuple):
@@ -33,6 +33,11 @@ class BeltSlip(NamedTuple):
     turning: Array
     arm: Array
     lever: Array | None = None
+
+    @property
+    def squared(self) -> Array:
+        """s^2 = |u|^2 + c^2 phidot^2 [m^2/s^2]."""
+        return self.x**2 + self.y**2 + self.turning**2
 
 
 class BeltDefect(NamedTuple):
@@ -112,7 +117,7 @@ class BeltContact(eqx.Module):
         passes = (both < square_0) & (both < square_1)
         rest = jnp.where(passes, (square_0 - both) / jnp.where(passes, moved, 1.0), 0.5)
         off = most = jnp.zeros_like(square_0)
-        fall = jnp.maximum(-after - 2 * bend * square_1, 0.0)
+        fall = jnp.maximum(-belt_slope(after, bend, square_1), 0.0)
         for theta in (0.5 * rest, 0.5 + 0.5 * rest):
             left = 1 - theta
             square = left**2 * square_0 + 2 * theta * left * both + theta**2 * square_1
@@ -120,5 +125,5 @@ class BeltContact(eqx.Module):
             first, second = left * (grip - before), theta * (grip - after)
             of_line = first**2 * square_0 + 2 * first * second * both + second**2 * square_1
             off, most = jnp.maximum(off, of_line), jnp.maximum(most, grip**2 * square)
-            fall = jnp.maximum(fall, -grip - 2 * bend * square)
+            fall = jnp.maximum(fall, -belt_slope(grip, bend, square))
         return BeltDefect(off, most, fall)

@@ -39,3 +39,9 @@ def belt_grip(
     inverse = jax.lax.rsqrt(speed_squared + smoothing.slip_speed**2)
     grip = weight * inverse
     return grip * mu, grip * (slope - 0.5 * mu * inverse * inverse)
+
+
+def belt_slope(grip: Array, bend: Array, speed_squared: Array) -> Array:
+    """How steeply the belt's friction grip s rises with the slip s [N s/m], below 0 where it falls:
+    grip + 2 s^2 d grip / d s^2, with `grip` and `bend` of `belt_grip`."""
+    return grip + 2 * bend * speed_squared

@@ -72,6 +72,9 @@ _DRIFTED = 0.02
 # Blows before the peak. Each multiplies what the ones before are off by, of whatever origin, as a
 # billiard does: no fidelity tells a force after so many.
 _BLOWS = 3.0
+# Two of them multiply a step's tolerance by up to 80: a search found a whole sort off by 3.9 % at
+# 5e-4, by 1.1 % at an eighth of it and by 0.25 % at a 64th. So they ask for a tolerance of this.
+_TWO_BLOWS = 1e-4
 # Tip deflection that only a motion out of control has, in limits of the linear beam [1]. From 10 on
 # no force has to do with that of finer steps (`tests/robustness/runaway.py`); up to here it is only
 # said, so that what longer steps have driven there is computed finer.
@@ -220,8 +223,9 @@ def of_record(
         too_coarse = _belt_slip_unresolved(scene, mechanics.fidelity, seen)
         checks.append((Status.STEP_TOO_COARSE, too_coarse))
     if scene.fence_corners:
-        checks.append((Status.STEP_TOO_COARSE, seen.resolution.at_peak.blows >= _BLOWS))
-    if scene.fence_corners:
+        tolerance = mechanics.fidelity.step_tolerance
+        most = 2.0 if tolerance is not None and tolerance > _TWO_BLOWS else _BLOWS
+        checks.append((Status.STEP_TOO_COARSE, seen.resolution.at_peak.blows >= most))
         unsure = seen.resolution.at_peak.unsure_friction > _HELD * seen.force.value
         checks.append((Status.FRICTION_SMOOTHED, unsure))
     if mechanics.link is not None and mechanics.link.frequency_squared:

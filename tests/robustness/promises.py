@@ -8,8 +8,9 @@ From the folder `tests`:
 
 Designs are random: oblique impacts within what fences and parcels may really be (`USUAL` in
 `extreme_scenes`, the centre of gravity anywhere in the parcel) and whole sorts (`random_scenes`).
-The truth is the same model with twelve modes, fixed steps of 12.5 us (25 us in sorts) and a tenth
-of the friction's smoothing. An error is relative to the measure, that of the end of contact to the
+The truth (`truths`) is the same model with twelve modes. Of impacts it has fixed steps of 12.5 us
+and the friction of `reference`; of sorts that of `standard`, and steps that follow their error to a
+256th of what this tolerates. An error is relative to the measure, that of the end of contact to the
 contact's length, that of the place where it ends to the fence's reach; one of a gradient (by eight
 numbers of the scene, each relative to itself) to its norm or, where that is less, to the same size.
 """
@@ -21,10 +22,9 @@ import figures
 import jax
 import jax.numpy as jnp
 import numpy as np
-from robustness import random_scenes
+from robustness import random_scenes, truths
 from robustness.extreme_scenes import USUAL, draw, impact
 from robustness.peaks import gradient_error
-from robustness.search import STRIDES
 
 import fencejax as fj
 from fencejax.study import in_chunks
@@ -51,14 +51,12 @@ def scenes(kind, seed, count):
     return random_scenes.sorts(seed, count)
 
 
-def true_to(fidelity, kind):
-    """The same model, as fine as can be waited for."""
-    last = fj.Fidelity.reference()
-    return fidelity.replace(
-        modes=last.modes, step_tolerance=None, step=1.25e-5 if kind == "impacts" else 2.5e-5,
-        longest_stride=1 if kind == "impacts" else None, slip_speed=last.slip_speed,
-        static_speed=last.static_speed, stride_tolerance=STRIDES,
-    )  # fmt: skip
+def truth_of(kind):
+    """As fine as can be waited for."""
+    standard = fj.Fidelity.standard()
+    if kind == "impacts":
+        return truths.fixed(standard, 1.25e-5, modes=12, longest_stride=1, **truths.SHARPER)
+    return truths.following(standard, 256, modes=12)
 
 
 def _program(fidelity):
@@ -122,7 +120,7 @@ def main():
     for kind, count in counts.items():
         some = scenes(kind, given.seed, count)
         reach = np.asarray(some.fence.rigid_length + some.fence.flexible_length)
-        truth = in_chunks(_program(true_to(fj.Fidelity.standard(), kind)), some, _LANES)
+        truth = in_chunks(_program(truth_of(kind)), some, _LANES)
         print(f"truth of {kind} ({time.perf_counter() - began:.0f} s)", flush=True)
         by_rung = {}
         for name in NAMES:

@@ -4,21 +4,23 @@ From the folder `tests`:
 
     python -m robustness.search --out search.json
     python -m robustness.search --kinds impact --tolerance 1e-2 --of gradient
+    python -m robustness.search --kinds sort --rungs standard --sharper
     python -m robustness.search --record           # the table of TRUST.md, from search.json
 
 Designs of each kind of scene (`searched_scenes`) are bred, by differential evolution, for the
-largest error of the peak force, or of its gradient, among those with a good status. The truth is
-the same geometry with sixteen modes, fixed steps of 10 us (25 us in sorts) and a fifth of the
-friction's smoothing; where it does not tell either which of two maxima is the peak, it tells no
-gradient. Fixed steps let a parcel go of the belt in jumps, which is nothing beside the force and
-much beside its derivatives: for the gradients of sorts steps follow their error, with a tolerance
-256 times as small as that of `standard`. In sorts a first truth of eight modes and steps of 0.1 ms,
-a fifth of the work, judges all designs, and the truth itself those of each generation that come to
-more than their parents, the largest errors first, up to a tenth of all: the errors told are the
-truth's. A finding, the largest error after a generation, is judged again by a truth of half the
-step, and strides of a quarter of its tolerance: where the two truths differ by a quarter of the
-error, it is the truth that cannot be told. Such a design is left out, and how many there were is
-told.
+largest error of the peak force, or of its gradient, among those with a good status. The truth
+(`truths`) is the same geometry with sixteen modes. Of impacts it has fixed steps of 10 us and the
+friction of `reference`, a fifth of the smoothing. Of sorts it has the friction of what is judged
+or, with `--sharper`, that of `reference`, too: then the search finds what the peak owes to the
+speed over which static friction falls to kinetic. Its steps follow their error there, with a
+tolerance 256 times as small as that of `standard`, and a first truth, of eight modes and four times
+the tolerance, judges all designs; the truth itself those of each generation that come to more than
+their parents, the largest errors first, up to a tenth of all: the errors told are the truth's. A
+finding, the largest error after a generation, is judged again by a second truth: that of values of
+sorts has fixed steps of 10 us, every other one half the step, or a quarter of the tolerance, of the
+first. Where the two truths differ by a quarter of the error, it is the truth that cannot be told.
+Such a design is left out, and how many there were is told. Where the truth does not tell either
+which of two maxima is the peak, it tells no gradient.
 `search.json` beside this file is what the first command found.
 """
 
@@ -31,6 +33,7 @@ from typing import NamedTuple
 import figures
 import jax
 import numpy as np
+from robustness import truths
 from robustness.peaks import gradient_error, peaks
 from robustness.searched_scenes import KINDS
 
@@ -51,47 +54,38 @@ _SHOWN = (
 _BATCH, _FEWER = 128, 32
 # Share of a generation that it judges.
 _JUDGED = 0.1
-# Tolerance of the truth's strides where nothing touches, a tenth of that of `standard`.
-STRIDES = 1e-4
 
 
-def true_to(fidelity, step, **finer):
-    """The same model by fixed steps; with `finer` knobs besides. Where nothing touches, strides are
-    longer, at a tolerance of their own: at that of `coarse` and `fast`, 5e-3, they stepped over a
-    parcel that came to rest on the belt, and a sort was off by 6 %."""
-    return fidelity.replace(step=step, step_tolerance=None, stride_tolerance=STRIDES, **finer)
+def _friction(kind, sharper):
+    """How a truth differs from what it judges in the friction."""
+    return truths.SHARPER if sharper or KINDS[kind].step is not None else {}
 
 
-def truth_of(fidelity, kind, of="value"):
-    """As fine as can be waited for."""
-    if KINDS[kind].step > 1e-5:
-        if of == "gradient":
-            return _following(fidelity, 256, modes=16)
-        return _truth(fidelity, KINDS[kind].step, modes=16)
-    return _truth(fidelity, KINDS[kind].step, modes=16, longest_stride=1)
+def truth_of(fidelity, kind, sharper=False):
+    """As fine as can be waited for; of sorts with `sharper` friction if asked for."""
+    step, friction = KINDS[kind].step, _friction(kind, sharper)
+    if step is None:
+        return truths.following(fidelity, 256, modes=16, **friction)
+    return truths.fixed(fidelity, step, modes=16, longest_stride=1, **friction)
 
 
-def first_truth_of(fidelity, kind, of="value"):
+def first_truth_of(fidelity, kind, sharper=False):
     """One that tells which designs are worth the truth; `None` where the truth is cheap."""
-    if KINDS[kind].step <= 1e-5:
+    if KINDS[kind].step is not None:
         return None
-    if of == "gradient":
-        return _following(fidelity, 64, modes=8)
-    return _truth(fidelity, 1e-4, modes=8)
+    return truths.following(fidelity, 64, modes=8, **_friction(kind, sharper))
 
 
-def _following(fidelity, share, **finer):
-    """Steps of 0.1 ms at most that follow their error."""
-    tolerance = fj.Fidelity.standard().step_tolerance / share
-    fixed = _truth(fidelity, 1e-4, **finer)
-    return fixed.replace(step_tolerance=tolerance, halvings=4)
-
-
-def _truth(fidelity, step, **finer):
-    last = fj.Fidelity.reference()
-    return true_to(
-        fidelity, step, slip_speed=last.slip_speed, static_speed=last.static_speed, **finer
-    )
+def second_truth_of(truth, of):
+    """Another one, to judge a finding by."""
+    if truth.step_tolerance is None:
+        return truth.replace(step=truth.step / 2, stride_tolerance=truth.stride_tolerance / 4)
+    if of == "value":
+        return truths.fixed(truth, 1e-5)
+    return truth.replace(
+        step=truth.step / 2, stride_tolerance=truth.stride_tolerance / 4,
+        step_tolerance=truth.step_tolerance / 4,
+    )  # fmt: skip
 
 
 def run(fidelity, kind, of, x, batch=_BATCH):
@@ -228,11 +222,9 @@ def search(
 
 
 def sure(fidelity, truth, worst, of, kind, error):
-    """Whether a finding is one: whether the truth is sure of it, by a truth of half the step."""
+    """Whether a finding is one: whether another truth tells the same."""
     x = {name: np.array([value]) for name, value in worst.items()}
-    finer = truth.replace(step=truth.step / 2, stride_tolerance=truth.stride_tolerance / 4)
-    if truth.step_tolerance is not None:
-        finer = finer.replace(step_tolerance=truth.step_tolerance / 4)
+    finer = second_truth_of(truth, of)
     between = float(errors(truth, finer, x, of, kind).errors[0])
     return 0 <= between < 0.25 * error
 
@@ -282,6 +274,7 @@ def main():
     flags.add_argument("--generations", type=int, default=10)
     flags.add_argument("--seed", type=int, default=20261123)
     flags.add_argument("--out", type=Path, default=Path("search.json"))
+    flags.add_argument("--sharper", action="store_true", help="sorts: a truth of sharper friction")
     flags.add_argument("--record", action="store_true", help="write the table of the record anew")
     given = flags.parse_args()
     if given.record:
@@ -297,14 +290,15 @@ def main():
     for kind in given.kinds:
         for bounds in given.bounds:
             for of in given.of:
+                what = f"{of}, sharper friction" if given.sharper else of
                 for name, fidelity in cases.items():
-                    truth = truth_of(fidelity, kind, of)
+                    truth = truth_of(fidelity, kind, given.sharper)
                     good, course, worst, apart, unsure = search(
                         fidelity, truth, bounds, of, given.lanes, given.generations, given.seed,
                         kind, lambda k, e: print(f"  {k} {e:.2e}", flush=True),
-                        first_truth_of(fidelity, kind, of), certain=True,
+                        first_truth_of(fidelity, kind, given.sharper), certain=True,
                     )  # fmt: skip
-                    report[f"{kind} | {bounds} | {of} | {name}"] = settings | {
+                    report[f"{kind} | {bounds} | {what} | {name}"] = settings | {
                         "good of random": good, "error, random": course[0],
                         "error, found": course[-1], "sure": True, "unsure, left out": unsure,
                         "truths apart": apart,

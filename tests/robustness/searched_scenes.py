@@ -40,7 +40,8 @@ _NORMAL = (
 class Searched(NamedTuple):
     """A kind of scene: how numbers make one, what else they are where nothing is said, the bounds
     of those that are varied by ratios, `realistic` and `wide`, and of those varied by differences;
-    the numbers that a gradient is by, and the longest step of a truth that can be waited for [s].
+    the numbers that a gradient is by, and the fixed step of
+    the truth [s], `None` where its steps follow their error.
     """
 
     scene: Callable[[Mapping[str, Any]], Any]
@@ -49,7 +50,7 @@ class Searched(NamedTuple):
     wide: Mapping[str, tuple[float, float]]
     by_differences: Mapping[str, tuple[float, float]]
     varied: tuple[str, ...]
-    step: float
+    step: float | None
 
     def bounds(self, name: str) -> Mapping[str, tuple[float, float]]:
         """Those of that name."""
@@ -118,13 +119,13 @@ KINDS = {
     ),
     "sort": Searched(
         lambda x: extreme_sorts.scene("sort", x), extreme_sorts.ORDINARY, _SORT, _WIDE_SORT,
-        _ON_BELT, _OF_IMPACT, 2.5e-5,
+        _ON_BELT, _OF_IMPACT, None,
     ),
     "sort, free drive": Searched(
         _free_drive, extreme_sorts.ORDINARY,
         {n: b for n, b in _SORT.items() if n != "top_speed"},
         {n: b for n, b in _WIDE_SORT.items() if n != "top_speed"},
-        _FREE, _OF_IMPACT, 2.5e-5,
+        _FREE, _OF_IMPACT, None,
     ),
 }  # fmt: skip
 """Every kind by name."""

@@ -10,8 +10,9 @@ From the folder `tests`:
 There is a trial for each kind of scene that a constant speaks of (`TRIALS`). Its designs get their
 statuses at a named fidelity, with the constants as they are and with each of them halved, doubled
 or left out. Those that one of these takes from a good status or gives one are computed with their
-gradients and compared with the truth (sixteen modes, steps of 12.5 us, a fifth of the friction's
-smoothing): the status is to be good where they keep the promise of `offline_fuzz`, and only there.
+gradients and compared with the truth (sixteen modes, steps of 12.5 us, the friction of
+`reference`): the status is to be good where they keep the promise of `offline_fuzz`, and only
+there.
 Constants that judge derivatives get the statuses that go with gradients. So `3 / 5` under *without*
 means that the constant keeps three wrong results from a good status, and five right ones. One that
 keeps no wrong one from it does not earn its keep by these designs.
@@ -28,6 +29,7 @@ import figures
 import jax
 import jax.numpy as jnp
 import numpy as np
+from robustness import truths
 from robustness.extreme_scenes import USUAL, WIDE, draw, impact, riding
 from robustness.offline_fuzz import PROMISE
 from robustness.peaks import gradient_error
@@ -156,7 +158,7 @@ TRIALS = {
     "much static friction": Trial(steep, _impact, ("_CREEP_LOSS",), more=4),
     "parcels at the tip": Trial(at_tips, _impact, ("_ABOVE_SAMPLES",), more=4),
     "whole sorts": Trial(
-        whole_sorts, KINDS["sort"].scene, ("_BLOWS", "_HELD", "_EDGE", "_DRIFTED")
+        whole_sorts, KINDS["sort"].scene, ("_BLOWS", "_TWO_BLOWS", "_HELD", "_EDGE", "_DRIFTED")
     ),
     "a clutch": Trial(clutches, on_clutch, ("_SLIPPING",)),
 }  # fmt: skip
@@ -253,11 +255,9 @@ def kept(found, truth, name):
 
 def truth_of():
     """As fine as can be waited for."""
-    last = fj.Fidelity.reference()
-    return fj.Fidelity.standard(
-        modes=16, step=1.25e-5, step_tolerance=None, longest_stride=1, slip_speed=last.slip_speed,
-        static_speed=last.static_speed,
-    )  # fmt: skip
+    return truths.fixed(
+        fj.Fidelity.standard(), 1.25e-5, modes=16, longest_stride=1, **truths.SHARPER
+    )
 
 
 def tried(trial, scenes, seed, name):
