@@ -75,12 +75,15 @@ class Fidelity(Readable):
       may be from their straight continuation. Derivatives mind it more than values.
     - `iterations`: the most Newton iterations a step on contact force and parcel's velocity; one
       or two are the rule, more where friction turns round.
-    - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s. What holds is
-      short of static friction by a share that goes with eps / w_s, a fiftieth in the named settings
-      (`Smoothing`). What sliding changes by within the shortest step should be less than w_s, or
-      static friction above the kinetic one may be stepped over where a corner comes to rest: the
-      named settings have it up to 12 m/s^2. In single precision they are no finer than 2e-4 and
-      1e-3, a fifth, and the holding friction is a tenth or more below the static one.
+    - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s. Static
+      friction falls to kinetic over w_s, as that of real pairs does, over 1 mm/s and more; the
+      named settings have the same but for `reference`, which has a fifth of it. What holds is
+      short of static friction by a share that goes with eps / w_s, a fiftieth in the named
+      settings (`Smoothing`). What sliding changes by within the shortest step should be less than
+      w_s, or static friction above the kinetic one may be stepped over where a corner comes to
+      rest: the named settings have it up to 12 m/s^2, `coarse` up to 6. In single precision they
+      are no finer than 2e-4 and 1e-3, a fifth, and the holding friction is a tenth or more below
+      the static one.
     - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends or, with
       `tip_contact` in the scene, on either side of where it passes from the corner to the tip.
     - `integrator`: `"modal"`, this package's own (exact in the beam, implicit in contact and
@@ -279,11 +282,10 @@ class Fidelity(Readable):
 
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":
-        """A tolerance of 0.5 %, steps of 1 ms at most, three modes, static friction smoothed over
-        1.5 mm/s: for sweeps."""
+        """A tolerance of 0.5 %, steps of 1 ms at most, three modes: for sweeps."""
         settings = dict(
             modes=3, step=1e-3, step_tolerance=5e-3, gradient_tolerance=1 / 3,
-            stride_tolerance=5e-3, slip_speed=3e-5, static_speed=1.5e-3,
+            stride_tolerance=5e-3,
         )  # fmt: skip
         return cls(**{**settings, **changes})
 
