@@ -292,7 +292,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
                 mechanics.fidelity.smoothing,
             )  # fmt: skip
             now = contacts(
-                forces, () if frame is None else frame.shares, mechanics.frictions, sticking
+                forces, () if frame is None else frame.shares, mechanics.frictions
             )
             was = memory.fence
             if fence is not None and was is not None and frictions:
@@ -302,6 +302,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             size = controlled(
                 pair, tolerance, clock, control, size, end, stride, now, fence, was, state,
                 unsolved, mechanics.belt_defect(body, after),
+                tuple(friction_tangent.spread(mechanics, memory.sticking)),
             )  # fmt: skip
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)

@@ -70,7 +70,7 @@ class Control(NamedTuple):
         ends = tuple(
             Ends(
                 zero, zero, zero, zero if k < ending else None,
-                *(() if friction is None else (zero, zero, zero)),
+                *(() if friction is None else (zero, zero)),
             )
             for k, friction in enumerate(frictions)
         )  # fmt: skip
@@ -86,16 +86,13 @@ def contacts(
     forces: Forces,
     shares: tuple[Array, ...],
     frictions: tuple[AbstractFriction | None, ...],
-    sticking: tuple[Array, ...] = (),
 ) -> tuple[Ends, ...]:
     """What the control of the next step has to know of each contact; `shares` [1] of the contact
-    law act at the fence's corners, and friction holds those that have it by `sticking` [1]."""
-    found, held = [], iter(sticking)
+    law act at the fence's corners."""
+    found = []
     for k, (what, touch, _, _) in enumerate(forces.meetings):
         share = touch.remaining(shares[k]) if k < len(shares) else None
-        rubs = () if frictions[k] is None else (
-            what.friction, what.sliding, next(held)
-        )
+        rubs = () if frictions[k] is None else (what.friction, what.sliding)
         found.append(Ends(what.normal, what.gap, what.gap_rate, share, *rubs))
     return tuple(found)
 
@@ -117,6 +114,7 @@ def _judged(
     fence: FenceEnd | None,
     was: FenceState | None,
     after: FenceState | None,
+    held: tuple[Array | float, ...],
 ) -> tuple[Array, Array, Array, Array]:
     """The largest defect over what is allowed of it [1], of normal forces and of what only asks for
     short steps (frictions, and forces that begin to end at the tip), the largest of what is allowed
@@ -143,10 +141,10 @@ def _judged(
     asked = jnp.zeros_like(largest)
     for a, b in zip(before.ends, now, strict=True):
         asked = jnp.maximum(asked, _over(share_defect(a, b), tolerance * largest))
-    for friction, a, b in zip(pair.frictions, before.ends, now, strict=False):
+    for friction, a, b, holds in zip(pair.frictions, before.ends, now, held, strict=False):
         if friction is not None:
             assert pair.smoothing is not None
-            off = friction_defect(friction, pair.smoothing, a, b)
+            off = friction_defect(friction, pair.smoothing, a, b, holds)
             asked = jnp.maximum(asked, _over(off, tolerance * largest))
     # A state that is no longer finite has no step that helps.
     worst, asked = (jnp.where(jnp.isfinite(found), found, 0.0) for found in (worst, asked))
@@ -167,6 +165,7 @@ def controlled(
     after: FenceState | None,
     unsolved: Array | bool = False,
     belt: BeltDefect | None = None,
+    held: tuple[Array | float, ...] = (),
 ) -> StepSize:
     """Whether the step of `foreseen.last` that came to `end`, with the contacts `now`, is accepted,
     and how long the next trial is: up to the clock's unit by the defect, beyond it at most
@@ -174,11 +173,12 @@ def controlled(
 
     The fence, if any, was in the state `was` and is in the state `after`; `unsolved` is whether the
     step's equations are left out of balance; `belt` is what `BeltContact.defect` gives, `None`
-    without a belt. No derivative follows from it.
+    without a belt; `held` is whether friction holds each contact [1]. No derivative follows from
+    it.
     """
     count = foreseen.last
     missed_force, asked, allowed, largest = _judged(
-        pair, tolerance, clock, before, stride, count, now, fence, was, after
+        pair, tolerance, clock, before, stride, count, now, fence, was, after, held
     )
     if belt is not None and now:
         of_belt = min(_OF_BELT, _IN_TOLERANCES * tolerance)

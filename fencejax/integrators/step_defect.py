@@ -57,7 +57,6 @@ class Ends(NamedTuple):
     share: Array | None = None
     friction: Array | None = None
     sliding: Array | None = None
-    held: Array | None = None
 
 
 def _smooth(
@@ -152,10 +151,15 @@ def share_defect(was: Ends, now: Ends) -> Array:
 
 
 def friction_defect(
-    friction: AbstractFriction, smoothing: Smoothing, was: Ends, now: Ends
+    friction: AbstractFriction,
+    smoothing: Smoothing,
+    was: Ends,
+    now: Ends,
+    held: Array | float = 0.0,
 ) -> Array:
     """How far the friction of a contact [N] is from its line inside a step, where the corner slides
-    at a speed that goes straight under a normal force that does.
+    at a speed that goes straight under a normal force that does. `held` is whether friction holds
+    the corner [1].
 
     Friction bends where the corner comes to rest, and where it falls from static to kinetic, by a
     curve that may be as much above its line as below. So two points tell: half way from rest to
@@ -183,9 +187,7 @@ def friction_defect(
         )
         of_line = normal * corner_share(friction, sliding, smoothing)[0] - line
         off = jnp.maximum(off, jnp.abs(of_line))
-    if was.held is None:
-        return off
-    counts = 0.5 * ((1 - was.held) * was.friction + (1 + was.held) * now.friction)
+    counts = 0.5 * ((1 - held) * was.friction + (1 + held) * now.friction)
     gives = 0.5 * friction.scales(now.sliding).largest * (was.normal + now.normal)
     return jnp.maximum(off, jnp.abs(counts) - gives)
 

@@ -94,8 +94,10 @@ def updated(
 
     The friction that would hold a corner is |(F_0 + F_1) / 2 - (w_1 - w_0) / (h lambda)|, with
     lambda its lightness [1/kg]. A corner that slid on through rest is on the edge where that is
-    hardly more than there is, or is less. One that is caught is so where it is nearly all that
-    there is, and one that was held before where it has come near that and gone back.
+    hardly more than there is, or is less; and one that slid slowly and sped up again the same way,
+    so slowly that the jump of friction would have stopped it within the step. One that is caught is
+    so where it is nearly all that there is, and one that was held before where it has come near
+    that and gone back.
     """
     if isinstance(scene, NormalScene) or scene.fence_friction is None or not now.fence:
         return known
@@ -117,7 +119,12 @@ def updated(
         at_edge = at_rest & (share > 1 - _EDGE)
         back = pressed & ~slides & (close > 0) & (share < 1 - 2 * _EDGE)
         passed = pressed & slides & (was.sliding * is_.sliding < 0) & (share < 1 + _EDGE)
-        unsure = (at_edge & (fresh > 0)) | back | passed
+        # Slowest at the step's start, where static friction would have stopped it within the step.
+        fast = jnp.abs(was.sliding)
+        stops = fast < 0.5 * jump * (was.normal + is_.normal) * impulse
+        speeds_up = (was.sliding * is_.sliding > 0) & (jnp.abs(is_.sliding) > fast)
+        missed = pressed & slides & (fast > rests) & stops & speeds_up & (share < 1 + _EDGE)
+        unsure = (at_edge & (fresh > 0)) | back | passed | missed
         edge = jnp.where(unsure, jnp.maximum(edge, jump * is_.normal), edge)
         close = jnp.where(at_edge, jnp.maximum(close, jump * is_.normal), close)
         near.append(jnp.where(slides | back | ~pressed, 0.0, close))

@@ -82,7 +82,7 @@ def run_sweep(
     >>> fj.run_sweep(fj.Sweep(family, samples, ["peak_force"], fidelity=rigid), "two")
     SweepTable of 2 lanes
       mass [kg]       [5 kg, 15 kg]
-      peak_force [N]  [1175 N, 2867 N]
+      peak_force [N]  [1175 N, 2866 N]
       status          SUCCESSFUL 2
     """
     begin = time.perf_counter()

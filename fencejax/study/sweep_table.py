@@ -88,10 +88,10 @@ class SweepTable(Readable):
     >>> fj.run_sweep(fj.Sweep(family, samples, ["peak_force"], fidelity=rigid), "two")
     SweepTable of 2 lanes
       mass [kg]       [5 kg, 15 kg]
-      peak_force [N]  [1175 N, 2867 N]
+      peak_force [N]  [1175 N, 2866 N]
       status          SUCCESSFUL 2
     >>> fj.SweepTable.load("two").outputs["peak_force"].round()
-    array([1175., 2867.])
+    array([1175., 2866.])
     """
 
     dataset: "xarray.Dataset"

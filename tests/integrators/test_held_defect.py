@@ -28,12 +28,12 @@ def defect(before, after, weight, sign):
     ends = (
         step_defect.Ends(
             jnp.asarray(normal), jnp.zeros(()), jnp.zeros(()), None,
-            jnp.asarray(-sign * MU * SHARE * normal), jnp.asarray(creep), jnp.asarray(weight),
+            jnp.asarray(-sign * MU * SHARE * normal), jnp.asarray(creep),
         )
         for normal in (before, after)
     )  # fmt: skip
     law = fj.Friction(MU, MU)
-    return float(step_defect.friction_defect(law, SMOOTHING, *ends))
+    return float(step_defect.friction_defect(law, SMOOTHING, *ends, weight))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

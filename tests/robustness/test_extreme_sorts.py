@@ -50,7 +50,7 @@ WARNED = {
 SAID = {
     ("chatter", "coarse"): fj.Status.STEP_TOO_COARSE,
     ("chatter", "standard"): fj.Status.STEP_TOO_COARSE,
-    ("static-far-above", "coarse"): fj.Status.FRICTION_SMOOTHED,
+    ("static-far-above", "coarse"): fj.Status.STEP_TOO_COARSE,
     ("belt-still", "coarse"): fj.Status.FRICTION_SMOOTHED,
     ("drive-slow", "coarse"): fj.Status.MODES_TOO_FEW,
     ("rubber", "standard"): fj.Status.NON_FINITE,

@@ -29,9 +29,10 @@ KINK = {"belt-friction-5": 0.2}
 more so the less friction is smoothed. Fixed steps of 25 us find slopes that are 13 % off with the
 smoothing of `standard`, 20 % with a quarter of it."""
 
-BEYOND = {("size-2m", "reference"): 0.007}
-"""The same of one row, which is 0.63 % off where the truth smooths static friction over seven times
-the speed."""
+BEYOND = {("size-2m", "reference"): 0.007, ("static-far-above", "coarse"): 0.15}
+"""The same of two rows: one is 0.63 % off where the truth smooths static friction over seven times
+the speed; of one the belt's friction, 3 m_p g, falls to kinetic within a shortest step of
+`coarse`."""
 
 # Designs: (changes of the ordinary impact).
 ROWS = {
