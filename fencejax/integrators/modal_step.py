@@ -290,6 +290,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             pair = Pair(
                 mechanics.law, mechanics.viscosity, mechanics.mass, mechanics.frictions,
                 mechanics.fidelity.smoothing,
+                tuple(friction_tangent.spread(mechanics, memory.sticking)),
             )  # fmt: skip
             now = contacts(
                 forces, () if frame is None else frame.shares, mechanics.frictions
@@ -302,7 +303,6 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             size = controlled(
                 pair, tolerance, clock, control, size, end, stride, now, fence, was, state,
                 unsolved, mechanics.belt_defect(body, after),
-                tuple(friction_tangent.spread(mechanics, memory.sticking)),
             )  # fmt: skip
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)

@@ -114,7 +114,6 @@ def _judged(
     fence: FenceEnd | None,
     was: FenceState | None,
     after: FenceState | None,
-    held: tuple[Array | float, ...],
 ) -> tuple[Array, Array, Array, Array]:
     """The largest defect over what is allowed of it [1], of normal forces and of what only asks for
     short steps (frictions, and forces that begin to end at the tip), the largest of what is allowed
@@ -141,10 +140,11 @@ def _judged(
     asked = jnp.zeros_like(largest)
     for a, b in zip(before.ends, now, strict=True):
         asked = jnp.maximum(asked, _over(share_defect(a, b), tolerance * largest))
-    for friction, a, b, holds in zip(pair.frictions, before.ends, now, held, strict=False):
+    rubs = zip(pair.frictions, pair.held, strict=True)
+    for (friction, held), a, b in zip(rubs, before.ends, now, strict=False):
         if friction is not None:
             assert pair.smoothing is not None
-            off = friction_defect(friction, pair.smoothing, a, b, holds)
+            off = friction_defect(friction, pair.smoothing, a, b, held)
             asked = jnp.maximum(asked, _over(off, tolerance * largest))
     # A state that is no longer finite has no step that helps.
     worst, asked = (jnp.where(jnp.isfinite(found), found, 0.0) for found in (worst, asked))
@@ -165,7 +165,6 @@ def controlled(
     after: FenceState | None,
     unsolved: Array | bool = False,
     belt: BeltDefect | None = None,
-    held: tuple[Array | float, ...] = (),
 ) -> StepSize:
     """Whether the step of `foreseen.last` that came to `end`, with the contacts `now`, is accepted,
     and how long the next trial is: up to the clock's unit by the defect, beyond it at most
@@ -173,12 +172,11 @@ def controlled(
 
     The fence, if any, was in the state `was` and is in the state `after`; `unsolved` is whether the
     step's equations are left out of balance; `belt` is what `BeltContact.defect` gives, `None`
-    without a belt; `held` is whether friction holds each contact [1]. No derivative follows from
-    it.
+    without a belt. No derivative follows from it.
     """
     count = foreseen.last
     missed_force, asked, allowed, largest = _judged(
-        pair, tolerance, clock, before, stride, count, now, fence, was, after, held
+        pair, tolerance, clock, before, stride, count, now, fence, was, after
     )
     if belt is not None and now:
         of_belt = min(_OF_BELT, _IN_TOLERANCES * tolerance)

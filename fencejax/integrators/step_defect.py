@@ -37,13 +37,15 @@ INNER = (0.25, 0.5)
 
 class Pair(NamedTuple):
     """What makes a contact force: the contact law, its `viscosity` for the parcel, and the parcel's
-    `mass` [kg]; the friction of each contact, if it has any, and how it is smoothed."""
+    `mass` [kg]; the friction of each contact, if it has any, how it is smoothed, and whether it
+    holds the corner over the step [1]."""
 
     law: AbstractContactLaw
     viscosity: Array
     mass: Array
     frictions: tuple[AbstractFriction | None, ...] = ()
     smoothing: Smoothing | None = None
+    held: tuple[Array | float, ...] = ()
 
 
 class Ends(NamedTuple):

@@ -115,13 +115,14 @@ def updated(
         at_rest = pressed & (jnp.abs(is_.sliding) < rests)
         slides = jnp.abs(is_.sliding) > free
         wanted = 0.5 * (was.friction + is_.friction) - (is_.sliding - was.sliding) / impulse
-        share = jnp.abs(wanted) / jnp.where(pressed, 0.5 * most * (was.normal + is_.normal), 1.0)
+        normal = 0.5 * (was.normal + is_.normal)
+        share = jnp.abs(wanted) / jnp.where(pressed, most * normal, 1.0)
         at_edge = at_rest & (share > 1 - _EDGE)
         back = pressed & ~slides & (close > 0) & (share < 1 - 2 * _EDGE)
         passed = pressed & slides & (was.sliding * is_.sliding < 0) & (share < 1 + _EDGE)
         # Slowest at the step's start, where static friction would have stopped it within the step.
         fast = jnp.abs(was.sliding)
-        stops = fast < 0.5 * jump * (was.normal + is_.normal) * impulse
+        stops = fast < jump * normal * impulse
         speeds_up = (was.sliding * is_.sliding > 0) & (jnp.abs(is_.sliding) > fast)
         missed = pressed & slides & (fast > rests) & stops & speeds_up & (share < 1 + _EDGE)
         unsure = (at_edge & (fresh > 0)) | back | passed | missed

@@ -40,8 +40,8 @@ _NORMAL = (
 class Searched(NamedTuple):
     """A kind of scene: how numbers make one, what else they are where nothing is said, the bounds
     of those that are varied by ratios, `realistic` and `wide`, and of those varied by differences;
-    the numbers that a gradient is by, and the fixed step of
-    the truth [s], `None` where its steps follow their error.
+    the numbers that a gradient is by, and the fixed step of the truth [s], `None` where its steps
+    follow their error.
     """
 
     scene: Callable[[Mapping[str, Any]], Any]
