@@ -177,7 +177,7 @@ class Found(NamedTuple):
 
 
 def search(
-    fidelity, truth, bounds, of, lanes, generations, seed, kind="impact", tell=lambda *_: None,
+    fidelity, truth, bounds, of, lanes, generations, seed, kind="impact", tell=lambda _: None,
     first=None, certain=False,
 ):  # fmt: skip
     """Breed designs for the largest error; with `certain`, of those that the truth is sure of."""
@@ -188,6 +188,10 @@ def search(
 
     def numbers(lane):
         return {n: float(v[0]) for n, v in searched.numbers(population[[lane]], bounds).items()}
+
+    def so_far():
+        worst = numbers(int(np.argmax(np.where(told, fitness, -1.0))))
+        return Found(good, course, worst, apart, unsure)
 
     def largest(least):
         """Of what the truth tells, and is sure of where it is above `least`; how many it is not."""
@@ -206,7 +210,8 @@ def search(
     good = float(np.mean(fitness >= 0))
     most, unsure = largest(-1.0)
     course = [most]
-    for k in range(generations):
+    tell(so_far())
+    for _ in range(generations):
         children = bred(rng, population, fitness)
         found, by_truth, off = judged(children, fitness)
         better = found > fitness
@@ -216,9 +221,8 @@ def search(
         most, left_out = largest(course[-1])
         unsure += left_out
         course.append(most)
-        tell(k + 1, most)
-    worst = numbers(int(np.argmax(np.where(told, fitness, -1.0))))
-    return Found(good, course, worst, apart, unsure)
+        tell(so_far())
+    return so_far()
 
 
 def sure(fidelity, truth, worst, of, kind, error):
@@ -227,6 +231,17 @@ def sure(fidelity, truth, worst, of, kind, error):
     finer = second_truth_of(truth, of)
     between = float(errors(truth, finer, x, of, kind).errors[0])
     return 0 <= between < 0.25 * error
+
+
+def told(found):
+    """A search's findings as `search.json` has them."""
+    return {
+        "generations": len(found.course) - 1, "good of random": found.good,
+        "error, random": found.course[0], "error, found": found.course[-1], "sure": True,
+        "unsure, left out": found.unsure, "truths apart": found.apart,
+        "by generation": [float(f"{error:.3g}") for error in found.course],
+        "worst": {n: float(f"{v:.6g}") for n, v in found.worst.items()},
+    }  # fmt: skip
 
 
 def _table():
@@ -283,7 +298,7 @@ def main():
     jax.config.update("jax_enable_x64", True)
     cases = {name: getattr(fj.Fidelity, name)() for name in given.rungs}
     cases |= {f"{t:g}": fj.Fidelity.standard(step_tolerance=t) for t in given.tolerance}
-    settings = {name: getattr(given, name) for name in ("lanes", "generations", "seed")}
+    settings = {"lanes": given.lanes, "seed": given.seed}
     # Others that are there already stay.
     report = json.loads(given.out.read_text()) if given.out.exists() else {}
     began = time.perf_counter()
@@ -293,24 +308,23 @@ def main():
                 what = f"{of}, sharper friction" if given.sharper else of
                 for name, fidelity in cases.items():
                     truth = truth_of(fidelity, kind, given.sharper)
-                    good, course, worst, apart, unsure = search(
+                    key = f"{kind} | {bounds} | {what} | {name}"
+
+                    def keep(found, key=key):
+                        """What was found after each generation, so that none is lost."""
+                        report[key] = settings | told(found)
+                        given.out.write_text(json.dumps(report, indent=1) + "\n")
+                        course = found.course
+                        print(
+                            f"{key}: generation {len(course) - 1}, good {100 * found.good:.0f} %, "
+                            f"random {course[0]:.2e}, found {course[-1]:.2e}, {found.unsure} "
+                            f"unsure left out ({time.perf_counter() - began:.0f} s)", flush=True,
+                        )  # fmt: skip
+
+                    search(
                         fidelity, truth, bounds, of, given.lanes, given.generations, given.seed,
-                        kind, lambda k, e: print(f"  {k} {e:.2e}", flush=True),
-                        first_truth_of(fidelity, kind, given.sharper), certain=True,
+                        kind, keep, first_truth_of(fidelity, kind, given.sharper), certain=True,
                     )  # fmt: skip
-                    report[f"{kind} | {bounds} | {what} | {name}"] = settings | {
-                        "good of random": good, "error, random": course[0],
-                        "error, found": course[-1], "sure": True, "unsure, left out": unsure,
-                        "truths apart": apart,
-                        "by generation": [float(f"{error:.3g}") for error in course],
-                        "worst": {n: float(f"{v:.6g}") for n, v in worst.items()},
-                    }  # fmt: skip
-                    print(
-                        f"{kind}, {bounds}, {of}, {name}: good {100 * good:.0f} %, random "
-                        f"{course[0]:.2e}, found {course[-1]:.2e}, {unsure} unsure left out "
-                        f"({time.perf_counter() - began:.0f} s)", flush=True,
-                    )  # fmt: skip
-                    given.out.write_text(json.dumps(report, indent=1) + "\n")
 
 
 if __name__ == "__main__":
