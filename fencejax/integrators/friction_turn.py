@@ -35,17 +35,24 @@ the same push later: than by the step's cubic, for which a push in the mean acts
 A corner that is held from a step's start on is so by the friction at its end, whatever was there at
 its start: h^2 / 6 times what that changes the acceleration by.
 
-Static friction above the kinetic one gives the equations a second root, at which the corner is
-held. There friction counts as it did: by the trapezoidal rule, or by the step's end alone.
+Where friction falls from static to kinetic over w_s, a step passes in a small part of its time:
+what friction was at the step's very end says little of it. So both frictions are means over the
+speeds from rest to w (`mean_coefficient`), as the speed goes straight to rest and from it on; and
+where a corner slides on, coefficient and direction are means over a straight speed,
+
+    [w_1 mu(w_1) - w_0 mu(w_0)] / (w_1 - w_0),   (w_0 + w_1) / (r_0 + r_1),  r^2 = w^2 + eps^2.
 """
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._elementary import arctan
-from ..model import Acceleration, Forces, Mechanics, corner_share
+from ..fidelity import Smoothing
+from ..model import Acceleration, Forces, Mechanics, corner_share, mean_coefficient
+from ..parts import AbstractFriction
 from . import friction_tangent
 
 
@@ -59,26 +66,85 @@ class Turn(NamedTuple):
     early: Array
 
 
+class _Friction(NamedTuple):
+    """A coefficient of friction [1], its slope with the sliding speed [s/m], the `direction` of
+    the sliding, -1 to 1, and its `turn` with the speed [s/m]."""
+
+    mu: Array
+    mu_slope: Array
+    direction: Array
+    turn: Array
+
+    @property
+    def share(self) -> Array:
+        """The friction as a share of the normal force [1]."""
+        return -self.mu * self.direction
+
+    @property
+    def slope(self) -> Array:
+        """That of the share [s/m]."""
+        return -(self.mu_slope * self.direction + self.mu * self.turn)
+
+
+def _mean(friction: AbstractFriction, sliding: Array, smoothing: Smoothing) -> _Friction:
+    """In the mean from rest to a sliding speed; its direction is that at the speed itself, so that
+    a corner at rest has the friction that holds it."""
+    mu, mu_slope = mean_coefficient(friction, sliding, smoothing)
+    inverse = jax.lax.rsqrt(sliding * sliding + smoothing.slip_speed**2)
+    turn = (smoothing.slip_speed * inverse) ** 2 * inverse
+    return _Friction(mu, mu_slope, sliding * inverse, turn)
+
+
 class _Corner(NamedTuple):
-    """The sliding speeds before and after the step [m/s], the coefficient of friction mu at its
-    end, what friction of mu = 1 changes the sliding by in a whole step [m/s], and eps [m/s]; the
-    friction before it `was`, and at its end, as a `share` of the normal force [1]."""
+    """The sliding speeds before and after the step [m/s], what friction of mu = 1 changes the
+    sliding by in a whole step [m/s], and eps [m/s]; the friction before it `was`, and at its end,
+    as a `share` of the normal force [1] with its `slope` [s/m]; and that in the mean on the way
+    from rest to either speed."""
 
     before: Array
     after: Array
-    mu: Array
     gain: Array
     eps: float
     was: Array
     share: Array
+    slope: Array
+    mean_before: _Friction
+    mean_after: _Friction
 
 
 class _Added(NamedTuple):
-    """A turn's share, its slope, and that with the law's own slope of the share."""
+    """A turn's share, and its slope with the sliding speed [s/m]."""
 
     share: Array
     slope: Array
-    by_share: Array | float = 0.0
+
+
+def _passed(corner: _Corner) -> tuple[Array, _Friction]:
+    """The coefficient in the mean over a sliding speed that goes straight from one end of the step
+    to the other, with the direction at its end; and whether the speed changes at all: where it does
+    not the end tells, and a quotient of two roundings would not."""
+    here, there = corner.mean_before, corner.mean_after
+    change = corner.after - corner.before
+    some = jnp.abs(change) > 1e-4 * corner.eps
+    change = jnp.where(some, change, 1.0)
+    mu = (corner.after * there.mu - corner.before * here.mu) / change
+    slope = (there.mu + corner.after * there.mu_slope - mu) / change
+    return some, there._replace(mu=mu, mu_slope=slope)
+
+
+def _straight(corner: _Corner) -> _Added:
+    """Twice the mean friction of a corner whose sliding speed goes straight from one end of the
+    step to the other."""
+    before, after, eps = corner.before, corner.after, corner.eps
+    some, end = _passed(corner)
+    # The mean of w / sqrt(w^2 + eps^2), which goes with the root.
+    both = jnp.sqrt(before * before + eps * eps) + jnp.sqrt(after * after + eps * eps)
+    direction = (before + after) / both
+    mean = end._replace(direction=direction, turn=(1 - direction * end.direction) / both)
+    return _Added(
+        jnp.where(some, 2 * mean.share, corner.was + corner.share),
+        jnp.where(some, 2 * mean.slope, corner.slope),
+    )
 
 
 def _from_sliding(corner: _Corner) -> _Added:
@@ -86,10 +152,9 @@ def _from_sliding(corner: _Corner) -> _Added:
     before, after, gain = corner.before, corner.after, corner.gain
     sign, fast, eps = jnp.sign(before), jnp.abs(before), corner.eps
     onward = jnp.maximum(sign * after, 0.0)
-    # None of it where the corner slides on: there the trapezoidal rule is right.
-    ends = eps * eps / (onward * onward + eps * eps)
+    here, there = corner.mean_before, corner.mean_after
     # What friction changes by, as a share of the normal force.
-    drop = ends * jnp.maximum(sign * (corner.share - corner.was), 0.0)
+    drop = jnp.maximum(sign * (there.share - here.share), 0.0)
     jump = gain * drop
     back = jnp.maximum(-sign * after, 0.0)
     root = jnp.sqrt((jump - fast + back) ** 2 + 4 * fast * back + eps * eps)
@@ -97,17 +162,30 @@ def _from_sliding(corner: _Corner) -> _Added:
     until = 2 * fast / whole
     by_jump = -until / whole * (1 + (jump - fast + back) / root)
     by_back = jnp.where(back > 0, -until / root, 0.0)
+    twice = 2 * (until * here.share + (1 - until) * there.share)
+    by_drop = gain * by_jump * jnp.where(drop > 0, sign * there.slope, 0.0)
+    slope = 2 * (1 - until) * there.slope - 2 * sign * drop * (by_drop - sign * by_back)
+    # None of it where the corner slides on, nor where it hardly slows down.
+    near = onward * onward + eps * eps
+    slowed = jnp.maximum(1 - onward / jnp.where(fast > 0, fast, 1.0), 0.0)
+    rests = eps * eps / near
+    ends = rests * slowed * slowed
+    fades = -2 * rests * slowed * (slowed * onward / near + 1 / jnp.where(fast > 0, fast, 1.0))
+    fades = jnp.where(onward > 0, sign * fades, 0.0)
+    on = _straight(corner)
+    slope = on.slope + ends * (slope - on.slope) + fades * (twice - on.share)
+    twice = on.share + ends * (twice - on.share)
     some = jnp.abs(sign)
     return _Added(
-        -sign * (2 * until - 1) * drop,
-        some * 2 * drop * by_back,
-        some * ends * (1 - 2 * until - 2 * jump * by_jump),
+        some * (twice - corner.was - corner.share), some * (slope - corner.slope)
     )
 
 
 def _from_hold(corner: _Corner) -> _Added:
     """Of a corner near rest at the start: G, the step's end counting by itself."""
-    before, after, mu, gain, eps = corner[:5]
+    before, after, gain, eps = corner[:4]
+    some, there = _passed(corner)
+    mu = jnp.where(some, there.mu, corner.mean_after.mu)
     ahead = jnp.where(after < 0, -1.0, 1.0)
     slow, fast = ahead * before, ahead * after
     least = 1e-3 * eps
@@ -125,7 +203,9 @@ def _from_hold(corner: _Corner) -> _Added:
     still = 0.5 * z1 / ending * jump
     slope = still / (pull + still) - 0.5 * jump * added / root
     slope = jnp.where((apart > 0) & (gain > 0), slope / jnp.where(gain > 0, gain, 1.0), 0.0)
-    return _Added(2 * ahead * mu * added, 2 * slope)
+    falls = jnp.where(some, there.share - corner.share, 0.0)
+    steeper = jnp.where(some, there.slope - corner.slope, 0.0)
+    return _Added(2 * (ahead * mu * added + falls), 2 * (slope + steeper))
 
 
 def _early(before: Array, after: Array, change: Array) -> Array:
@@ -158,19 +238,18 @@ def turns(
             continue
         what, parts, _, response = meeting
         assert response is not None
-        mu, _ = friction.coefficient(what.sliding * what.sliding, smoothing.static_speed)
         gain = step * mechanics.lightness(parts) * what.normal
         was, _ = corner_share(friction, before[k], smoothing)
+        means = (_mean(friction, speed, smoothing) for speed in (before[k], what.sliding))
         corner = _Corner(
-            before[k], what.sliding, mu, gain, smoothing.slip_speed, was, response.share
-        )
+            before[k], what.sliding, gain, smoothing.slip_speed, was, response.share,
+            response.sliding, *means,
+        )  # fmt: skip
         sliding, held = _from_sliding(corner), _from_hold(corner)
-        share = (1 - weight) * sliding.share + weight * held.share
-        slope = (1 - weight) * response.sliding * sliding.by_share
-        slope = slope + (1 - weight) * sliding.slope + weight * held.slope
-        counts = friction_tangent.monotone(friction, what.sliding, smoothing)
-        share, slope = counts * share, counts * slope
-        more = 0.5 * (was - response.share - share)
+        share, slope = (
+            (1 - weight) * a + weight * b for a, b in zip(sliding, held, strict=True)
+        )
+        more = corner.mean_before.share - 0.5 * (was + response.share + share)
         early = (1 - weight) * more * _early(before[k], what.sliding, gain * more)
         found.append(Turn(share, slope, early))
     return found

@@ -43,6 +43,7 @@ from .friction import (
     belt_grip as belt_grip,
     belt_slope as belt_slope,
     corner_share as corner_share,
+    mean_coefficient as mean_coefficient,
 )
 from .hinge import (
     ClutchState as ClutchState,

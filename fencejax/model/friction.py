@@ -1,6 +1,9 @@
 """Dry friction: of a corner along the fence or the border, and of the parcel on the belt."""
 
+import math
+
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..fidelity import Smoothing
@@ -20,6 +23,30 @@ def corner_share(
     inverse = jax.lax.rsqrt(square + smoothing.slip_speed**2)
     bend = 2 * slope * square + mu * (smoothing.slip_speed * inverse) ** 2
     return -mu * sliding * inverse, -bend * inverse
+
+
+def mean_coefficient(
+    friction: AbstractFriction, sliding: Array, smoothing: Smoothing
+) -> tuple[Array, Array]:
+    """The coefficient of friction in the mean over a sliding speed that goes straight from rest to
+    w, and its derivative in w,
+
+        mu + (mu_0 - mu_k) [sqrt(pi) / 2 erf(z) / z - exp(-z^2)],   z = |w| / w_s,
+
+    where the law jumps from mu_0 to mu_k and the jump is smoothed over w_s.
+    """
+    square = sliding * sliding
+    mu, slope = friction.coefficient(square, smoothing.static_speed)
+    at_rest, _ = friction.coefficient(jnp.zeros_like(square), smoothing.static_speed)
+    scales = friction.scales(sliding)
+    excess = jnp.where(scales.jump > 0, at_rest - scales.sliding, 0.0)
+    z = jnp.maximum(jnp.abs(sliding) / smoothing.static_speed, 1e-4)
+    falling = jnp.exp(-z * z)
+    mean = 0.5 * math.sqrt(math.pi) * jax.scipy.special.erf(z) / z
+    # Derivatives in w^2 but for this factor.
+    of_mean = excess * (falling - mean) / (z * z)
+    bend = (of_mean + 2 * excess * falling) / smoothing.static_speed**2
+    return mu + excess * (mean - falling), (2 * slope + bend) * sliding
 
 
 def belt_grip(

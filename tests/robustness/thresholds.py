@@ -158,7 +158,9 @@ TRIALS = {
     "much static friction": Trial(steep, _impact, ("_CREEP_LOSS",), more=4),
     "parcels at the tip": Trial(at_tips, _impact, ("_ABOVE_SAMPLES",), more=4),
     "whole sorts": Trial(
-        whole_sorts, KINDS["sort"].scene, ("_BLOWS", "_TWO_BLOWS", "_HELD", "_EDGE", "_DRIFTED")
+        whole_sorts,
+        KINDS["sort"].scene,
+        ("_BLOWS", "_ONE_BLOW", "_TWO_BLOWS", "_HELD", "_EDGE", "_DRIFTED"),
     ),
     "a clutch": Trial(clutches, on_clutch, ("_SLIPPING",)),
 }  # fmt: skip
