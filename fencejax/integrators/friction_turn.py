@@ -95,21 +95,40 @@ def _mean(friction: AbstractFriction, sliding: Array, smoothing: Smoothing) -> _
     return _Friction(mu, mu_slope, sliding * inverse, turn)
 
 
-class _Corner(NamedTuple):
-    """The sliding speeds before and after the step [m/s], what friction of mu = 1 changes the
-    sliding by in a whole step [m/s], and eps [m/s]; the friction before it `was`, and at its end,
-    as a `share` of the normal force [1] with its `slope` [s/m]; and that in the mean on the way
-    from rest to either speed."""
+class Start(NamedTuple):
+    """A corner at a step's start: the sliding speed [m/s], the friction there as a `share` of the
+    normal force [1], and in the mean on the way from there to rest."""
 
-    before: Array
+    speed: Array
+    share: Array
+    mean: _Friction
+
+
+def starts(mechanics: Mechanics, sliding: tuple[Array, ...]) -> tuple[Start | None, ...]:
+    """Of the first contacts, which slide at these speeds [m/s]; `None` where there is no
+    friction. They are the same for all of Newton's iterations."""
+    smoothing = mechanics.fidelity.smoothing
+    return tuple(
+        None if friction is None else Start(
+            speed, corner_share(friction, speed, smoothing)[0], _mean(friction, speed, smoothing)
+        )
+        for friction, speed in zip(mechanics.frictions, sliding, strict=False)
+    )  # fmt: skip
+
+
+class _Corner(NamedTuple):
+    """The corner at the step's `start`, and at its end: the sliding speed `after` [m/s], the
+    friction as a `share` of the normal force [1] with its `slope` [s/m], and that in the mean on
+    the way from rest (`end`); and what friction of mu = 1 changes the sliding by in a whole step
+    [m/s], and eps [m/s]."""
+
+    start: Start
     after: Array
-    gain: Array
-    eps: float
-    was: Array
     share: Array
     slope: Array
-    mean_before: _Friction
-    mean_after: _Friction
+    end: _Friction
+    gain: Array
+    eps: float
 
 
 class _Added(NamedTuple):
@@ -123,11 +142,11 @@ def _passed(corner: _Corner) -> tuple[Array, _Friction]:
     """The coefficient in the mean over a sliding speed that goes straight from one end of the step
     to the other, with the direction at its end; and whether the speed changes at all: where it does
     not the end tells, and a quotient of two roundings would not."""
-    here, there = corner.mean_before, corner.mean_after
-    change = corner.after - corner.before
+    start, there = corner.start, corner.end
+    change = corner.after - start.speed
     some = jnp.abs(change) > 1e-4 * corner.eps
     change = jnp.where(some, change, 1.0)
-    mu = (corner.after * there.mu - corner.before * here.mu) / change
+    mu = (corner.after * there.mu - start.speed * start.mean.mu) / change
     slope = (there.mu + corner.after * there.mu_slope - mu) / change
     return some, there._replace(mu=mu, mu_slope=slope)
 
@@ -135,24 +154,24 @@ def _passed(corner: _Corner) -> tuple[Array, _Friction]:
 def _straight(corner: _Corner) -> _Added:
     """Twice the mean friction of a corner whose sliding speed goes straight from one end of the
     step to the other."""
-    before, after, eps = corner.before, corner.after, corner.eps
+    before, after, eps = corner.start.speed, corner.after, corner.eps
     some, end = _passed(corner)
     # The mean of w / sqrt(w^2 + eps^2), which goes with the root.
     both = jnp.sqrt(before * before + eps * eps) + jnp.sqrt(after * after + eps * eps)
     direction = (before + after) / both
     mean = end._replace(direction=direction, turn=(1 - direction * end.direction) / both)
     return _Added(
-        jnp.where(some, 2 * mean.share, corner.was + corner.share),
+        jnp.where(some, 2 * mean.share, corner.start.share + corner.share),
         jnp.where(some, 2 * mean.slope, corner.slope),
     )
 
 
 def _from_sliding(corner: _Corner) -> _Added:
     """Of a corner that slides at the start: theta."""
-    before, after, gain = corner.before, corner.after, corner.gain
+    before, after, gain = corner.start.speed, corner.after, corner.gain
     sign, fast, eps = jnp.sign(before), jnp.abs(before), corner.eps
     onward = jnp.maximum(sign * after, 0.0)
-    here, there = corner.mean_before, corner.mean_after
+    here, there = corner.start.mean, corner.end
     # What friction changes by, as a share of the normal force.
     drop = jnp.maximum(sign * (there.share - here.share), 0.0)
     jump = gain * drop
@@ -177,15 +196,15 @@ def _from_sliding(corner: _Corner) -> _Added:
     twice = on.share + ends * (twice - on.share)
     some = jnp.abs(sign)
     return _Added(
-        some * (twice - corner.was - corner.share), some * (slope - corner.slope)
+        some * (twice - corner.start.share - corner.share), some * (slope - corner.slope)
     )
 
 
 def _from_hold(corner: _Corner) -> _Added:
     """Of a corner near rest at the start: G, the step's end counting by itself."""
-    before, after, gain, eps = corner[:4]
+    before, after, gain, eps = corner.start.speed, corner.after, corner.gain, corner.eps
     some, there = _passed(corner)
-    mu = jnp.where(some, there.mu, corner.mean_after.mu)
+    mu = jnp.where(some, there.mu, corner.end.mu)
     ahead = jnp.where(after < 0, -1.0, 1.0)
     slow, fast = ahead * before, ahead * after
     least = 1e-3 * eps
@@ -221,11 +240,11 @@ def turns(
     mechanics: Mechanics,
     forces: Forces,
     sticking: tuple[Array, ...],
-    before: tuple[Array, ...],
+    starts: tuple[Start | None, ...],
     step: Array,
 ) -> list[Turn | None]:
     """Of each contact, what the turn of its friction adds; `None` where there is no friction or the
-    sliding speeds `before`, those at the step's start [m/s] of the first contacts, do not tell.
+    `starts`, those of the first contacts, do not tell.
     The weights `sticking` tell which corners friction held at the start."""
     found: list[Turn | None] = []
     smoothing = mechanics.fidelity.smoothing
@@ -233,24 +252,23 @@ def turns(
     for k, (meeting, friction, weight) in enumerate(
         zip(forces.meetings, mechanics.frictions, weights, strict=True)
     ):
-        if friction is None or k >= len(before):
+        start = starts[k] if k < len(starts) else None
+        if friction is None or start is None:
             found.append(None)
             continue
         what, parts, _, response = meeting
         assert response is not None
         gain = step * mechanics.lightness(parts) * what.normal
-        was, _ = corner_share(friction, before[k], smoothing)
-        means = (_mean(friction, speed, smoothing) for speed in (before[k], what.sliding))
         corner = _Corner(
-            before[k], what.sliding, gain, smoothing.slip_speed, was, response.share,
-            response.sliding, *means,
+            start, what.sliding, response.share, response.sliding,
+            _mean(friction, what.sliding, smoothing), gain, smoothing.slip_speed,
         )  # fmt: skip
         sliding, held = _from_sliding(corner), _from_hold(corner)
         share, slope = (
             (1 - weight) * a + weight * b for a, b in zip(sliding, held, strict=True)
         )
-        more = corner.mean_before.share - 0.5 * (was + response.share + share)
-        early = (1 - weight) * more * _early(before[k], what.sliding, gain * more)
+        more = start.mean.share - 0.5 * (start.share + response.share + share)
+        early = (1 - weight) * more * _early(start.speed, what.sliding, gain * more)
         found.append(Turn(share, slope, early))
     return found
 

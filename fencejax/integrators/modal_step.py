@@ -50,7 +50,7 @@ class _End(eqx.Module):
     held: Acceleration | None
     belt_lag: friction_tangent.BeltLag | None
     sticking: tuple[Array, ...]
-    sliding: tuple[Array, ...]
+    starts: tuple[friction_turn.Start | None, ...]
     predicted: Array
     arms: dict[int, tuple[Array, Array]]
     frame: FenceFrame | None
@@ -109,7 +109,7 @@ class _End(eqx.Module):
             now = mechanics.acceleration(*forces.belt[:3])
             begin = [a - lag * f for a, f in zip(begin, was, strict=True)]
             end = Acceleration(*(a + lag * f for a, f in zip(end, now, strict=True)))
-        turns = friction_turn.turns(mechanics, forces, self.sticking, self.sliding, h)
+        turns = friction_turn.turns(mechanics, forces, self.sticking, self.starts, h)
         way = friction_turn.way(mechanics, forces, turns, changed, h)
         end = friction_turn.turned(mechanics, forces, turns, end)
         residual = [
@@ -260,7 +260,8 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     arms = mechanics.arms(predicted)
     equations = _End(
         mechanics, body, start, memory.held, friction_tangent.belt_lag(mechanics, memory.body, h),
-        memory.sticking, memory.sliding, predicted, arms, frame, fence, stride,
+        memory.sticking, friction_turn.starts(mechanics, memory.sliding), predicted, arms, frame,
+        fence, stride,
     )  # fmt: skip
     guess = equations.at_rest(jax.lax.stop_gradient(guess))
     root, (forces, unbalance, sticking, held, way) = newton.solve(

@@ -1,11 +1,10 @@
 """Dry friction: of a corner along the fence or the border, and of the parcel on the belt."""
 
-import math
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._elementary import gaussian_mean
 from ..fidelity import Smoothing
 from ..parts import AbstractFriction
 
@@ -40,12 +39,10 @@ def mean_coefficient(
     at_rest, _ = friction.coefficient(jnp.zeros_like(square), smoothing.static_speed)
     scales = friction.scales(sliding)
     excess = jnp.where(scales.jump > 0, at_rest - scales.sliding, 0.0)
-    z = jnp.maximum(jnp.abs(sliding) / smoothing.static_speed, 1e-4)
+    z = jnp.abs(sliding) / smoothing.static_speed
     falling = jnp.exp(-z * z)
-    mean = 0.5 * math.sqrt(math.pi) * jax.scipy.special.erf(z) / z
-    # Derivatives in w^2 but for this factor.
-    of_mean = excess * (falling - mean) / (z * z)
-    bend = (of_mean + 2 * excess * falling) / smoothing.static_speed**2
+    mean, of_mean = gaussian_mean(z)
+    bend = excess * (of_mean + 2 * falling) / smoothing.static_speed**2
     return mu + excess * (mean - falling), (2 * slope + bend) * sliding
 
 

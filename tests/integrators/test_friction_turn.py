@@ -27,12 +27,13 @@ def share(speed, static=MU):
 
 def corner_of(before, after, static=MU):
     before, after = jnp.asarray(before), jnp.asarray(after)
-    means = (
-        friction_turn._mean(fj.Friction(MU, static), w, SMOOTHING) for w in (before, after)
+    law = fj.Friction(MU, static)
+    start = friction_turn.Start(
+        before, share(before, static)[0], friction_turn._mean(law, before, SMOOTHING)
     )
     return friction_turn._Corner(
-        before, after, jnp.asarray(GAIN), EPS, share(before, static)[0], *share(after, static),
-        *means,
+        start, after, *share(after, static), friction_turn._mean(law, after, SMOOTHING),
+        jnp.asarray(GAIN), EPS,
     )  # fmt: skip
 
 
@@ -41,7 +42,7 @@ def counted(corner, held):
     end; friction that held the corner counts by the end alone."""
     rule = friction_turn._from_hold if held else friction_turn._from_sliding
     added = rule(corner)
-    twice = 2 * corner.share if held else corner.was + corner.share
+    twice = 2 * corner.share if held else corner.start.share + corner.share
     return twice + added.share, (1 + held) * corner.slope + added.slope
 
 
