@@ -10,8 +10,7 @@ the jump of friction changes the sliding by in a whole step,
 
     J theta (1 - theta) = a (1 - theta) - b theta.
 
-A corner that comes to rest at the end has b = 0, and theta = min(a / J, 1). A corner that slides on
-has no jump, and nothing is added.
+A corner that comes to rest at the end has b = 0, and theta = min(a / J, 1).
 
 From near rest on, where smoothed friction itself turns, dw / dt = beta / h + J u(w) / h is solved:
 u = (1 - w / sqrt(w^2 + eps^2)) / 2 is the share of the jump still to come, w counted the way the
@@ -35,10 +34,10 @@ the same push later: than by the step's cubic, for which a push in the mean acts
 A corner that is held from a step's start on is so by the friction at its end, whatever was there at
 its start: h^2 / 6 times what that changes the acceleration by.
 
-Where friction falls from static to kinetic over w_s, a step passes in a small part of its time:
-what friction was at the step's very end says little of it. So both frictions are means over the
-speeds from rest to w (`mean_coefficient`), as the speed goes straight to rest and from it on; and
-where a corner slides on, coefficient and direction are means over a straight speed,
+A step passes the fall from static to kinetic friction, over w_s, in a small part of its time, and
+what friction is at the step's very end may say little of the rest. So the two frictions above are
+means over the speeds between w_0 and rest, and between rest and w_1 (`mean_coefficient`). Where a
+corner slides on, coefficient and direction are means over a speed that goes straight,
 
     [w_1 mu(w_1) - w_0 mu(w_0)] / (w_1 - w_0),   (w_0 + w_1) / (r_0 + r_1),  r^2 = w^2 + eps^2.
 """
@@ -105,14 +104,15 @@ class Start(NamedTuple):
 
 
 def starts(mechanics: Mechanics, sliding: tuple[Array, ...]) -> tuple[Start | None, ...]:
-    """Of the first contacts, which slide at these speeds [m/s]; `None` where there is no
-    friction. They are the same for all of Newton's iterations."""
+    """Of each contact, the first of which slide at these speeds [m/s]; `None` where there is no
+    friction, or no speed. They are the same for all of Newton's iterations."""
     smoothing = mechanics.fidelity.smoothing
+    speeds = (*sliding, *[None] * (len(mechanics.frictions) - len(sliding)))
     return tuple(
-        None if friction is None else Start(
+        None if friction is None or speed is None else Start(
             speed, corner_share(friction, speed, smoothing)[0], _mean(friction, speed, smoothing)
         )
-        for friction, speed in zip(mechanics.frictions, sliding, strict=False)
+        for friction, speed in zip(mechanics.frictions, speeds, strict=True)
     )  # fmt: skip
 
 
@@ -139,9 +139,9 @@ class _Added(NamedTuple):
 
 
 def _passed(corner: _Corner) -> tuple[Array, _Friction]:
-    """The coefficient in the mean over a sliding speed that goes straight from one end of the step
-    to the other, with the direction at its end; and whether the speed changes at all: where it does
-    not the end tells, and a quotient of two roundings would not."""
+    """Whether the sliding speed changes at all, and the coefficient in its mean as it goes straight
+    from one end of the step to the other, with the direction at the end. Where it does not change
+    the mean is a quotient of two roundings, and the end tells instead."""
     start, there = corner.start, corner.end
     change = corner.after - start.speed
     some = jnp.abs(change) > 1e-4 * corner.eps
@@ -243,16 +243,14 @@ def turns(
     starts: tuple[Start | None, ...],
     step: Array,
 ) -> list[Turn | None]:
-    """Of each contact, what the turn of its friction adds; `None` where there is no friction or the
-    `starts`, those of the first contacts, do not tell.
-    The weights `sticking` tell which corners friction held at the start."""
+    """Of each contact, what the turn of its friction adds; `None` where `starts` has none. The
+    weights `sticking` tell which corners friction held at the start."""
     found: list[Turn | None] = []
     smoothing = mechanics.fidelity.smoothing
     weights = friction_tangent.spread(mechanics, sticking)
-    for k, (meeting, friction, weight) in enumerate(
-        zip(forces.meetings, mechanics.frictions, weights, strict=True)
+    for meeting, friction, weight, start in zip(
+        forces.meetings, mechanics.frictions, weights, starts, strict=True
     ):
-        start = starts[k] if k < len(starts) else None
         if friction is None or start is None:
             found.append(None)
             continue

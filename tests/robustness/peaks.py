@@ -54,11 +54,11 @@ class Course(NamedTuple):
     status: np.ndarray
 
 
-def over_belt_speeds(numbers, low, high, count, fidelity=None):
-    """The course of a sort whose belt is faster by the shares from `low` to `high`."""
+def over_belt_speeds(numbers, low, high, count, fidelity=None, kind="sort"):
+    """The course of a whole sort whose belt is faster by the shares from `low` to `high`."""
 
     def peak(factor):
-        scene = KINDS["sort"].scene(changed(numbers, {"belt": numbers["belt"] * factor}))
+        scene = KINDS[kind].scene(changed(numbers, {"belt": numbers["belt"] * factor}))
         result = fj.simulate(scene, fidelity=fidelity, only="peak_force")
         return result.peak_force, (result.peak_force, result.gradient_error, result.status)
 

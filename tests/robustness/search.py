@@ -233,7 +233,7 @@ def sure(fidelity, truth, worst, of, kind, error):
     return 0 <= between < 0.25 * error
 
 
-def told(found):
+def as_kept(found):
     """A search's findings as `search.json` has them."""
     return {
         "generations": len(found.course) - 1, "good of random": found.good,
@@ -312,7 +312,7 @@ def main():
 
                     def keep(found, key=key):
                         """What was found after each generation, so that none is lost."""
-                        report[key] = settings | told(found)
+                        report[key] = settings | as_kept(found)
                         given.out.write_text(json.dumps(report, indent=1) + "\n")
                         course = found.course
                         print(
