@@ -39,7 +39,9 @@ what friction is at the step's very end may say little of the rest. So the two f
 means over the speeds between w_0 and rest, and between rest and w_1 (`mean_coefficient`). Where a
 corner slides on, coefficient and direction are means over a speed that goes straight,
 
-    [w_1 mu(w_1) - w_0 mu(w_0)] / (w_1 - w_0),   (w_0 + w_1) / (r_0 + r_1),  r^2 = w^2 + eps^2.
+    mu_k + [w_1 d(w_1) - w_0 d(w_0)] / (w_1 - w_0),   (w_0 + w_1) / (r_0 + r_1),
+
+with d what static friction adds in the mean from rest to w, and r^2 = w^2 + eps^2.
 """
 
 from typing import NamedTuple
@@ -50,7 +52,14 @@ from jaxtyping import Array
 
 from .._elementary import arctan
 from ..fidelity import Smoothing
-from ..model import Acceleration, Forces, Mechanics, corner_share, mean_coefficient
+from ..model import (
+    Acceleration,
+    Coefficient,
+    Forces,
+    Mechanics,
+    corner_share,
+    mean_coefficient,
+)
 from ..parts import AbstractFriction
 from . import friction_tangent
 
@@ -66,13 +75,22 @@ class Turn(NamedTuple):
 
 
 class _Friction(NamedTuple):
-    """A coefficient of friction [1], its slope with the sliding speed [s/m], the `direction` of
-    the sliding, -1 to 1, and its `turn` with the speed [s/m]."""
+    """A coefficient of friction, the `direction` of the sliding, -1 to 1, and its `turn` with the
+    sliding speed [s/m]."""
 
-    mu: Array
-    mu_slope: Array
+    of: Coefficient
     direction: Array
     turn: Array
+
+    @property
+    def mu(self) -> Array:
+        """The coefficient [1]."""
+        return self.of.smooth + self.of.near_rest
+
+    @property
+    def mu_slope(self) -> Array:
+        """That of the coefficient with the sliding speed [s/m]."""
+        return self.of.smooth_slope + self.of.near_rest_slope
 
     @property
     def share(self) -> Array:
@@ -88,10 +106,10 @@ class _Friction(NamedTuple):
 def _mean(friction: AbstractFriction, sliding: Array, smoothing: Smoothing) -> _Friction:
     """In the mean from rest to a sliding speed; its direction is that at the speed itself, so that
     a corner at rest has the friction that holds it."""
-    mu, mu_slope = mean_coefficient(friction, sliding, smoothing)
+    of = mean_coefficient(friction, sliding, smoothing)
     inverse = jax.lax.rsqrt(sliding * sliding + smoothing.slip_speed**2)
     turn = (smoothing.slip_speed * inverse) ** 2 * inverse
-    return _Friction(mu, mu_slope, sliding * inverse, turn)
+    return _Friction(of, sliding * inverse, turn)
 
 
 class Start(NamedTuple):
@@ -140,15 +158,19 @@ class _Added(NamedTuple):
 
 def _passed(corner: _Corner) -> tuple[Array, _Friction]:
     """Whether the sliding speed changes at all, and the coefficient in its mean as it goes straight
-    from one end of the step to the other, with the direction at the end. Where it does not change
-    the mean is a quotient of two roundings, and the end tells instead."""
-    start, there = corner.start, corner.end
-    change = corner.after - start.speed
+    from one end of the step to the other, with the direction at the end. What static friction adds
+    is a quotient of differences, of numbers that far from rest do not go with the speed: so it has
+    no roundings of theirs. Where the speed does not change, the end tells instead."""
+    before, after = corner.start.speed, corner.after
+    here, there = corner.start.mean.of, corner.end.of
+    change = after - before
     some = jnp.abs(change) > 1e-4 * corner.eps
     change = jnp.where(some, change, 1.0)
-    mu = (corner.after * there.mu - start.speed * start.mean.mu) / change
-    slope = (there.mu + corner.after * there.mu_slope - mu) / change
-    return some, there._replace(mu=mu, mu_slope=slope)
+    near_rest = (after * there.near_rest - before * here.near_rest) / change
+    slope = (there.near_rest + after * there.near_rest_slope - near_rest) / change
+    smooth = 0.5 * (here.smooth + there.smooth)
+    mean = Coefficient(smooth, 0.5 * there.smooth_slope, near_rest, slope)
+    return some, corner.end._replace(of=mean)
 
 
 def _straight(corner: _Corner) -> _Added:

@@ -40,6 +40,7 @@ from .flexible_link import (
     FlexibleLink as FlexibleLink,
 )
 from .friction import (
+    Coefficient as Coefficient,
     belt_grip as belt_grip,
     belt_slope as belt_slope,
     corner_share as corner_share,

@@ -1,5 +1,7 @@
 """Dry friction: of a corner along the fence or the border, and of the parcel on the belt."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -24,15 +26,26 @@ def corner_share(
     return -mu * sliding * inverse, -bend * inverse
 
 
+class Coefficient(NamedTuple):
+    """A coefficient of friction [1] in two parts, with their slopes with the sliding speed [s/m]:
+    what is `smooth` in the speed, and how much static friction adds `near_rest`."""
+
+    smooth: Array
+    smooth_slope: Array
+    near_rest: Array
+    near_rest_slope: Array
+
+
 def mean_coefficient(
     friction: AbstractFriction, sliding: Array, smoothing: Smoothing
-) -> tuple[Array, Array]:
-    """The coefficient of friction in the mean over a sliding speed that goes straight from rest to
-    w, and its derivative in w,
+) -> Coefficient:
+    """The coefficient of friction at the sliding speed w, and what static friction adds to it near
+    rest in the mean over a speed that goes straight from rest to w,
 
-        mu + (mu_0 - mu_k) [sqrt(pi) / 2 erf(z) / z - exp(-z^2)],   z = |w| / w_s,
+        (mu_0 - mu_k) sqrt(pi) / 2 erf(z) / z,   z = |w| / w_s,
 
-    where the law jumps from mu_0 to mu_k and the jump is smoothed over w_s.
+    where the law jumps from mu_0 to mu_k and the jump is smoothed over w_s. A law that does not
+    jump has no such part.
     """
     square = sliding * sliding
     mu, slope = friction.coefficient(square, smoothing.static_speed)
@@ -40,10 +53,15 @@ def mean_coefficient(
     scales = friction.scales(sliding)
     excess = jnp.where(scales.jump > 0, at_rest - scales.sliding, 0.0)
     z = jnp.abs(sliding) / smoothing.static_speed
-    falling = jnp.exp(-z * z)
+    falling = excess * jnp.exp(-z * z)
     mean, of_mean = gaussian_mean(z)
-    bend = excess * (of_mean + 2 * falling) / smoothing.static_speed**2
-    return mu + excess * (mean - falling), (2 * slope + bend) * sliding
+    scale = 1 / smoothing.static_speed**2
+    return Coefficient(
+        mu - falling,
+        2 * (slope + scale * falling) * sliding,
+        excess * mean,
+        scale * excess * of_mean * sliding,
+    )
 
 
 def belt_grip(

@@ -25,15 +25,15 @@ def share(speed, static=MU):
     return corner_share(fj.Friction(MU, static), jnp.asarray(speed), SMOOTHING)
 
 
-def corner_of(before, after, static=MU):
+def corner_of(before, after, static=MU, law=None):
+    law = fj.Friction(MU, static) if law is None else law
     before, after = jnp.asarray(before), jnp.asarray(after)
-    law = fj.Friction(MU, static)
     start = friction_turn.Start(
-        before, share(before, static)[0], friction_turn._mean(law, before, SMOOTHING)
+        before, corner_share(law, before, SMOOTHING)[0], friction_turn._mean(law, before, SMOOTHING)
     )
     return friction_turn._Corner(
-        start, after, *share(after, static), friction_turn._mean(law, after, SMOOTHING),
-        jnp.asarray(GAIN), EPS,
+        start, after, *corner_share(law, after, SMOOTHING),
+        friction_turn._mean(law, after, SMOOTHING), jnp.asarray(GAIN), EPS,
     )  # fmt: skip
 
 
@@ -148,6 +148,22 @@ def test_the_slope_is_that_of_what_is_counted(before, after, static):
     assert slope == pytest.approx(float(jax.jacfwd(twice)(after)), rel=1e-6)
 
 
+STRIBECK = fj.friction_laws.Stribeck(MU, STATIC, stribeck_speed=0.1, viscous=0.2)
+
+
+@pytest.mark.parametrize("law", [fj.Friction(MU, MU), fj.Friction(MU, STATIC), STRIBECK])
+@pytest.mark.parametrize("change", [1e-12, 1e-9, 1e-7, 1e-5])
+@pytest.mark.parametrize("before", [2e-4, 6e-4, 2e-3, 0.1, 3.0])
+def test_a_corner_that_slides_on_has_the_friction_of_its_speed(before, change, law):
+    """Whatever the law, and to the last places. The two ends differ from the mean by the square of
+    the change over the least speed that friction goes with, eps here; a quotient of differences
+    leaves roundings of what static friction adds near rest: 1e-16 x 0.2 w_s / (1e-4 eps)."""
+    corner = corner_of(before, before + change, law=law)
+    ends = corner.start.share + corner.share
+    twice, _ = counted(corner, held=False)
+    assert twice == pytest.approx(float(ends), abs=(change / EPS) ** 2 + 1e-11)
+
+
 TURNS = dict(
     thickness=0.0455563, reach=1.52741, flexible=0.695086, width=0.238317, modulus=319631000.0,
     density=554.372, damping_ratio=0.0342861, mass=1.30616, length=0.488201, aspect=0.613654,
@@ -223,9 +239,10 @@ PASSES = {
 
 
 def test_gradient_wherever_in_a_step_a_corner_passes_static_friction():
-    """A belt that is faster by 0.2 % has it turn round a shortest step sooner. Slopes in between were
-    -1.5 to -1.9 times the force, or 2 times it; their mean is 0.02 to 0.03. What is left is where a
-    step ends amid static friction: some w_s of the 12 mm/s by which a step changes the sliding."""
+    """A belt that is faster by 0.2 % has it turn round a shortest step sooner. Slopes in between
+    were -1.5 to -1.9 times the force, or 2 times it; their mean is 0.02 to 0.03. What is left is
+    where a step ends amid static friction: some w_s of the 12 mm/s that it changes the sliding by.
+    """
     course = over_belt_speeds(PASSES, -4e-3, 4e-3, 17, kind="sort, free drive")
     off = np.abs(course.slopes - course.secant) / course.forces
     assert np.quantile(off, 0.9) < 0.15
