@@ -119,6 +119,7 @@ class Evaluator:
             numbers.physical if failed and numbers.physical else numbers.status,
             failed,
             failed and finite and numbers.physical < Status.INCONSISTENT,
+            numbers.rungs,
         )
         known = self.estimate is not None and not failed
         left = residual(at, self.estimate(at), self.bounded) if known and self.estimate else None

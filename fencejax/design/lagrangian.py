@@ -16,7 +16,8 @@ class Evaluation:
     `objectives` and their Jacobian are already divided by the objective's scale. `status` is the
     largest one of the lanes, of a failed evaluation the largest that is not numerical; `failed`
     says that the numbers must not be used. Where they are `doubtful` besides, they still tell how
-    values and slopes change towards the point.
+    values and slopes change towards the point. `rungs`: that of each lane's numbers, where the
+    problem has a ladder of fidelities.
     """
 
     point: Vector
@@ -27,6 +28,7 @@ class Evaluation:
     status: int
     failed: bool
     doubtful: bool = False
+    rungs: NDArray[np.int64] | None = None
 
     @property
     def worst(self) -> float:

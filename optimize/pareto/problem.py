@@ -88,9 +88,9 @@ class Tradeoff:
         wanted = jnp.where(minimised == FORCE, read["peak_force"], other)
         return wanted, jnp.concatenate(margins)
 
-    def measure(self, fidelity: str, z) -> Measured:
+    def measure(self, fidelity: str, z, least: np.ndarray | None = None) -> Measured:
         """Everything there is to say about a design, at a fidelity, or at a finer one where that
-        is in doubt."""
+        is in doubt; each encounter from its rung `least` on."""
         if fidelity not in self._measure:
             self._measure[fidelity] = [
                 jax.jit(
@@ -100,7 +100,8 @@ class Tradeoff:
             ]
         ladder = self._measure[fidelity]
         found = refined(
-            lambda rung, lanes: ladder[rung](jnp.asarray(z), lanes), self.encounters, len(ladder)
+            lambda rung, lanes: ladder[rung](jnp.asarray(z), lanes),
+            self.encounters, len(ladder), least,
         )
         lanes = {**found.numbers, "status": found.statuses}
         return Measured(

@@ -178,7 +178,8 @@ class Tracer:
 
     def _add(self, bound: float, optimum: Optimum) -> None:
         tradeoff, config = self.tradeoff, self.config
-        found = tradeoff.measure(config.fidelity, optimum.point)
+        # As the search saw it, which computes finer from then on what was once in doubt.
+        found = tradeoff.measure(config.fidelity, optimum.point, optimum.last.rungs)
         finer, verified = None, None
         if config.verify != "none":
             finer = tradeoff.measure(config.verify, optimum.point)

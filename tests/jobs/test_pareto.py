@@ -52,9 +52,13 @@ def test_front_falls_and_holds_its_limits(small):
 def test_every_bound_is_served_by_one_program(small):
     front, _ = small
     assert front.tradeoff.program._each[0]._cache_size() == 1
-    # At the optimiser's own fidelity the second look finds the same, compiled otherwise.
-    for point in front.points:
-        assert abs(point.verified.error) < 1e-9
+    # At the optimiser's own fidelity the second look finds the same, compiled otherwise: the same
+    # numbers to rounding where the search had no lane at a finer rung, else what `fast` may be off.
+    plain = [not np.any(point.optimum.last.rungs) for point in front.points]
+    assert any(plain)
+    for point, same in zip(front.points, plain, strict=True):
+        assert abs(point.verified.error) < (1e-9 if same else 0.01)
+        assert point.force == pytest.approx(point.optimum.objective, rel=1e-9)
 
 
 def test_constant_force_stop_is_never_beaten(small):
