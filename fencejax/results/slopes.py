@@ -22,6 +22,14 @@ Its derivative at the kink is between those on either side, by how soon the forc
 falls after it, and the parabola through three samples knows nothing of that. It may be off by as
 much as N_p bends there.
 
+Wherever else N_p has a kink near the peak, as where the fence's tip begins to carry the contact,
+and where it bends otherwise than a parabola, the parabola through the samples misses the next term
+of Newton's series,
+
+    s (s^2 - 1) / 6 times the third difference of N_p,   |s| <= 1/2,
+
+a 16th of it at most. The two differences about the peak are added.
+
 A running sum of sizes of derivatives is no function of the motion: it is 0 itself, and its
 derivatives are the sums. So it costs nothing where nobody differentiates.
 """
@@ -39,6 +47,9 @@ from .peak import signed_second_difference
 from .resolution import ends_over_tip
 from .rivals import Rivals
 
+# The most of s (1 - s^2) / 6 up to s = 1/2.
+_NEXT_TERM = 1 / 16
+
 
 class Sums(NamedTuple):
     """Numbers that are 0, whose derivatives are those that the steps `missed` R [N s], how much the
@@ -52,14 +63,17 @@ class Sums(NamedTuple):
 class Slopes(NamedTuple):
     """The sums so far, and as they were when the fence's force was largest; a number that is 0,
     whose derivative is the size of how N_p bends where friction turns round at that sample or a
-    neighbour, `kink` [N]; how many steps ago that was, `since`, and 1.0 where friction has turned
-    round in the last step, `turned`."""
+    neighbour, and of what the parabola through the samples there misses, `kink` [N]; how many steps
+    ago that was, `since`; 1.0 where friction has turned round in the last step, `turned`; and a
+    number that is 0, whose derivative is that of the force's second difference [N] over the last
+    two steps, `bend`."""
 
     now: Sums
     at_peak: Sums
     kink: Array
     since: Array
     turned: Array
+    bend: Array
 
 
 class SlopeEvidence(NamedTuple):
@@ -70,6 +84,17 @@ class SlopeEvidence(NamedTuple):
     sums: Sums
     kink: Array
     rivals: Rivals
+
+
+@jax.custom_jvp
+def _derivative(value: Array) -> Array:
+    """0, with the derivative of `value`."""
+    return jnp.zeros_like(value)
+
+
+@_derivative.defjvp
+def _(primals, tangents):
+    return jnp.zeros_like(primals[0]), tangents[0]
 
 
 @jax.custom_jvp
@@ -88,7 +113,7 @@ def _(primals, tangents):
 def _start(nothing, body) -> Slopes:
     del body
     sums = Sums(*(nothing.time,) * 3)
-    return Slopes(sums, sums, *(nothing.time,) * 3)
+    return Slopes(sums, sums, *(nothing.time,) * 4)
 
 
 def _friction_missed(step: Step) -> list[Array]:
@@ -138,7 +163,10 @@ def _update(state: Slopes, step: Step) -> Slopes:
     turned = _turned(step)
     near = (since <= 2) & (turned + state.turned > 0) & ~ends_over_tip(step)
     kink = _with_size(jnp.where(higher, 0.0, state.kink), jnp.where(near, bend, 0.0))
-    return Slopes(now, at_peak, kink, since, turned)
+    third = bend - state.bend / jnp.where(span.ratio > 0, span.ratio, 1.0) ** 2
+    beside = (since > 0) & (since <= 2) & ~ends_over_tip(step)
+    kink = _with_size(kink, jnp.where(beside, _NEXT_TERM * third, 0.0))
+    return Slopes(now, at_peak, kink, since, turned, _derivative(bend))
 
 
 SLOPES = Accumulator("slopes", _start, _update, needs=(FORCE, OVER_TIP))

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from robustness.searched_scenes import KINDS, changed
 
 import fencejax as fj
 
@@ -95,3 +96,43 @@ def test_a_value_may_be_good_and_its_gradient_not():
     np.testing.assert_allclose(alone.peak_force, finer.peak_force, rtol=5e-3)
     assert abs(slope / true - 1) > 0.1
     assert finer.gradient_error < found.gradient_error / 10
+
+
+# Found by searching: the force is largest some 20 us after the tip has begun to take the contact
+# over from the corner, where its derivatives have a kink.
+AT_TIP = dict(
+    thickness=0.019544, reach=0.916479, flexible=0.255645, modulus=187099000000.0,
+    density=2796.61, damping_ratio=0.00344047, mass=4.39246, length=0.117515, aspect=0.68109,
+    across=0.173647, along=0.0878256, stiffness=613868000.0, damping=855922.0, belt=3.14612,
+    belt_kinetic=0.219577, belt_static=0.219577, kinetic=0.158406, static=0.158406,
+    border=0.465159, top_speed=1.7302, cycle=1.36, front=-0.143904, offset=0.28532,
+    turn=-0.213664, place=0.75, angle=0.25, ride=3.14612,
+)  # fmt: skip
+
+
+def test_a_kink_beside_the_peak_is_told():
+    """Of the derivatives' true error, 0.9, at least a half; and it is gone at the finest rung."""
+
+    names = ("belt", "reach")
+    at = jnp.array([AT_TIP[name] for name in names])
+
+    def peak(varied, fidelity):
+        scene = KINDS["sort"].scene(changed(AT_TIP, dict(zip(names, varied, strict=True))))
+        result = fj.simulate(scene, fidelity=fidelity, only="peak_force")
+        return result.peak_force, (result.gradient_error, result.status)
+
+    def found(fidelity):
+        slopes, (told, status) = jax.jit(jax.jacfwd(peak, has_aux=True), static_argnums=1)(
+            at, fidelity
+        )
+        return slopes * at, told, status
+
+    standard, _, finest = fj.Fidelity.standard().ladder()
+    slopes, told, status = found(standard)
+    true, finely, sound = found(finest)
+    error = np.linalg.norm(slopes - true) / np.linalg.norm(true)
+    assert error > 0.5
+    assert told > 0.5 * error
+    assert status == fj.Status.STEP_TOO_COARSE
+    assert finely < 0.05
+    assert sound <= fj.Status.LEFT_OVER_TIP
