@@ -5,8 +5,11 @@ the sliding speed outweighs the inertia over half a step, tens of times under a 
 trapezoidal rule would hand a force that stopped the corner within a step on to the next, and the
 sliding speed, or its derivative, would ring from step to step, or turn its sign. So friction that
 holds counts with its value at a step's end alone (the backward Euler rule), and friction that
-slides by the trapezoidal rule. The belt's counts by a rule between the two while it holds
-(`belt_lag`): the backward Euler rule would be late where a parcel lets go of the belt.
+slides by the trapezoidal rule. It is the share of the normal force that counts so: with the end's
+normal force, too, a corner that is pressed harder and harder would be held on by more than its
+surface gives, mu_s (N_0 + N_1) / 2 in the mean over the step. The belt's counts by a rule between
+the two while it holds (`belt_lag`): the backward Euler rule would be late where a parcel lets go of
+the belt.
 """
 
 import math
@@ -92,18 +95,25 @@ def spread(mechanics: Mechanics, sticking: tuple[Array, ...]) -> list[Array | fl
 
 
 def held(
-    mechanics: Mechanics, forces: Forces, sticking: tuple[Array, ...]
+    mechanics: Mechanics,
+    forces: Forces,
+    sticking: tuple[Array, ...],
+    normals: tuple[Array | None, ...] | None = None,
 ) -> Acceleration | None:
-    """The acceleration by the frictions that hold; `None` where no corner has friction."""
+    """The acceleration by the frictions that hold, of contacts pressed by `normals` [N], if given,
+    in place of their own; `None` where no corner has friction."""
     if not sticking:
         return None
     total = [jnp.zeros_like(forces.acceleration.x)] * 3
     of_contacts = spread(mechanics, sticking)
-    for (what, parts, _, _), weight, friction in zip(
-        forces.meetings, of_contacts, mechanics.frictions, strict=True
+    for k, (meeting, weight, friction) in enumerate(
+        zip(forces.meetings, of_contacts, mechanics.frictions, strict=True)
     ):
         if friction is not None:
-            drag = weight * what.friction
+            what, parts, _, response = meeting
+            assert response is not None
+            normal = None if normals is None else normals[k]
+            drag = weight * (what.friction if normal is None else normal * response.share)
             total = [q + drag * t for q, t in zip(total, parts.tangent, strict=True)]
     return mechanics.acceleration(*total)
 

@@ -293,14 +293,12 @@ def turns(
     return found
 
 
-def shares(
-    mechanics: Mechanics, forces: Forces, sticking: tuple[Array, ...], turns: list[Turn | None]
-) -> list[Array]:
-    """Of each contact, the friction's share of N as it counts at a step's end."""
-    weights = friction_tangent.spread(mechanics, sticking)
+def shares(forces: Forces, turns: list[Turn | None]) -> list[Array]:
+    """Of each contact, how much the friction that counts grows with the normal force at a step's
+    end [1]."""
     return [
-        (1 + weight) * meeting.response.share + (0.0 if turn is None else turn.share)
-        for meeting, weight, turn in zip(forces.meetings, weights, turns, strict=True)
+        meeting.response.share + (0.0 if turn is None else turn.share)
+        for meeting, turn in zip(forces.meetings, turns, strict=True)
         if meeting.response is not None
     ]
 

@@ -50,6 +50,7 @@ class _End(eqx.Module):
     held: Acceleration | None
     belt_lag: friction_tangent.BeltLag | None
     sticking: tuple[Array, ...]
+    pressed: tuple[Array | None, ...]
     starts: tuple[friction_turn.Start | None, ...]
     predicted: Array
     arms: dict[int, tuple[Array, Array]]
@@ -96,7 +97,7 @@ class _End(eqx.Module):
         points = self.points(unknowns)
         forces = self.forces(unknowns, points)
         begin, end = self.acceleration, forces.acceleration
-        holds = friction_tangent.held(mechanics, forces, self.sticking)
+        holds = friction_tangent.held(mechanics, forces, self.sticking, self.pressed)
         changed = None
         if holds is not None and self.held is not None:
             changed = [b - a for a, b in zip(self.held, holds, strict=True)]
@@ -117,8 +118,10 @@ class _End(eqx.Module):
             for v1, v0, a0, a1 in zip(rates, self.body[3:], begin, end, strict=True)
         ]
         scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
-        shares = friction_turn.shares(mechanics, forces, self.sticking, turns)
-        drags = newton_matrix.drags(mechanics, forces, h, self.sticking, turns)
+        shares = friction_turn.shares(forces, turns)
+        drags = newton_matrix.drags(
+            mechanics, forces, h, self.sticking, self.pressed, turns
+        )
         block = newton_matrix.rate_matrix(
             mechanics, forces, h, bool(normals), shares, drags, on_belt
         )
@@ -260,8 +263,8 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     arms = mechanics.arms(predicted)
     equations = _End(
         mechanics, body, start, memory.held, friction_tangent.belt_lag(mechanics, memory.body, h),
-        memory.sticking, friction_turn.starts(mechanics, memory.sliding), predicted, arms, frame,
-        fence, stride,
+        memory.sticking, (*memory.normals, *memory.normals_still),
+        friction_turn.starts(mechanics, memory.sliding), predicted, arms, frame, fence, stride,
     )  # fmt: skip
     guess = equations.at_rest(jax.lax.stop_gradient(guess))
     root, (forces, unbalance, sticking, held, way) = newton.solve(
@@ -291,7 +294,6 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             pair = Pair(
                 mechanics.law, mechanics.viscosity, mechanics.mass, mechanics.frictions,
                 mechanics.fidelity.smoothing,
-                tuple(friction_tangent.spread(mechanics, memory.sticking)),
             )  # fmt: skip
             now = contacts(
                 forces, () if frame is None else frame.shares, mechanics.frictions
@@ -325,6 +327,12 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         drifts=drifts,
         normals=normals,
         normals_before=memory.normals,
+        normals_still=tuple(
+            None if friction is None else meeting.contact.normal
+            for meeting, friction in zip(
+                forces.still, mechanics.frictions[len(forces.fence) :], strict=True
+            )
+        ),
         held=held,
         sticking=sticking,
         gone=tuple(

@@ -18,25 +18,28 @@ def drags(
     forces: Forces,
     step: Array | float,
     sticking: tuple[Array, ...],
+    normals: tuple[Array | None, ...],
     turns: list[Turn | None],
 ) -> list[Array]:
-    """Slope of each contact's friction with its sliding speed [N s/m], with the weights
-    `sticking` of frictions that held a corner at the step's start, and their `turns`.
+    """Slope of each contact's friction with its sliding speed [N s/m], with the weights `sticking`
+    of frictions that held a corner at the step's start, the `normals` [N] that pressed it there,
+    and their `turns`.
 
     Where friction falls so steeply that the parcel's inertia over half the step does not
     outweigh it, most of the slope is left out: the equations fold there, and an iteration with
     their own slope would be turned back at the fold instead of going on to the root beyond it.
     """
     found = []
-    for meeting, weight, turn in zip(
-        forces.meetings, friction_tangent.spread(mechanics, sticking), turns, strict=True
+    weights = friction_tangent.spread(mechanics, sticking)
+    for meeting, weight, normal, turn in zip(
+        forces.meetings, weights, normals, turns, strict=True
     ):
         what, parts, _, response = meeting
         assert response is not None
-        slope = (1 + weight) * response.sliding
+        pressed = what.normal if normal is None else what.normal + weight * normal
+        drag = pressed * response.sliding
         if turn is not None:
-            slope = slope + turn.slope
-        drag = what.normal * slope
+            drag = drag + what.normal * turn.slope
         inertia = jnp.maximum(0.5 * step * mechanics.lightness(parts), 1e-30)
         found.append(jnp.minimum(drag, _MOST_ALONG / inertia))
     return found

@@ -140,11 +140,10 @@ def _judged(
     asked = jnp.zeros_like(largest)
     for a, b in zip(before.ends, now, strict=True):
         asked = jnp.maximum(asked, _over(share_defect(a, b), tolerance * largest))
-    rubs = zip(pair.frictions, pair.held, strict=True)
-    for (friction, held), a, b in zip(rubs, before.ends, now, strict=False):
+    for friction, a, b in zip(pair.frictions, before.ends, now, strict=False):
         if friction is not None:
             assert pair.smoothing is not None
-            off = friction_defect(friction, pair.smoothing, a, b, held)
+            off = friction_defect(friction, pair.smoothing, a, b)
             asked = jnp.maximum(asked, _over(off, tolerance * largest))
     # A state that is no longer finite has no step that helps.
     worst, asked = (jnp.where(jnp.isfinite(found), found, 0.0) for found in (worst, asked))

@@ -37,15 +37,13 @@ INNER = (0.25, 0.5)
 
 class Pair(NamedTuple):
     """What makes a contact force: the contact law, its `viscosity` for the parcel, and the parcel's
-    `mass` [kg]; the friction of each contact, if it has any, how it is smoothed, and whether it
-    holds the corner over the step [1]."""
+    `mass` [kg]; the friction of each contact, if it has any, and how it is smoothed."""
 
     law: AbstractContactLaw
     viscosity: Array
     mass: Array
     frictions: tuple[AbstractFriction | None, ...] = ()
     smoothing: Smoothing | None = None
-    held: tuple[Array | float, ...] = ()
 
 
 class Ends(NamedTuple):
@@ -157,19 +155,13 @@ def friction_defect(
     smoothing: Smoothing,
     was: Ends,
     now: Ends,
-    held: Array | float = 0.0,
 ) -> Array:
     """How far the friction of a contact [N] is from its line inside a step, where the corner slides
-    at a speed that goes straight under a normal force that does. `held` is whether friction holds
-    the corner [1].
+    at a speed that goes straight under a normal force that does.
 
     Friction bends where the corner comes to rest, and where it falls from static to kinetic, by a
     curve that may be as much above its line as below. So two points tell: half way from rest to
     either end, or a quarter from each.
-
-    Where friction holds the corner it counts with its value at the end (`friction_tangent`), which
-    under a normal force that grows is more than the surface gives in the mean over the step: then
-    it holds on too long, by what is above mu_s (N_0 + N_1) / 2.
     """
     assert was.sliding is not None
     assert now.sliding is not None
@@ -189,9 +181,7 @@ def friction_defect(
         )
         of_line = normal * corner_share(friction, sliding, smoothing)[0] - line
         off = jnp.maximum(off, jnp.abs(of_line))
-    counts = 0.5 * ((1 - held) * was.friction + (1 + held) * now.friction)
-    gives = 0.5 * friction.scales(now.sliding).largest * (was.normal + now.normal)
-    return jnp.maximum(off, jnp.abs(counts) - gives)
+    return off
 
 
 def defects(

@@ -28,7 +28,8 @@ class Memory(NamedTuple):
     further the parcel has gone by friction on corners (`friction_turn.way`), absent without it;
     `fence` holds the vibration, its modal forces, the rates of the loads that the modes left out
     carry and their residual mode, and nothing else; `before` is the acceleration and
-    `normals_before` the forces one step back, for the first guess alone;
+    `normals_before` the forces one step back, for the first guess alone; `normals_still` those of
+    still surfaces that have friction;
     `drifts`, under error control, is how much faster [m/s] each corner's foot moves along the fence
     than the corner does: steps of different lengths must find the same foot;
     `held` is the acceleration by the frictions that hold a corner, by the weights `sticking`, both
@@ -46,6 +47,7 @@ class Memory(NamedTuple):
     drifts: tuple[Array, ...]
     normals: tuple[Array, ...]
     normals_before: tuple[Array, ...]
+    normals_still: tuple[Array | None, ...]
     held: Acceleration | None
     sticking: tuple[Array, ...]
     gone: tuple[Array, ...]
@@ -95,7 +97,10 @@ class Memory(NamedTuple):
         sticking = tuple(zero for _ in range(friction_tangent.count(mechanics)))
         held = way = still if sticking else None
         drifts = () if mechanics.fidelity.step_tolerance is None else none
+        rubbing = tuple(
+            None if friction is None else zero for friction in mechanics.frictions[len(places) :]
+        )
         return cls(
-            body, way, still, still, fence, places, none, drifts, none, none, held, sticking, none,
-            leans, size,
+            body, way, still, still, fence, places, none, drifts, none, none, rubbing, held,
+            sticking, none, leans, size,
         )  # fmt: skip
