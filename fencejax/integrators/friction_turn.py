@@ -31,8 +31,8 @@ the same push later: than by the step's cubic, for which a push in the mean acts
 
     h^2 G / m (theta - 1 / 3) / 2.
 
-A corner that is held from a step's start on is so by the friction at its end, whatever was there at
-its start: h^2 / 6 times what that changes the acceleration by.
+A corner that is held from a step's start on is so by the friction's share of the normal force at
+its end, whatever it was at its start: h^2 / 6 times what that changes the acceleration by.
 
 A step passes the fall from static to kinetic friction, over w_s, in a small part of its time, and
 what friction is at the step's very end may say little of the rest. So the two frictions above are
