@@ -130,11 +130,11 @@ def test_size_of_the_state():
     assert cost("without static correction")[0] == 12 + 3 * MODES + 5
     assert cost("one mode")[0] == 12 + 3 + 5
     assert cost("rigid fence")[0] == 12 + 5
-    # The border keeps but its friction's weights.
-    assert cost("sort, 4 + 4 corners")[0] == 12 + 3 * MODES + 4 * 14 + 6 + 8
+    # The border keeps but its friction's weights and normal forces.
+    assert cost("sort, 4 + 4 corners")[0] == 12 + 3 * MODES + 4 * 14 + 6 + 8 + 4
     assert cost("no border")[0] == 12 + 3 * MODES + 2 * 14 + 6 + 2
-    assert cost("sort, 2 + 2 corners")[0] == cost("no border")[0] + 2
-    assert cost("no contact at the tip")[0] == 12 + 3 * MODES + 2 * 8 + 6 + 4
+    assert cost("sort, 2 + 2 corners")[0] == cost("no border")[0] + 2 + 2
+    assert cost("no contact at the tip")[0] == 12 + 3 * MODES + 2 * 8 + 6 + 4 + 2
 
 
 def test_operations_of_absent_parts_are_absent():
