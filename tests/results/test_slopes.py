@@ -112,7 +112,6 @@ AT_TIP = dict(
 
 def test_a_kink_beside_the_peak_is_told():
     """Of the derivatives' true error, 0.9, at least a half; and it is gone at the finest rung."""
-
     names = ("belt", "reach")
     at = jnp.array([AT_TIP[name] for name in names])
 

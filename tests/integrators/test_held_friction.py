@@ -14,9 +14,9 @@ steps that follow their error to a 256th of the tolerance of `standard`; fixed s
 the same to 0.1 %."""
 
 
-def peak(kind, fidelity):
-    found = FOUND[kind]
-    scene = KINDS[kind.removesuffix(", held and let go")].scene(found["numbers"])
+def peak(name, fidelity):
+    found = FOUND[name]
+    scene = KINDS[found["kind"]].scene(found["numbers"])
     result = fj.simulate(scene, fidelity=fidelity, only="peak_force")
     return fj.Status(int(result.status)), float(result.peak_force) / found["peak_force"] - 1
 
