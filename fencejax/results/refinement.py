@@ -55,7 +55,8 @@ def refined(
     Lanes whose status is numerical (`Status.numerical`) are gathered on the host and computed
     again at the next rung, up to the last, whose numbers stand in any case: one by one while they
     are few, else in groups of 32, the last one filled up with its first lane. So a rung's program
-    is compiled once, or twice, however many lanes are in doubt from call to call.
+    is compiled once, or twice, however many lanes are in doubt from call to call, and where all of
+    them begin beyond the first rung, too.
 
     **Arguments:**
 
@@ -68,7 +69,24 @@ def refined(
       of its own.
     """
     first = 0 if least is None else int(np.min(least, initial=rungs - 1))
-    numbers, statuses = jax.device_get(compute(first, lanes))
+
+    def computed(rung, which):
+        """The numbers and statuses of some lanes at a rung, call by call."""
+        sizes = _groups(which.size) if grouped else [which.size]
+        parts = []
+        for start, size in zip(np.cumsum([0, *sizes]), sizes, strict=False):
+            some = which[start : start + size]
+            chosen = np.append(some, np.full(size - some.size, some[0]))
+            part = jax.tree.map(lambda leaf, chosen=chosen: np.asarray(leaf)[chosen], lanes)
+            found = jax.device_get(compute(rung, part))
+            parts.append(jax.tree.map(lambda leaf, n=some.size: np.asarray(leaf)[:n], found))
+        return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+
+    if first == 0:
+        numbers, statuses = jax.device_get(compute(first, lanes))
+    else:
+        # Finer ones are compiled for groups: the whole would be another program.
+        numbers, statuses = computed(first, np.arange(jax.tree.leaves(lanes)[0].shape[0]))
     numbers, statuses = jax.tree.map(np.array, numbers), np.array(statuses)
     used = np.full(statuses.shape[0], first)
     for rung in range(first + 1, rungs):
@@ -78,18 +96,13 @@ def refined(
         doubtful = np.flatnonzero(wanted)
         if not doubtful.size:
             continue
-        sizes = _groups(doubtful.size) if grouped else [doubtful.size]
-        for start, size in zip(np.cumsum([0, *sizes]), sizes, strict=False):
-            some = doubtful[start : start + size]
-            chosen = np.append(some, np.full(size - some.size, some[0]))
-            part = jax.tree.map(lambda leaf, chosen=chosen: np.asarray(leaf)[chosen], lanes)
-            finer, now = jax.device_get(compute(rung, part))
+        finer, now = computed(rung, doubtful)
 
-            def put(old, new, at=some):
-                old[at] = np.asarray(new)[: at.size]
+        def put(old, new, at=doubtful):
+            old[at] = new
 
-            jax.tree.map(put, numbers, finer)
-            put(statuses, now)
+        jax.tree.map(put, numbers, finer)
+        put(statuses, now)
         used[doubtful] = rung
     return Refined(numbers, statuses, used)
 

@@ -66,6 +66,14 @@ def test_a_rung_is_compiled_once_however_many_lanes_are_in_doubt():
         np.testing.assert_allclose(found.objectives, expected, rtol=1e-14)
         first, finer = (each._cache_size() for each in program._each)
         assert (first, finer) == (1, 1 + (doubtful > 16))
+    # Nor is another one where all begin there.
+    lanes = np.linspace(2.5, 3.5, 40)
+    for few in (5, 40):
+        found = program(z, lanes[:few], bound, least=np.ones(few, dtype=int))
+        np.testing.assert_array_equal(found.rungs, 1)
+        expected, _ = _exact(jnp.asarray(z), lanes[:few], bound, 0.1)
+        np.testing.assert_allclose(found.objectives, expected, rtol=1e-14)
+        assert [each._cache_size() for each in program._each] == [1, 2]
 
 
 def test_several_points_are_what_each_is_alone():
