@@ -93,6 +93,18 @@ def tune_compiler(devices: int | None = None) -> None:
     os.environ["XLA_FLAGS"] = wanted
 
 
+def without_loops() -> dict[str, Any]:
+    """Compiler options for a program that holds no loop of steps.
+
+    Without XLA's newer emitters, which `tune_compiler` turns off as they make several kernels of
+    such a loop, what is concatenated from many formulas is worked out over and over: a design's
+    margins with their Jacobian then take a quarter of a minute to compile, and two seconds with
+    them.
+    """
+    known = _KNOWN[0] <= jaxlib.version.__version_info__ < _KNOWN[1]
+    return {"xla_cpu_use_fusion_emitters": True} if known else {}
+
+
 def fusion_barrier(holds: Array, function: Callable[..., Any], *arguments: Any) -> Any:
     """`function(*arguments)`, worked out once and put in memory; not a number unless `holds`.
 

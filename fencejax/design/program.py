@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from .._xla import without_loops
 from ..lanes import each_lane
 from ..results import NUMERICAL, Status, climb, refined
 from .lagrangian import Vector
@@ -238,7 +239,7 @@ def _composed(combine: Callable[..., tuple[Array, Array]]):
         slopes = columns(jnp.eye(z.size, dtype=z.dtype), rows)
         return slopes, (of(z, numbers), _counted(statuses))
 
-    return jax.jit(whole)
+    return jax.jit(whole, compiler_options=without_loops())
 
 
 def _of_each(function):
