@@ -31,6 +31,10 @@ the same push later: than by the step's cubic, for which a push in the mean acts
 
     h^2 G / m (theta - 1 / 3) / 2.
 
+The cubic begins with the friction at the step's very start, though, and the jump is that from the
+mean on the way to rest, which static friction near rest makes larger: by F more the parcel goes
+h^2 F / m (1 - theta) / 6 further.
+
 A corner that is held from a step's start on is so by the friction's share of the normal force at
 its end, whatever it was at its start: h^2 / 6 times what that changes the acceleration by.
 
@@ -249,13 +253,22 @@ def _from_hold(corner: _Corner) -> _Added:
     return _Added(2 * (ahead * mu * added + falls), 2 * (slope + steeper))
 
 
-def _early(before: Array, after: Array, change: Array) -> Array:
-    """(theta - 1 / 3) / 2 of a corner that slides at the speeds `before` and `after` a step [m/s],
-    whose sliding friction changes that by `change` [m/s] more than its mean one; 0 where it slides
-    on."""
+def _until_rest(before: Array, after: Array, change: Array) -> Array:
+    """theta of a corner that slides at the speeds `before` and `after` a step [m/s], whose sliding
+    friction changes that by `change` [m/s] more than its mean one; 1 where it slides on."""
     slows = before - after - change
     rests = (slows * before > 0) & (jnp.abs(before) < jnp.abs(slows))
-    return jnp.where(rests, 0.5 * (before / jnp.where(rests, slows, 1.0) - 1 / 3), 0.0)
+    return jnp.where(rests, before / jnp.where(rests, slows, 1.0), 1.0)
+
+
+def _early(corner: _Corner, mean: Array) -> Array:
+    """How much further the parcel goes for a corner that comes to rest, as a share of the normal
+    force (`Turn`), with the `mean` friction over the step as such a share, too [1]."""
+    start = corner.start
+    more = start.mean.share - mean
+    until = _until_rest(start.speed, corner.after, corner.gain * more)
+    further = 0.5 * more * (until - 1 / 3) + (start.mean.share - start.share) * (1 - until) / 6
+    return jnp.where(until < 1, further, 0.0)
 
 
 def turns(
@@ -287,9 +300,8 @@ def turns(
         share, slope = (
             (1 - weight) * a + weight * b for a, b in zip(sliding, held, strict=True)
         )
-        more = start.mean.share - 0.5 * (start.share + response.share + share)
-        early = (1 - weight) * more * _early(start.speed, what.sliding, gain * more)
-        found.append(Turn(share, slope, early))
+        early = _early(corner, 0.5 * (start.share + response.share + share))
+        found.append(Turn(share, slope, (1 - weight) * early))
     return found
 
 

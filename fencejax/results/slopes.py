@@ -13,6 +13,12 @@ step: d^2 falls with the fourth power of a step that is short beside the change,
 trapezoidal rule owes to the instant faster yet. The instant goes with that at which the gap is what
 it is at the step's end, -D_p / Ddot.
 
+Where a step ends amid the fall from static to kinetic friction, as a corner on the fence comes to
+rest or sets off, its sliding speed w has not gone straight there, as the step takes it to go: the
+fall lasts far less than a step. What static friction adds at the sample stands for what that makes
+of friction, times the instant's derivative -w_p / wdot, as far as a step's change of w is more than
+what friction falls over.
+
 R comes back as an error of N_p at the rate at which N_p changes: e = R V / I, with V the sum of
 |change of N_p| and I the integral of |N_p|. Sizes are summed, not signed terms, which would cancel
 where nothing is right.
@@ -40,7 +46,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..model import BeltContact
+from ..fidelity import Smoothing
+from ..model import BeltContact, mean_coefficient
+from ..parts import AbstractFriction
 from ..scenes import NormalScene
 from .accumulators import FORCE, OVER_TIP, Accumulator, Step
 from .peak import signed_second_difference
@@ -134,6 +142,34 @@ def _friction_missed(step: Step) -> list[Array]:
     return found
 
 
+def _near_rest(friction: AbstractFriction, sliding: Array, smoothing: Smoothing) -> Array:
+    """What static friction adds to the coefficient [1] at a sliding speed [m/s]."""
+    mu, _ = friction.coefficient(sliding**2, smoothing.static_speed)
+    return mu - mean_coefficient(friction, sliding, smoothing).smooth
+
+
+def _falls_missed(step: Step) -> list[Array]:
+    """Numbers [N s] whose derivatives are what the step misses of those of the impulses of the
+    frictions at the fence, where it ends amid the fall from static to kinetic friction."""
+    scene, found = step.scene, []
+    if isinstance(scene, NormalScene) or scene.fence_friction is None:
+        return found
+    friction, rests = jax.lax.stop_gradient(scene.fence_friction), step.smoothing.holds_below
+    for corner, moving in zip(step.before.fence, step.now.fence, strict=True):
+        was, now = jax.lax.stop_gradient((corner, moving))
+        change = jnp.abs(now.sliding - was.sliding)
+        some = (was.normal > 0) & (now.normal > 0) & (change > 0)
+        lasts = jnp.where(some, step.span.length / jnp.where(some, change, 1.0), 0.0)
+        # A sample at rest counts where the corner sets off from it: what is held does not move.
+        slides = jnp.abs(now.sliding) > rests
+        sets_off = slides & (jnp.abs(was.sliding) <= rests)
+        for sample, own, counts in ((now, moving, slides), (was, corner, sets_off)):
+            more = sample.normal * _near_rest(friction, sample.sliding, step.smoothing)
+            more = more * change**2 / (change**2 + step.smoothing.static_speed**2)
+            found.append(jnp.where(counts, more * lasts, 0.0) * own.sliding)
+    return found
+
+
 def _turned(step: Step) -> Array:
     """1.0 where a corner pressed on the fence has come to rest on it in this step, has turned round
     or has let go."""
@@ -155,7 +191,7 @@ def _update(state: Slopes, step: Step) -> Slopes:
     missed = jnp.where(ends_over_tip(step), 0.0, span.length / 12 * bend)
     changes = Sums(missed, jnp.where(span.first, 0.0, new - known.now), span.length * new)
     now = Sums(*map(_with_size, state.now, changes))
-    for more in _friction_missed(step):
+    for more in _friction_missed(step) + _falls_missed(step):
         now = now._replace(missed=_with_size(now.missed, more))
     higher = new > known.value
     at_peak = jax.tree.map(lambda old, sums: jnp.where(higher, sums, old), state.at_peak, now)
