@@ -47,6 +47,11 @@ def shares_arithmetic() -> bool:
     return told or jax.default_backend() != "cpu"
 
 
+def _flags_known() -> bool:
+    """Whether this version of XLA is known to have `_FLAGS`."""
+    return _KNOWN[0] <= jaxlib.version.__version_info__ < _KNOWN[1]
+
+
 def tune_compiler(devices: int | None = None) -> None:
     """Set XLA's compiler for the CPU to make one kernel of each loop and to compile sooner.
 
@@ -77,7 +82,7 @@ def tune_compiler(devices: int | None = None) -> None:
         listed = [flag.removeprefix(lead) for flag in flags if flag.startswith(lead)]
         flags = [flag for flag in flags if not flag.startswith(lead)]
         flags.append(lead + ",".join([*listed, *extra]))
-    if _KNOWN[0] <= jaxlib.version.__version_info__ < _KNOWN[1]:
+    if _flags_known():
         flags += [f"--{key}={value}" for key, value in _FLAGS.items() if key not in given]
     if devices is not None:
         others = [flag for flag in flags if not flag.startswith(_DEVICES)]
@@ -101,8 +106,7 @@ def without_loops() -> dict[str, Any]:
     margins with their Jacobian then take a quarter of a minute to compile, and two seconds with
     them.
     """
-    known = _KNOWN[0] <= jaxlib.version.__version_info__ < _KNOWN[1]
-    return {"xla_cpu_use_fusion_emitters": True} if known else {}
+    return {"xla_cpu_use_fusion_emitters": True} if _flags_known() else {}
 
 
 def fusion_barrier(holds: Array, function: Callable[..., Any], *arguments: Any) -> Any:

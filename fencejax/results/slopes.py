@@ -160,12 +160,12 @@ def _falls_missed(step: Step) -> list[Array]:
         change = jnp.abs(now.sliding - was.sliding)
         some = (was.normal > 0) & (now.normal > 0) & (change > 0)
         lasts = jnp.where(some, step.span.length / jnp.where(some, change, 1.0), 0.0)
+        lasts = lasts * change**2 / (change**2 + step.smoothing.static_speed**2)
         # A sample at rest counts where the corner sets off from it: what is held does not move.
         slides = jnp.abs(now.sliding) > rests
         sets_off = slides & (jnp.abs(was.sliding) <= rests)
         for sample, own, counts in ((now, moving, slides), (was, corner, sets_off)):
             more = sample.normal * _near_rest(friction, sample.sliding, step.smoothing)
-            more = more * change**2 / (change**2 + step.smoothing.static_speed**2)
             found.append(jnp.where(counts, more * lasts, 0.0) * own.sliding)
     return found
 

@@ -129,8 +129,6 @@ def test_a_corner_that_slides_on_has_nothing_added():
 
 # What pulls is more than static friction holds (0.5 x GAIN), so that a corner turns round, wherever
 # in the step, and it may end or begin where friction falls to kinetic.
-
-
 @pytest.mark.parametrize("before", [0.04, 0.03, 0.0241, 0.02, 0.01, 2e-3, -4e-4, -2e-3])
 @pytest.mark.parametrize("pull", [-0.045, -0.06])
 def test_a_corner_passes_static_friction_as_fast_as_it_does(before, pull):
