@@ -17,7 +17,8 @@ Where a step ends amid the fall from static to kinetic friction, as a corner on 
 rest or sets off, its sliding speed w has not gone straight there, as the step takes it to go: the
 fall lasts far less than a step. What static friction adds at the sample stands for what that makes
 of friction, times the instant's derivative -w_p / wdot, as far as a step's change of w is more than
-what friction falls over.
+what friction falls over. A corner that is held in the step after has lost whatever it came with:
+held friction takes what is left of the speed, and nothing is missed.
 
 R comes back as an error of N_p at the rate at which N_p changes: e = R V / I, with V the sum of
 |change of N_p| and I the integral of |N_p|. Sizes are summed, not signed terms, which would cancel
@@ -72,9 +73,10 @@ class Slopes(NamedTuple):
     """The sums so far, and as they were when the fence's force was largest; a number that is 0,
     whose derivative is the size of how N_p bends where friction turns round at that sample or a
     neighbour, and of what the parabola through the samples there misses, `kink` [N]; how many steps
-    ago that was, `since`; 1.0 where friction has turned round in the last step, `turned`; and a
-    number that is 0, whose derivative is that of the force's second difference [N] over the last
-    two steps, `bend`."""
+    ago that was, `since`; 1.0 where friction has turned round in the last step, `turned`; a number
+    that is 0, whose derivative is that of the force's second difference [N] over the last two
+    steps, `bend`; and such numbers of what the last step misses of the impulses of the frictions at
+    the fence, `falls` [N s], by corner."""
 
     now: Sums
     at_peak: Sums
@@ -82,6 +84,7 @@ class Slopes(NamedTuple):
     since: Array
     turned: Array
     bend: Array
+    falls: tuple[Array, ...]
 
 
 class SlopeEvidence(NamedTuple):
@@ -120,8 +123,8 @@ def _(primals, tangents):
 
 def _start(nothing, body) -> Slopes:
     del body
-    sums = Sums(*(nothing.time,) * 3)
-    return Slopes(sums, sums, *(nothing.time,) * 4)
+    sums, corners = Sums(*(nothing.time,) * 3), len(nothing.fence)
+    return Slopes(sums, sums, *(nothing.time,) * 4, falls=(nothing.time,) * corners)
 
 
 def _friction_missed(step: Step) -> list[Array]:
@@ -148,25 +151,45 @@ def _near_rest(friction: AbstractFriction, sliding: Array, smoothing: Smoothing)
     return mu - mean_coefficient(friction, sliding, smoothing).smooth
 
 
-def _falls_missed(step: Step) -> list[Array]:
-    """Numbers [N s] whose derivatives are what the step misses of those of the impulses of the
-    frictions at the fence, where it ends amid the fall from static to kinetic friction."""
+class _Falls(NamedTuple):
+    """Numbers whose derivatives are what is missed of those of the impulses of the frictions at the
+    fence, by corner: as the corner `sets_off` from rest in a step that ends or begins amid the fall
+    from static to kinetic friction; where a step `ends` amid it; and as one did, whose corner then
+    `slides_on`."""
+
+    sets_off: Array
+    ends: Array
+    slides_on: Array
+
+
+def _falls_missed(state: Slopes, step: Step) -> list[_Falls]:
+    """What the step misses where it passes the fall from static to kinetic friction, by corner."""
     scene, found = step.scene, []
     if isinstance(scene, NormalScene) or scene.fence_friction is None:
         return found
     friction, rests = jax.lax.stop_gradient(scene.fence_friction), step.smoothing.holds_below
-    for corner, moving in zip(step.before.fence, step.now.fence, strict=True):
+    for corner, moving, ended in zip(step.before.fence, step.now.fence, state.falls, strict=True):
         was, now = jax.lax.stop_gradient((corner, moving))
         change = jnp.abs(now.sliding - was.sliding)
         some = (was.normal > 0) & (now.normal > 0) & (change > 0)
         lasts = jnp.where(some, step.span.length / jnp.where(some, change, 1.0), 0.0)
         lasts = lasts * change**2 / (change**2 + step.smoothing.static_speed**2)
-        # A sample at rest counts where the corner sets off from it: what is held does not move.
         slides = jnp.abs(now.sliding) > rests
-        sets_off = slides & (jnp.abs(was.sliding) <= rests)
-        for sample, own, counts in ((now, moving, slides), (was, corner, sets_off)):
+
+        def missed(sample, own, counts, lasts=lasts):
             more = sample.normal * _near_rest(friction, sample.sliding, step.smoothing)
-            found.append(jnp.where(counts, more * lasts, 0.0) * own.sliding)
+            return jnp.where(counts, more * lasts, 0.0) * own.sliding
+
+        # A sample at rest counts where the corner sets off from it: what is held does not move.
+        leaves = slides & (jnp.abs(was.sliding) <= rests)
+        on = slides | (now.normal <= 0)
+        found.append(
+            _Falls(
+                missed(was, corner, leaves),
+                missed(now, moving, slides),
+                jnp.where(on, ended, 0.0),
+            )
+        )
     return found
 
 
@@ -191,8 +214,12 @@ def _update(state: Slopes, step: Step) -> Slopes:
     missed = jnp.where(ends_over_tip(step), 0.0, span.length / 12 * bend)
     changes = Sums(missed, jnp.where(span.first, 0.0, new - known.now), span.length * new)
     now = Sums(*map(_with_size, state.now, changes))
-    for more in _friction_missed(step) + _falls_missed(step):
+    falls = _falls_missed(state, step)
+    of_falls = [more for each in falls for more in (each.sets_off, each.slides_on)]
+    for more in _friction_missed(step) + of_falls:
         now = now._replace(missed=_with_size(now.missed, more))
+    # What no friction makes stays as it is.
+    ends = tuple(_with_size(jnp.zeros_like(new), each.ends) for each in falls) or state.falls
     higher = new > known.value
     at_peak = jax.tree.map(lambda old, sums: jnp.where(higher, sums, old), state.at_peak, now)
     since = jnp.where(higher, 0.0, state.since + 1)
@@ -202,7 +229,7 @@ def _update(state: Slopes, step: Step) -> Slopes:
     third = bend - state.bend / jnp.where(span.ratio > 0, span.ratio, 1.0) ** 2
     beside = (since > 0) & (since <= 2) & ~ends_over_tip(step)
     kink = _with_size(kink, jnp.where(beside, _NEXT_TERM * third, 0.0))
-    return Slopes(now, at_peak, kink, since, turned, _derivative(bend))
+    return Slopes(now, at_peak, kink, since, turned, _derivative(bend), ends)
 
 
 SLOPES = Accumulator("slopes", _start, _update, needs=(FORCE, OVER_TIP))
