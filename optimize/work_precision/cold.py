@@ -1,6 +1,6 @@
 """What one impact costs in a fresh process: compile times, run times, memory.
 
-    python -m optimize.accuracy.cold '{"modes": 4}'
+    python -m optimize.work_precision.cold '{"modes": 4}'
 
 prints them as JSON, for the fidelity whose fields are given.
 """
