@@ -16,6 +16,7 @@ from jaxtyping import Array
 
 from .column_rules import ARITHMETIC, RULES, Dot, full, of_shape, total_of
 from .dependence import CALLS, CONSTANT, called, is_number, kept, matters, reached, repeated
+from .loop_carry import one_a_lane
 
 # Operations number by number, whose derivative in each operand is a factor.
 _BY_NUMBER = {
@@ -181,18 +182,17 @@ def _while(equation, ins, rates, wanted):
 
 
 def _begun(begin, begin_rates, const_rates, moves) -> list[Array]:
-    """The derivatives that a loop begins with. Zeros come from one that is not, so that they too
-    are one a lane in a batch from the start."""
+    """The derivatives that a loop begins with: in a batch one a lane from the start, as what they
+    are of, even where the directions are those of all lanes."""
     known = next(dot for dot in (*begin_rates, *const_rates) if dot is not None).vector
-    size, zero = known.shape[0], 0 * jnp.ravel(known)[0]
-    found = []
+    size, found = known.shape[0], []
     for value, dot, move in zip(begin, begin_rates, moves, strict=True):
         if move and dot is not None:
             found.append(dot.all())
         elif move:
             shape, dtype = jnp.shape(value), jnp.result_type(value)
-            found.append(jnp.broadcast_to(zero.astype(dtype), (size, *shape)))
-    return found
+            found.append(jnp.zeros((size, *shape), dtype))
+    return one_a_lane(found, (begin, known))
 
 
 def _all(found, moves, like) -> list[Array]:

@@ -154,7 +154,10 @@ def _settled(old, new):
 
 
 def _run_adaptively(step, begin, clock: Clock, row, steps: int, reverse: bool):
-    zero = jnp.zeros_like(jax.tree.leaves(begin)[0])
+    first = jax.tree.leaves(begin)[0]
+    zero = jnp.zeros_like(first)
+    if not reverse:
+        zero = one_a_lane(zero, first)
     unit, total = clock.unit, steps * clock.unit
 
     def ahead(y, now):

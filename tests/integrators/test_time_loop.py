@@ -1,0 +1,51 @@
+"""The loop of steps: how often it is gone through to make a batch of it."""
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+import fencejax as fj
+from fencejax.results.accumulators import Accumulator
+
+PASSES = []
+
+
+@jax.custom_batching.custom_vmap
+def noted(x):
+    """The number itself, which notes how often it is vectorised."""
+    return x
+
+
+@noted.def_vmap
+def _(size, in_batched, x):
+    PASSES.append(1)
+    return x, in_batched[0]
+
+
+LAST = fj.Measure(
+    "last_force", "N", "the force at the last sample", "at least 0",
+    Accumulator(
+        "last_force", lambda nothing, body: nothing.fence_force,
+        lambda state, step: noted(step.now.fence_force),
+    ),
+    lambda state: state,
+)  # fmt: skip
+
+
+def force(mass):
+    scene = fj.scenes.normal_impact(parcel=fj.Parcel(mass=mass), duration=0.01)
+    return fj.simulate(scene, measures=[LAST], only="last_force").last_force
+
+
+def slope(mass):
+    """In a direction that all lanes have in common."""
+    return jax.jvp(force, (mass,), (jnp.ones(()),))[1]
+
+
+@pytest.mark.parametrize("of", [force, slope])
+def test_a_batch_takes_one_pass_through_the_steps(of):
+    """JAX vectorises a loop's body again where one number of the carry is none a lane at the start
+    and one a lane after the first trip: a second pass through thousands of operations."""
+    PASSES.clear()
+    jax.jit(jax.vmap(of)).trace(jnp.array([5.0, 15.0, 30.0]))
+    assert len(PASSES) == 1
