@@ -18,7 +18,9 @@ the tolerance, judges all designs; the truth itself those of each generation tha
 their parents, the largest errors first, up to a tenth of all: the errors told are the truth's. A
 finding, the largest error after a generation, is judged again by a second truth: that of values of
 sorts has fixed steps of 10 us, every other one half the step, or a quarter of the tolerance, of the
-first. Where the two truths differ by a quarter of the error, it is the truth that cannot be told.
+first. Where the two truths differ by a quarter of the error, it is the truth that cannot be told;
+so it is where secants of the truth's forces do not find the error of a gradient: two truths may be
+wrong alike, as forces are sawteeth of any steps that are longer than what friction falls over.
 Such a design is left out, and how many there were is told. Where the truth does not tell either
 which of two maxima is the peak, it tells no gradient.
 `search.json` beside this file is what the first command found.
@@ -35,7 +37,7 @@ import jax
 import numpy as np
 from robustness import truths
 from robustness.peaks import gradient_error, peaks
-from robustness.searched_scenes import KINDS
+from robustness.searched_scenes import KINDS, changed
 
 import fencejax as fj
 from fencejax.study import in_chunks
@@ -54,6 +56,10 @@ _SHOWN = (
 _BATCH, _FEWER = 128, 32
 # Share of a generation that it judges.
 _JUDGED = 0.1
+# Relative change of a number over which secants are taken [1]. Where the force is a sawtooth of the
+# steps, its teeth are as wide as a step's share of the time until the touch, 1e-4 and less, and the
+# slopes of a truth may be those of teeth; in an even course secants are off by the square of it.
+_APART = 1e-3
 
 
 def _friction(kind, sharper):
@@ -226,11 +232,31 @@ def search(
 
 
 def sure(fidelity, truth, worst, of, kind, error):
-    """Whether a finding is one: whether another truth tells the same."""
+    """Whether a finding is one: whether another truth tells the same and, of a gradient, the forces
+    of the truth do."""
     x = {name: np.array([value]) for name, value in worst.items()}
     finer = second_truth_of(truth, of)
     between = float(errors(truth, finer, x, of, kind).errors[0])
-    return 0 <= between < 0.25 * error
+    if not 0 <= between < 0.25 * error:
+        return False
+    return of == "value" or _from_secants(fidelity, truth, x, kind) > 0.75 * error
+
+
+def _from_secants(fidelity, truth, x, kind):
+    """The error of a lane's gradient by secants of the truth's forces, over changes of `_APART` and
+    of half of that, whichever is less."""
+    varied = KINDS[kind].varied
+    changes = np.array([1, -1, 0.5, -0.5]) * _APART
+    factors = {name: np.ones((len(varied), len(changes))) for name in varied}
+    for i, name in enumerate(varied):
+        factors[name][i] += changes
+    lanes = {name: np.repeat(value, factors[varied[0]].size) for name, value in x.items()}
+    moved = {name: lanes[name] * np.ravel(each) for name, each in factors.items()}
+    _, forces, _, _ = run(truth, kind, "value", changed(lanes, moved), _FEWER)
+    rise = np.reshape(forces, (len(varied), 2, 2))
+    secants = (rise[..., 0] - rise[..., 1]) / (2 * _APART * np.array([1, 0.5]))
+    _, peak, _, slopes = run(fidelity, kind, "gradient", x)
+    return float(np.min(gradient_error(slopes, secants.T, peak)))
 
 
 def as_kept(found):
