@@ -239,10 +239,10 @@ def sure(fidelity, truth, worst, of, kind, error):
     between = float(errors(truth, finer, x, of, kind).errors[0])
     if not 0 <= between < 0.25 * error:
         return False
-    return of == "value" or _from_secants(fidelity, truth, x, kind) > 0.75 * error
+    return of == "value" or gradient_off(fidelity, truth, x, kind) > 0.75 * error
 
 
-def _from_secants(fidelity, truth, x, kind):
+def gradient_off(fidelity, truth, x, kind):
     """The error of a lane's gradient by secants of the truth's forces, over changes of `_APART` and
     of half of that, whichever is less."""
     varied = KINDS[kind].varied

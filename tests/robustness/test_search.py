@@ -1,7 +1,9 @@
 """What a short search for errors of the steps finds. `search.py` beside this file goes on."""
 
+import numpy as np
 from robustness import truths
-from robustness.search import search
+from robustness.search import gradient_off, search
+from robustness.searched_scenes import KINDS
 
 import fencejax as fj
 
@@ -16,3 +18,14 @@ def test_error_found_is_in_proportion_to_the_tolerance():
     found = search(fidelity, truth, "realistic", "value", 32, 3, seed=7)
     assert found.good > 0.4
     assert found.course[-1] < 4e-2, found.worst
+
+
+def test_secants_of_the_truth_judge_a_gradient():
+    """In an even course they find it right, to the promise of a value over the change, and one by
+    steps as long as the blow wrong."""
+    kind = KINDS["normal impact"]
+    x = kind.numbers(np.full((1, kind.count("realistic")), 0.5), "realistic")
+    truth = truths.fixed(COARSE, 1.25e-5)
+    assert gradient_off(COARSE, truth, x, "normal impact") < 0.01
+    rough = COARSE.replace(step=8e-3, step_tolerance=None)
+    assert gradient_off(rough, truth, x, "normal impact") > 0.03
