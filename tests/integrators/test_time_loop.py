@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import pytest
 
 import fencejax as fj
-from fencejax.results.accumulators import Accumulator
+from fencejax.results import accumulators
 
 PASSES = []
 
@@ -24,7 +24,7 @@ def _(size, in_batched, x):
 
 LAST = fj.Measure(
     "last_force", "N", "the force at the last sample", "at least 0",
-    Accumulator(
+    accumulators.Accumulator(
         "last_force", lambda nothing, body: nothing.fence_force,
         lambda state, step: noted(step.now.fence_force),
     ),
