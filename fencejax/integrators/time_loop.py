@@ -156,6 +156,7 @@ def _settled(old, new):
 def _run_adaptively(step, begin, clock: Clock, row, steps: int, reverse: bool):
     first = jax.tree.leaves(begin)[0]
     zero = jnp.zeros_like(first)
+    # The counters below are one a lane as soon as their loop has begun: so they are from the start.
     if not reverse:
         zero = one_a_lane(zero, first)
     unit, total = clock.unit, steps * clock.unit

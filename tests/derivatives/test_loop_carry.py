@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import Primitive
 from jax.interpreters import ad, mlir
+from passes import PASSES, counted
 
 from fencejax.derivatives import complete
 
 GIVEN = jnp.asarray(0.7)
-PASSES = []
 
 
 # The sine as an operation that notes how often it is differentiated.
@@ -25,18 +25,6 @@ def _differentiate(primals, tangents):
 
 
 ad.primitive_jvps[SINE] = _differentiate
-
-
-@jax.custom_batching.custom_vmap
-def counted(x):
-    """The number itself, which notes how often it is vectorised."""
-    return x
-
-
-@counted.def_vmap
-def _(size, in_batched, x):
-    PASSES.append(1)
-    return x, in_batched[0]
 
 
 def body(inner, carry, given):

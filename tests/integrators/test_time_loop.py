@@ -3,30 +3,16 @@
 import jax
 import jax.numpy as jnp
 import pytest
+from passes import PASSES, counted
 
 import fencejax as fj
 from fencejax.results import accumulators
-
-PASSES = []
-
-
-@jax.custom_batching.custom_vmap
-def noted(x):
-    """The number itself, which notes how often it is vectorised."""
-    return x
-
-
-@noted.def_vmap
-def _(size, in_batched, x):
-    PASSES.append(1)
-    return x, in_batched[0]
-
 
 LAST = fj.Measure(
     "last_force", "N", "the force at the last sample", "at least 0",
     accumulators.Accumulator(
         "last_force", lambda nothing, body: nothing.fence_force,
-        lambda state, step: noted(step.now.fence_force),
+        lambda state, step: counted(step.now.fence_force),
     ),
     lambda state: state,
 )  # fmt: skip

@@ -20,7 +20,7 @@ finding, the largest error after a generation, is judged again by a second truth
 sorts has fixed steps of 10 us, every other one half the step, or a quarter of the tolerance, of the
 first. Where the two truths differ by a quarter of the error, it is the truth that cannot be told;
 so it is where secants of the truth's forces do not find the error of a gradient: two truths may be
-wrong alike, as forces are sawteeth of any steps that are longer than what friction falls over.
+wrong alike, where the force is a sawtooth of the steps of both.
 Such a design is left out, and how many there were is told. Where the truth does not tell either
 which of two maxima is the peak, it tells no gradient.
 `search.json` beside this file is what the first command found.
