@@ -4,13 +4,20 @@ Where a corner's sliding comes to rest within a step and goes on the other way, 
 then from -mu N s to +mu N s, with s the sign of the sliding before. The trapezoidal rule counts
 half of each whenever that is: an error of the first order in the step, and a derivative that lacks
 the instant's own. So friction counts with its value at the start for the share theta [1] of the
-step before the corner comes to rest, and with that at the end for the rest. With the sliding speed
-w straight on either side of rest, w_0 = a s at the start, w_1 = -b s at the end, and J [m/s] what
-the jump of friction changes the sliding by in a whole step,
+step before the corner comes to rest, and with that at the end for the rest.
+
+The normal force N goes straight from N_0 to N_1 meanwhile, and may double. What moves a corner in a
+blow grows with it: so time is told by the impulse of N, of which theta is the share, and friction
+counts as a share of N by N_m = (N_0 + N_1) / 2. With the sliding speed w straight in the impulse on
+either side of rest, w_0 = a s at the start, w_1 = -b s at the end, and J [m/s] what the jump of
+friction under N_m changes the sliding by in a whole step,
 
     J theta (1 - theta) = a (1 - theta) - b theta.
 
-A corner that comes to rest at the end has b = 0, and theta = min(a / J, 1).
+A corner that comes to rest at the end has b = 0, and theta = min(a / J, 1). In time it is at rest
+after the share t of the step in which N has given that impulse,
+
+    t = 2 N_m theta / (N_0 + N_t),   N_t^2 = N_0^2 + theta (N_1^2 - N_0^2).
 
 From near rest on, where smoothed friction itself turns, dw / dt = beta / h + J u(w) / h is solved:
 u = (1 - w / sqrt(w^2 + eps^2)) / 2 is the share of the jump still to come, w counted the way the
@@ -29,11 +36,11 @@ speed change by w_1 - w_0 + h lambda G, with the corner's lightness lambda [1/kg
 share of that which takes w_0 away. And a parcel that is pushed early in a step goes further than by
 the same push later: than by the step's cubic, for which a push in the mean acts at a third of it,
 
-    h^2 G / m (theta - 1 / 3) / 2.
+    h^2 G / m [N_1 (3 t - 1) + (N_1 - N_0) (1 - t) (1 - 2 t)] / [3 (N_t + N_1)].
 
 The cubic begins with the friction at the step's very start, though, and the jump is that from the
 mean on the way to rest, which static friction near rest makes larger: by F more the parcel goes
-h^2 F / m (1 - theta) / 6 further.
+h^2 F / m (1 - t) / 6 further.
 
 A corner that is held from a step's start on is so by the friction's share of the normal force at
 its end, whatever it was at its start: h^2 / 6 times what that changes the acceleration by.
@@ -69,10 +76,12 @@ from . import friction_tangent
 
 
 class Turn(NamedTuple):
-    """What a turn within the step adds to twice the mean friction over it, as a share of the normal
-    force at its end: the `share` [1], and its `slope` with the sliding speed [s/m]. And the share
-    `early` [1]: the acceleration by it, times h^2, is how much further the parcel goes for it."""
+    """What a turn within the step adds to twice the mean friction over it: the force `added` [N],
+    the `share` [1] of the normal force at the step's end by which it grows with that, and its
+    `slope` with the sliding speed [N s/m]. And the force `early` [N]: the acceleration by it, times
+    h^2, is how much further the parcel goes for it."""
 
+    added: Array
     share: Array
     slope: Array
     early: Array
@@ -261,37 +270,49 @@ def _until_rest(before: Array, after: Array, change: Array) -> Array:
     return jnp.where(rests, before / jnp.where(rests, slows, 1.0), 1.0)
 
 
-def _early(corner: _Corner, mean: Array) -> Array:
-    """How much further the parcel goes for a corner that comes to rest, as a share of the normal
-    force (`Turn`), with the `mean` friction over the step as such a share, too [1]."""
-    start = corner.start
+def _early(corner: _Corner, mean: Array, pressed: tuple[Array, Array]) -> Array:
+    """How much further the parcel goes for a corner that comes to rest, as a force [N] (`Turn`),
+    with the `mean` friction over the step as a share [1] of the normal force, which is `pressed`
+    [N] at the start and at the end."""
+    start, (first, last) = corner.start, pressed
     more = start.mean.share - mean
     until = _until_rest(start.speed, corner.after, corner.gain * more)
-    further = 0.5 * more * (until - 1 / 3) + (start.mean.share - start.share) * (1 - until) / 6
-    return jnp.where(until < 1, further, 0.0)
+    until, rests = jnp.where(until < 1, until, 0.0), until < 1
+    square = first * first + until * (last * last - first * first)
+    some = rests & (square > 0)
+    then = jnp.sqrt(jnp.where(some, square, 1.0))
+    at = (first + last) * until / (first + then)
+    lever = last * (3 * at - 1) + (last - first) * (1 - at) * (1 - 2 * at)
+    further = more * (first + last) * lever / (6 * (then + last))
+    further = further + (start.mean.share - start.share) * first * (1 - at) / 6
+    return jnp.where(some, further, 0.0)
 
 
 def turns(
     mechanics: Mechanics,
     forces: Forces,
     sticking: tuple[Array, ...],
+    pressed: tuple[Array | None, ...],
     starts: tuple[Start | None, ...],
     step: Array,
 ) -> list[Turn | None]:
     """Of each contact, what the turn of its friction adds; `None` where `starts` has none. The
-    weights `sticking` tell which corners friction held at the start."""
+    weights `sticking` tell which corners friction held at the start, and the forces `pressed` [N]
+    how they were pressed there."""
     found: list[Turn | None] = []
     smoothing = mechanics.fidelity.smoothing
     weights = friction_tangent.spread(mechanics, sticking)
-    for meeting, friction, weight, start in zip(
-        forces.meetings, mechanics.frictions, weights, starts, strict=True
+    for meeting, friction, weight, first, start in zip(
+        forces.meetings, mechanics.frictions, weights, pressed, starts, strict=True
     ):
         if friction is None or start is None:
             found.append(None)
             continue
         what, parts, _, response = meeting
         assert response is not None
-        gain = step * mechanics.lightness(parts) * what.normal
+        assert first is not None
+        normal = 0.5 * (first + what.normal)
+        gain = step * mechanics.lightness(parts) * normal
         corner = _Corner(
             start, what.sliding, response.share, response.sliding,
             _mean(friction, what.sliding, smoothing), gain, smoothing.slip_speed,
@@ -300,8 +321,16 @@ def turns(
         share, slope = (
             (1 - weight) * a + weight * b for a, b in zip(sliding, held, strict=True)
         )
-        early = _early(corner, 0.5 * (start.share + response.share + share))
-        found.append(Turn(share, slope, (1 - weight) * early))
+        # The step's equations count friction at either end by the normal force there; a corner that
+        # was held has that of the end throughout.
+        free, grown = 1 - weight, what.normal - normal
+        apart = free * (start.share - response.share)
+        added = normal * share + grown * apart
+        slope = normal * slope - grown * free * response.sliding
+        early = _early(
+            corner, 0.5 * (start.share + response.share + share), (first, what.normal)
+        )
+        found.append(Turn(added, 0.5 * (share + apart), slope, free * early))
     return found
 
 
@@ -316,14 +345,13 @@ def shares(forces: Forces, turns: list[Turn | None]) -> list[Array]:
 
 
 def _pushed(
-    mechanics: Mechanics, forces: Forces, shares: list[Array | None]
+    mechanics: Mechanics, forces: Forces, pushes: list[Array | None]
 ) -> Acceleration | None:
-    """The acceleration by these `shares` of the normal forces along the surfaces; `None` without
-    any."""
+    """The acceleration by these `pushes` [N] along the surfaces; `None` without any."""
     total = None
-    for (what, parts, _, _), share in zip(forces.meetings, shares, strict=True):
-        if share is not None:
-            more = [what.normal * share * t for t in parts.tangent]
+    for (_, parts, _, _), push in zip(forces.meetings, pushes, strict=True):
+        if push is not None:
+            more = [push * t for t in parts.tangent]
             total = more if total is None else [q + f for q, f in zip(total, more, strict=True)]
     return None if total is None else mechanics.acceleration(*total)
 
@@ -332,7 +360,7 @@ def turned(
     mechanics: Mechanics, forces: Forces, turns: list[Turn | None], end: Acceleration
 ) -> Acceleration:
     """The acceleration at the `end` of a step with what the turns add to it."""
-    more = _pushed(mechanics, forces, [turn and turn.share for turn in turns])
+    more = _pushed(mechanics, forces, [turn and turn.added for turn in turns])
     return end if more is None else Acceleration(*map(jnp.add, end, more))
 
 

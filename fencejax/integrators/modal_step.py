@@ -110,7 +110,9 @@ class _End(eqx.Module):
             now = mechanics.acceleration(*forces.belt[:3])
             begin = [a - lag * f for a, f in zip(begin, was, strict=True)]
             end = Acceleration(*(a + lag * f for a, f in zip(end, now, strict=True)))
-        turns = friction_turn.turns(mechanics, forces, self.sticking, self.starts, h)
+        turns = friction_turn.turns(
+            mechanics, forces, self.sticking, self.pressed, self.starts, h
+        )
         way = friction_turn.way(mechanics, forces, turns, changed, h)
         end = friction_turn.turned(mechanics, forces, turns, end)
         residual = [

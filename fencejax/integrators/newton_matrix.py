@@ -39,7 +39,7 @@ def drags(
         pressed = what.normal if normal is None else what.normal + weight * normal
         drag = pressed * response.sliding
         if turn is not None:
-            drag = drag + what.normal * turn.slope
+            drag = drag + turn.slope
         inertia = jnp.maximum(0.5 * step * mechanics.lightness(parts), 1e-30)
         found.append(jnp.minimum(drag, _MOST_ALONG / inertia))
     return found
