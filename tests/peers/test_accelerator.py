@@ -2,8 +2,8 @@
 
     pytest tests/peers/test_accelerator.py --bench DIR
 
-(On an NVIDIA GPU with XLA_FLAGS=--xla_gpu_enable_command_buffer=+WHILE,+CONDITIONAL before it, which
-keeps the loop on the device.)
+On an NVIDIA GPU with XLA_FLAGS=--xla_gpu_enable_command_buffer=+WHILE,+CONDITIONAL before it: that
+keeps the loop on the device.
 
 Writes `accelerator.json`, `accelerator.md` and `accelerator.png` into DIR: values and gradients in
 eight numbers a second, all lanes at once on JAX's default device; what a step of a loop costs there
