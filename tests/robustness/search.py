@@ -170,6 +170,11 @@ def bred(rng, population, fitness):
     return np.clip(np.where(children > 1, 2 - children, children), 0, 1)
 
 
+def written(numbers):
+    """The numbers as `search.json` has them, in six digits: what is judged is what is kept."""
+    return {n: np.array([float(f"{v:.6g}") for v in values]) for n, values in numbers.items()}
+
+
 class Found(NamedTuple):
     """Of a search: the share of random designs with a good status; the largest error told by the
     truth after each generation; the worst design's numbers; how far a first truth was from it; and
@@ -189,11 +194,14 @@ def search(
     """Breed designs for the largest error; with `certain`, of those that the truth is sure of."""
     rng, searched = np.random.default_rng(seed), KINDS[kind]
 
+    def designs(shares):
+        return written(searched.numbers(shares, bounds))
+
     def judged(shares, least: np.ndarray | float = -1.0):
-        return errors(fidelity, truth, searched.numbers(shares, bounds), of, kind, first, least)
+        return errors(fidelity, truth, designs(shares), of, kind, first, least)
 
     def numbers(lane):
-        return {n: float(v[0]) for n, v in searched.numbers(population[[lane]], bounds).items()}
+        return {name: float(each[0]) for name, each in designs(population[[lane]]).items()}
 
     def so_far():
         worst = numbers(int(np.argmax(np.where(told, fitness, -1.0))))
@@ -266,7 +274,7 @@ def as_kept(found):
         "error, random": found.course[0], "error, found": found.course[-1], "sure": True,
         "unsure, left out": found.unsure, "truths apart": found.apart,
         "by generation": [float(f"{error:.3g}") for error in found.course],
-        "worst": {n: float(f"{v:.6g}") for n, v in found.worst.items()},
+        "worst": found.worst,
     }  # fmt: skip
 
 

@@ -1,8 +1,10 @@
 """What a short search for errors of the steps finds. `search.py` beside this file goes on."""
 
+import json
+
 import numpy as np
 from robustness import truths
-from robustness.search import gradient_off, search
+from robustness.search import as_kept, errors, gradient_off, search
 from robustness.searched_scenes import KINDS
 
 import fencejax as fj
@@ -18,6 +20,11 @@ def test_error_found_is_in_proportion_to_the_tolerance():
     found = search(fidelity, truth, "realistic", "value", 32, 3, seed=7)
     assert found.good > 0.4
     assert found.course[-1] < 4e-2, found.worst
+    # What is kept of it, in text, has that very error.
+    kept = json.loads(json.dumps(as_kept(found)))["worst"]
+    again = {name: np.full(32, value) for name, value in kept.items()}
+    errors_again = errors(fidelity, truth, again, "value").errors
+    assert np.all(errors_again == found.course[-1])
 
 
 def test_secants_of_the_truth_judge_a_gradient():
