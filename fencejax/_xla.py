@@ -30,9 +30,9 @@ _EXTRA = {
     # Loops over a few numbers, such as the columns of a derivative, are short as they are.
     "xla_cpu_disable_loop_unrolling": "true",
 }
-# LLVM's own. The order of instructions that it looks for before registers are given out takes a
-# quarter to half of the time to compile a batch of whole sorts, as its queue grows with the square
-# of a loop's length; another pass orders them again, and programs run as fast without the first.
+# LLVM's own. The order of instructions that it looks for before registers are given out takes much
+# of the time to compile a batch of whole sorts, as its queue grows with the square of a loop's
+# length; another pass orders them again, and programs run as fast without the first.
 _LLVM = {"-pre-RA-sched": "fast"}
 # An unknown flag of this kind, or of LLVM, stops the process: given only to versions that are known
 # to have it.
