@@ -54,16 +54,32 @@ class Course(NamedTuple):
     status: np.ndarray
 
 
+# Speeds of a course at most: all courses are filled up to so many, and share one program.
+_SPEEDS = 33
+
+
+@functools.cache
+def _course(fidelity, kind):
+    """Numbers, factors on the belt's speed (_SPEEDS,) -> what a course is made of."""
+
+    @jax.jit
+    def run(numbers, factors):
+        def peak(factor):
+            scene = KINDS[kind].scene(changed(numbers, {"belt": numbers["belt"] * factor}))
+            result = fj.simulate(scene, fidelity=fidelity, only="peak_force")
+            return result.peak_force, (result.peak_force, result.gradient_error, result.status)
+
+        return one_by_one(jax.jacfwd(peak, has_aux=True))(factors)
+
+    return run
+
+
 def over_belt_speeds(numbers, low, high, count, fidelity=None, kind="sort"):
-    """The course of a whole sort whose belt is faster by the shares from `low` to `high`."""
-
-    def peak(factor):
-        scene = KINDS[kind].scene(changed(numbers, {"belt": numbers["belt"] * factor}))
-        result = fj.simulate(scene, fidelity=fidelity, only="peak_force")
-        return result.peak_force, (result.peak_force, result.gradient_error, result.status)
-
-    factors = 1 + jnp.linspace(low, high, count)
-    run = jax.jit(one_by_one(jax.jacfwd(peak, has_aux=True)))
-    slopes, (forces, told, status) = jax.tree.map(np.asarray, run(factors))
+    """The course of a whole sort whose belt is faster by the shares from `low` to `high`, at
+    `count` speeds, 33 at most."""
+    factors = 1 + np.linspace(low, high, count)
+    numbers = {name: jnp.asarray(value) for name, value in numbers.items()}
+    found = _course(fidelity, kind)(numbers, np.resize(factors, _SPEEDS))
+    slopes, (forces, told, status) = jax.tree.map(lambda leaf: np.asarray(leaf[:count]), found)
     secant = float((forces[-1] - forces[0]) / (factors[-1] - factors[0]))
     return Course(forces, slopes, secant, told, status)
