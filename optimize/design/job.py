@@ -22,7 +22,6 @@ from fencejax.results import counted
 from fencejax.sorter import Solution, SorterProblem, constant_push, rigid, solve
 
 from ..common import command, evaluations
-from ..common.beside import beside
 from ..common.report import progress_line, write_json
 from . import page, words
 from .configuration import DesignConfig, configure
@@ -47,8 +46,6 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
         "again where sorts are computed finer) ..."
     )
     quantity = problem.machine.objective.quantity
-    if journal is not None and not len(journal):
-        _compile(problem, check)
     solutions = []
     for candidate in problem.candidates:
         say(f"\n{candidate.name}")
@@ -71,15 +68,6 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     page.write(outcome)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
-
-
-def _compile(problem: SorterProblem, check: fj.Fidelity) -> None:
-    """Compile what looks at a design beside what the search evaluates; both serve all
-    candidates."""
-    candidate, start = problem.candidates[0], problem.start
-    searched = beside(lambda: problem.program(start, *problem.data(candidate)))
-    problem.measure(start, candidate, check)
-    searched.result()
 
 
 def told(outcome: Outcome) -> str:
