@@ -185,10 +185,6 @@ class LaneProgram:
         self._many = _of_each(at(fidelities[0]))
         self._whole = _composed(combine)
 
-    def trace(self, point: Vector, *data: Any) -> None:
-        """As `Program.trace`, of the first rung."""
-        self._each[0].lower(jnp.asarray(point), data[0])
-
     def combining(self, combine: Callable[..., tuple[Array, Array]]) -> "LaneProgram":
         """The same numbers of every lane, of the same compiled programs, made into other objectives
         and margins."""

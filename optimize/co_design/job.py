@@ -14,11 +14,9 @@ Every evaluation is written to `evaluations.jsonl` at once: the same command wit
 goes on where it was interrupted.
 """
 
-import concurrent.futures
 import dataclasses
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -48,15 +46,12 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
         f"{joint.encounters.lanes} sorts, {len(joint.space.names)} variables: "
         f"{', '.join(joint.space.names)}; compiling (minutes, the first time) ..."
     )
-    given = joint.starts[0]
-    if not len(journal):
-        # What takes longest goes first: Python traces one program at a time, and XLA compiles
-        # beside.
-        joint.program.trace(given, joint.encounters)
-    of_start = _computed_beside(lambda: joint.measure(given))
     tried, optimum = _search(joint, journal, say)
+    given = joint.starts[0]
     say(f"\nstopped: {optimum.stop.value} ({len(optimum.history)} evaluations)")
-    measured = {"before": of_start.result(), "after": joint.measure(optimum.point)}
+    measured = {
+        "before": joint.measure(given), "after": joint.measure(optimum.point),
+    }  # fmt: skip
     verified = verify(
         lambda z: (*joint.combined(measured["after"], 0.0), measured["after"]["status"]),
         optimum,
@@ -72,14 +67,6 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
     _write(outcome, journal)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
-
-
-def _computed_beside(compute: Callable[[], Any]) -> concurrent.futures.Future[Any]:
-    """What takes its time to compile, while the search goes on."""
-    pool = concurrent.futures.ThreadPoolExecutor(max_workers=1)
-    found = pool.submit(compute)
-    pool.shutdown(wait=False)
-    return found
 
 
 def _search(

@@ -35,17 +35,6 @@ def _exact(z, x, bound, error):
     return force**2, jnp.atleast_1d(bound - jnp.sum(force) - jnp.sum(z**3))
 
 
-def test_a_traced_program_is_not_traced_again():
-    program = LaneProgram(_read, _combine, (0, 1, 2))
-    z, lanes = np.array([0.3, -0.2]), np.array([1.0, 0.5])
-    _SIZES.clear()
-    program.trace(z, lanes)
-    traced = list(_SIZES)
-    assert {rung for rung, _ in traced} == {0}
-    program(z, lanes, np.asarray(2.0))
-    assert traced == _SIZES
-
-
 def test_lanes_in_doubt_alone_are_computed_again():
     lanes = np.array([1.0, 3.0, 0.5, 5.0, 6.0, 2.0, 7.0, 3.5, 2.5, 2.1, 2.2, 2.3, 2.4])
     error = np.where(lanes > 4, 0.0, np.where(lanes > 2, 0.1, 1.0))
