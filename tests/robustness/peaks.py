@@ -76,7 +76,8 @@ def _course(fidelity, kind):
 
 def over_belt_speeds(numbers, low, high, count, fidelity=None, kind="sort"):
     """The course of a whole sort whose belt is faster by the shares from `low` to `high`, at
-    `count` speeds, 33 at most."""
+    `count` speeds, at most `_SPEEDS`."""
+    assert count <= _SPEEDS
     factors = 1 + np.linspace(low, high, count)
     numbers = {name: jnp.asarray(value) for name, value in numbers.items()}
     found = _course(fidelity, kind)(numbers, np.resize(factors, _SPEEDS))
