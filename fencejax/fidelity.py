@@ -81,7 +81,7 @@ class Fidelity(Readable):
       short of static friction by a share that goes with eps / w_s, a fiftieth in the named
       settings (`Smoothing`). What sliding changes by within the shortest step should be less than
       w_s, or static friction above the kinetic one may be stepped over where a corner comes to
-      rest: the named settings have it up to 12 m/s^2, `coarse` up to 6. In single precision they
+      rest: the named settings have it up to 24 m/s^2, `coarse` up to 12. In single precision they
       are no finer than 2e-4 and 1e-3, a fifth, and the holding friction is a tenth or more below
       the static one.
     - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends or, with
@@ -116,7 +116,7 @@ class Fidelity(Readable):
     geometry: str = "arc"
     load: str = "consistent"
     step_tolerance: float | None = 5e-4
-    halvings: int = 3
+    halvings: int = 4
     gradient_tolerance: float = 0.1
     step: float = 5e-4
     longest_stride: int | None = None

@@ -32,18 +32,21 @@ from .step_size import Clock, StepSize, Stride, is_whole
 # Share of the tolerance by which a defect may change the speed of approach.
 _OF_SPEED = 0.1
 # Share of itself by which the belt's friction may be off its line inside a step, as it is where a
-# parcel lets go of the belt and where its slip turns (by 0.16 rad: by 3 a^2 / 32). It changes the
+# parcel lets go of the belt and where its slip turns (by 0.08 rad: by 3 a^2 / 32). It changes the
 # speed by this share of mu g h, or not, as the instant falls in the step. So the speed's derivative
 # in that instant is off by the share of mu g, however short the steps: next to an approach at 1.5
-# m/s that begins after 0.35 s, later in proportion to a drive's speed, by 0.4 % for this one. Where
-# static friction is largest it changes little and the slip much, and the share tells less of the
-# instant: of 1 % a search found derivatives off by half of their norm, by a parcel pressed slowly
-# off the belt. A tolerance so small that twenty of it are less is kept by the belt, too.
-_OF_BELT, _IN_TOLERANCES = 0.0025, 20.0
+# m/s that begins after 0.35 s, later in proportion to a drive's speed, by 0.1 % for this one. Where
+# static friction is largest it changes little and the slip much: a parcel that is pressed off the
+# belt by a load that grows for a time T lets go early or late by up to this share of T. By how much
+# hangs on where in a step of h that falls, so the instant's derivative is off by it times T / h, 6
+# % for 25 ms and 0.25 ms. Of four times as much a search found derivatives off by a third for that.
+# A tolerance so small that twenty of it are less is kept by the belt, too.
+_OF_BELT, _IN_TOLERANCES = 0.0006, 20.0
 # Where the belt's friction falls as the slip grows, by k [N s/m], the slip and its derivatives grow
 # as exp(2 z), z = k h / (2 m), in a step: by the trapezoidal rule as (1 + z) / (1 - z), which is
-# more by 2 z^3 / 3, 1 % for this one, and without bound as z comes to 1.
-_GROWS = 0.25
+# more by 2 z^3 / 3, 0.07 % for this one, and without bound as z comes to 1. By 1 %, a quarter, the
+# instant at which a parcel lets go had derivatives off by a twentieth.
+_GROWS = 0.1
 # The defect of a smooth force goes with the square of the step: a step of twice the length has four
 # times as much of it, with room for half as much again.
 _GROWTH = 6.0

@@ -18,7 +18,9 @@ rest or sets off, its sliding speed w has not gone straight there, as the step t
 fall lasts far less than a step. What static friction adds at the sample stands for what that makes
 of friction, times the instant's derivative -w_p / wdot, as far as a step's change of w is more than
 what friction falls over. A corner that is held in the step after has lost whatever it came with:
-held friction takes what is left of the speed, and nothing is missed.
+held friction takes what is left of the speed, and nothing is missed. So it is where a step ends
+within eps of rest, as friction turns round: what it counts of the turn begins or ends there at
+once.
 
 R comes back as an error of N_p at the rate at which N_p changes: e = R V / I, with V the sum of
 |change of N_p| and I the integral of |N_p|. Sizes are summed, not signed terms, which would cancel
@@ -151,6 +153,14 @@ def _near_rest(friction: AbstractFriction, sliding: Array, smoothing: Smoothing)
     return mu - mean_coefficient(friction, sliding, smoothing).smooth
 
 
+def _turning(friction: AbstractFriction, sliding: Array, smoothing: Smoothing) -> Array:
+    """How far the coefficient [1] that a step counts may be off, as friction turns round within eps
+    of rest: eps^2 / (w^2 + eps^2) of the sliding one."""
+    square = smoothing.slip_speed**2
+    mu = mean_coefficient(friction, sliding, smoothing).smooth
+    return mu * square / (sliding**2 + square)
+
+
 class _Falls(NamedTuple):
     """Numbers whose derivatives are what is missed of those of the impulses of the frictions at the
     fence, by corner: as the corner `sets_off` from rest in a step that ends or begins amid the fall
@@ -176,17 +186,18 @@ def _falls_missed(state: Slopes, step: Step) -> list[_Falls]:
         lasts = lasts * change**2 / (change**2 + step.smoothing.static_speed**2)
         slides = jnp.abs(now.sliding) > rests
 
-        def missed(sample, own, counts, lasts=lasts):
-            more = sample.normal * _near_rest(friction, sample.sliding, step.smoothing)
+        def missed(share, sample, own, counts, lasts=lasts):
+            more = sample.normal * share(friction, sample.sliding, step.smoothing)
             return jnp.where(counts, more * lasts, 0.0) * own.sliding
 
         # A sample at rest counts where the corner sets off from it: what is held does not move.
-        leaves = slides & (jnp.abs(was.sliding) <= rests)
+        rested = jnp.abs(was.sliding) <= rests
         on = slides | (now.normal <= 0)
         found.append(
             _Falls(
-                missed(was, corner, leaves),
-                missed(now, moving, slides),
+                missed(_near_rest, was, corner, slides & rested),
+                missed(_near_rest, now, moving, slides)
+                + missed(_turning, now, moving, ~rested),
                 jnp.where(on, ended, 0.0),
             )
         )

@@ -358,9 +358,13 @@ RISES = {
 
 def test_gradient_where_the_normal_force_grows_as_a_corner_turns():
     """The slopes were 1.9 times the force, and the truth's, too, with teeth of its own; the mean is
-    1.27. By the impulse of the normal force they are within a tenth of it."""
-    course = over_belt_speeds(RISES, -1e-3, 1e-3, 17)
-    np.testing.assert_allclose(course.slopes, course.secant, rtol=0.12)
+    1.27. By the impulse of the normal force they are within a tenth of it, but where a step ends
+    within some eps of rest: of the 0.09 mm/s that the belt is faster by from tooth to tooth. There
+    the gradient's error is told."""
+    course = over_belt_speeds(RISES, -1e-3, 1e-3, 33)
+    off = np.abs(course.slopes / course.secant - 1)
+    assert np.quantile(off, 0.9) < 0.1
+    assert np.all(course.told[off > 0.12] > fj.Fidelity.standard().gradient_tolerance)
 
 
 def test_gradient_where_a_step_begins_amid_static_friction():
