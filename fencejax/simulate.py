@@ -114,7 +114,7 @@ def simulate(
           border force  0.00 N  largest
          surface force  0.00 N  largest
          pressed in by  28.25 mm
-       energy residual  2.27e-02 J
+       energy residual  2.13e-02 J
     """
     if not isinstance(scene, (NormalScene, Scene)):
         raise TypeError(

@@ -90,7 +90,7 @@ def oblique_impact(
           border force  0.00 N  largest
          surface force  0.00 N  largest
          pressed in by  26.35 mm
-       energy residual  1.65e-02 J
+       energy residual  1.63e-02 J
     """
     fence = fence_of(fence)
     drive = drive_of(drive, fence)

@@ -50,7 +50,7 @@ WARNED = {
 SAID = {
     ("chatter", "coarse"): fj.Status.STEP_TOO_COARSE,
     ("chatter", "standard"): fj.Status.STEP_TOO_COARSE,
-    ("static-far-above", "coarse"): fj.Status.STEP_TOO_COARSE,
+    ("static-far-above", "coarse"): fj.Status.FRICTION_SMOOTHED,
     ("belt-still", "coarse"): fj.Status.FRICTION_SMOOTHED,
     ("drive-slow", "coarse"): fj.Status.MODES_TOO_FEW,
     ("belt-20", "standard"): fj.Status.MODES_TOO_FEW,

@@ -49,7 +49,7 @@ SAID = {
     ("flush", "thickness-5mm"): fj.Status.MODES_TOO_FEW,
     ("flush", "size-1cm"): fj.Status.DEEP_PENETRATION,
     ("border", "rubber"): fj.Status.LARGE_DEFLECTION,
-    ("border", "mass-1t"): fj.Status.MODES_TOO_FEW,
+    ("border", "mass-1t"): fj.Status.LARGE_DEFLECTION,
     ("border", "near-the-tip"): fj.Status.PEAK_AT_TIP,
     ("border", "one-link"): fj.Status.SUCCESSFUL,
 }
