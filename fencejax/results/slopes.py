@@ -18,9 +18,9 @@ rest or sets off, its sliding speed w has not gone straight there, as the step t
 fall lasts far less than a step. What static friction adds at the sample stands for what that makes
 of friction, times the instant's derivative -w_p / wdot, as far as a step's change of w is more than
 what friction falls over. A corner that is held in the step after has lost whatever it came with:
-held friction takes what is left of the speed, and nothing is missed. So it is where a step ends
-within eps of rest, as friction turns round: what it counts of the turn begins or ends there at
-once.
+held friction takes what is left of the speed, and nothing is missed. The same is told where a step
+ends within eps of rest as friction turns round: there the step's equations begin to count the turn,
+and do so with a kink.
 
 R comes back as an error of N_p at the rate at which N_p changes: e = R V / I, with V the sum of
 |change of N_p| and I the integral of |N_p|. Sizes are summed, not signed terms, which would cancel
@@ -164,8 +164,8 @@ def _turning(friction: AbstractFriction, sliding: Array, smoothing: Smoothing) -
 class _Falls(NamedTuple):
     """Numbers whose derivatives are what is missed of those of the impulses of the frictions at the
     fence, by corner: as the corner `sets_off` from rest in a step that ends or begins amid the fall
-    from static to kinetic friction; where a step `ends` amid it; and as one did, whose corner then
-    `slides_on`."""
+    from static to kinetic friction; where a step `ends` amid it, or as friction turns round; and as
+    one did, whose corner then `slides_on`."""
 
     sets_off: Array
     ends: Array
