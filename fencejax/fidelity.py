@@ -228,7 +228,9 @@ class Fidelity(Readable):
         """This fidelity and two finer ones, for numbers in doubt (`Status.numerical`).
 
         The second has at least eight modes, an eighth of the tolerance, half the step and an eighth
-        of a millisecond at most, and half of the friction's smoothing; the third has the
+        of a millisecond at most, which is halved once less where that is a quarter of this one's or
+        less (how friction is judged to be resolved minds steps much shorter than its smoothing),
+        and half of the friction's smoothing; the third has the
         modes and the smoothing of `reference`, an eighth of the second one's tolerance and steps of
         a tenth of a millisecond at most, or the fixed step of `reference` where this one's steps do
         not follow their error. Both keep this one's geometry, so
@@ -259,9 +261,11 @@ class Fidelity(Readable):
             )
             return (self,) if single else (self, beyond)
 
+        step = min(self.step / 2, 1.25e-4)
         finer = self.replace(
             modes=with_modes(8),
-            step=min(self.step / 2, 1.25e-4),
+            step=step,
+            halvings=max(self.halvings - 1, 0) if 4 * step <= self.step else self.halvings,
             step_tolerance=None if self.step_tolerance is None else self.step_tolerance / 8,
             slip_speed=self.slip_speed / 2,
             static_speed=self.static_speed / 2,
