@@ -228,12 +228,12 @@ class Fidelity(Readable):
         """This fidelity and two finer ones, for numbers in doubt (`Status.numerical`).
 
         The second has at least eight modes, an eighth of the tolerance, half the step and an eighth
-        of a millisecond at most, which is halved once less where that is a quarter of this one's or
-        less (how friction is judged to be resolved minds steps much shorter than its smoothing),
-        and half of the friction's smoothing; the third has the
-        modes and the smoothing of `reference`, an eighth of the second one's tolerance and steps of
-        a tenth of a millisecond at most, or the fixed step of `reference` where this one's steps do
-        not follow their error. Both keep this one's geometry, so
+        of a millisecond at most, and half of the friction's smoothing. Where its step is a quarter
+        of this one's or less, it may be halved once less: what judges whether friction is resolved
+        minds steps that are short beside its smoothing. The third has the halvings of the second,
+        the modes and the smoothing of `reference`, an eighth of the second one's tolerance and
+        steps of a tenth of a millisecond at most, or the fixed step of `reference` where this one's
+        steps do not follow their error. Both keep this one's geometry, so
         that what is refined is the same model: the paper's chords are within 5e-4 of the arc, and
         their derivatives cost ten times as much. They keep its longest stride, too, over which
         nothing touches or parts: the 60,000 steps of a whole sort would else cost as much as all
