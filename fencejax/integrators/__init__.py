@@ -8,10 +8,12 @@ May import: `model` and what is below it. Nothing here knows what is measured.
 """
 
 from . import (
+    corner_way as corner_way,
     diffrax_reference as diffrax_reference,
     friction_turn as friction_turn,
     modal_step as modal_step,
     normal_direction as normal_direction,
+    sliding_corner as sliding_corner,
     step_defect as step_defect,
     time_loop as time_loop,
 )

@@ -15,6 +15,7 @@ the belt.
 import math
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -99,9 +100,11 @@ def held(
     forces: Forces,
     sticking: tuple[Array, ...],
     normals: tuple[Array | None, ...] | None = None,
+    steady: bool = False,
 ) -> Acceleration | None:
     """The acceleration by the frictions that hold, of contacts pressed by `normals` [N], if given,
-    in place of their own; `None` where no corner has friction."""
+    in place of their own; `None` where no corner has friction. `steady` ones go with the normal
+    force, and not with the sliding speed."""
     if not sticking:
         return None
     total = [jnp.zeros_like(forces.acceleration.x)] * 3
@@ -113,9 +116,29 @@ def held(
             what, parts, _, response = meeting
             assert response is not None
             normal = None if normals is None else normals[k]
-            drag = weight * (what.friction if normal is None else normal * response.share)
+            normal = what.normal if normal is None else normal
+            share = jax.lax.stop_gradient(response.share) if steady else response.share
+            drag = weight * normal * share
             total = [q + drag * t for q, t in zip(total, parts.tangent, strict=True)]
     return mechanics.acceleration(*total)
+
+
+def carried(
+    mechanics: Mechanics, forces: Forces, sticking: tuple[Array, ...]
+) -> tuple[Acceleration, Acceleration | None]:
+    """The acceleration that the next step begins with, and what of it is by frictions that hold.
+
+    That step counts these frictions by their values at its end. Only the first guess of its way
+    goes with those at its start: with a corner that comes to rest within some eps, whose friction
+    has a thousand times the slope that a held one has. So they are carried on as `steady`.
+    """
+    holds = held(mechanics, forces, sticking)
+    if holds is None:
+        return forces.acceleration, None
+    steady = held(mechanics, forces, sticking, steady=True)
+    assert steady is not None
+    terms = zip(forces.acceleration, steady, holds, strict=True)
+    return Acceleration(*(a + (b - c) for a, b, c in terms)), steady
 
 
 def slides(

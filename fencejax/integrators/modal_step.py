@@ -28,6 +28,7 @@ from ..model import (
 from ..scenes import Body
 from . import friction_tangent, friction_turn, newton, newton_matrix
 from .fence_response import FenceEnd
+from .sliding_corner import Start, starts
 from .step_control import contacts, controlled
 from .step_defect import Pair
 from .step_memory import Leans, Memory
@@ -51,7 +52,7 @@ class _End(eqx.Module):
     belt_lag: friction_tangent.BeltLag | None
     sticking: tuple[Array, ...]
     pressed: tuple[Array | None, ...]
-    starts: tuple[friction_turn.Start | None, ...]
+    starts: tuple[Start | None, ...]
     predicted: Array
     arms: dict[int, tuple[Array, Array]]
     frame: FenceFrame | None
@@ -156,8 +157,8 @@ class _End(eqx.Module):
             unbalance = jnp.maximum(unbalance, jnp.abs(defect))
         size = unbalance / (force_tolerance(scale.dtype) * scale)
         sticking = friction_tangent.weights(mechanics, forces, h)
-        holds = friction_tangent.held(mechanics, forces, sticking)
-        extra = (forces, unbalance, sticking, holds, way, drifts)
+        carried = friction_tangent.carried(mechanics, forces, sticking)
+        extra = (forces, unbalance, sticking, carried, way, drifts)
         return tuple(residual), matrix, size, extra
 
     def drifts(self, points: tuple[FencePoint, ...]) -> list[list[Array]]:
@@ -266,10 +267,10 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     equations = _End(
         mechanics, body, start, memory.held, friction_tangent.belt_lag(mechanics, memory.body, h),
         memory.sticking, (*memory.normals, *memory.normals_still),
-        friction_turn.starts(mechanics, memory.sliding), predicted, arms, frame, fence, stride,
+        starts(mechanics, memory.sliding), predicted, arms, frame, fence, stride,
     )  # fmt: skip
     guess = equations.at_rest(jax.lax.stop_gradient(guess))
-    root, (forces, unbalance, sticking, held, way) = newton.solve(
+    root, (forces, unbalance, sticking, (acceleration, held), way) = newton.solve(
         _End.evaluate,
         _End.shorten,
         equations,
@@ -321,7 +322,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
     memory = Memory(
         body=after,
         way=way,
-        acceleration=forces.acceleration,
+        acceleration=acceleration,
         before=memory.acceleration,
         fence=None if state is None else state.kept(),
         places=feet,
