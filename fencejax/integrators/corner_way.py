@@ -50,16 +50,19 @@ def _until_rest(before: Array, after: Array, change: Array) -> Array:
     return jnp.where(rests, before / jnp.where(rests, slows, 1.0), 1.0)
 
 
-def comes_to_rest(corner: Corner, mean: Array, pressed: tuple[Array, Array]) -> Array:
+def comes_to_rest(
+    corner: Corner, mean: Array, pressed: tuple[Array, Array], others: Array | float = 0.0
+) -> Array:
     """How much further the parcel goes for a corner that comes to rest, as a force [N] (`Turn`),
     with the `mean` friction over the step as a share [1] of the normal force, which is `pressed`
-    [N] at the start and at the end. How late it does is told by the mean on the way that it goes:
+    [N] at the start and at the end; frictions of `others` change the sliding by that more until
+    they turn [m/s]. How late it does is told by the mean on the way that it goes:
     where it ends within some eps of rest that is less than the mean all the way to rest."""
     start, (first, last) = corner.start, pressed
     more = start.mean.share - mean
     back = jnp.where(start.speed * corner.after > 0, 0.0, corner.after)
     sooner = 0.5 * straight(corner).share - mean
-    until = _until_rest(start.speed, back, corner.gain * sooner)
+    until = _until_rest(start.speed, back, corner.gain * sooner + others)
     until, rests = jnp.where(until < 1, until, 0.0), until < 1
     square = first * first + until * (last * last - first * first)
     some = rests & (square > 0)

@@ -34,6 +34,8 @@ How far the parcel goes meanwhile is in `corner_way`, and the means of frictions
 above are made of in `sliding_corner`.
 """
 
+import itertools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -58,24 +60,45 @@ class Turn(NamedTuple):
     early: Array
 
 
-def _from_sliding(corner: Corner) -> Counted:
-    """Of a corner that slides at the start: theta."""
+class _Rest(NamedTuple):
+    """When a corner comes to rest: after the share `until` of the step, with its slopes `by_jump`
+    and `by_back` [s/m] with J and b."""
+
+    until: Array
+    by_jump: Array
+    by_back: Array
+
+
+def _rest(corner: Corner, jump: Array) -> _Rest:
+    """theta, for what friction's `jump` changes the sliding by in a whole step, J [m/s]."""
+    fast = jnp.abs(corner.start.speed)
+    back = jnp.maximum(-jnp.sign(corner.start.speed) * corner.after, 0.0)
+    root = jnp.sqrt((jump - fast + back) ** 2 + 4 * fast * back + corner.eps**2)
+    whole = jump + fast + back + root
+    until = 2 * fast / whole
+    by_jump = -until / whole * (1 + (jump - fast + back) / root)
+    return _Rest(until, by_jump, jnp.where(back > 0, -until / root, 0.0))
+
+
+def _change(corner: Corner) -> Array:
+    """What a corner's friction changes by as it turns, as a share of the normal force [1]."""
+    return corner.end.share - 0.5 * straight(corner).share
+
+
+def _from_sliding(corner: Corner, others: Array | float = 0.0) -> Counted:
+    """Of a corner that slides at the start. Frictions of `others` that turn with its own change its
+    sliding by that in a whole step [m/s]."""
     before, after, gain = corner.start.speed, corner.after, corner.gain
     sign, fast, eps = jnp.sign(before), jnp.abs(before), corner.eps
     onward = jnp.maximum(sign * after, 0.0)
     on, there = straight(corner), corner.end
     here, here_slope = 0.5 * on.share, 0.5 * on.slope
-    # What friction changes by, as a share of the normal force.
-    drop = jnp.maximum(sign * (there.share - here), 0.0)
-    jump = gain * drop
-    back = jnp.maximum(-sign * after, 0.0)
-    root = jnp.sqrt((jump - fast + back) ** 2 + 4 * fast * back + eps * eps)
-    whole = jump + fast + back + root
-    until = 2 * fast / whole
-    by_jump = -until / whole * (1 + (jump - fast + back) / root)
-    by_back = jnp.where(back > 0, -until / root, 0.0)
+    drop = jnp.maximum(sign * _change(corner), 0.0)
+    jump = jnp.maximum(gain * drop + sign * others, 0.0)
+    until, by_jump, by_back = _rest(corner, jump)
     twice = 2 * (until * here + (1 - until) * there.share)
-    by_drop = gain * by_jump * jnp.where(drop > 0, sign * (there.slope - here_slope), 0.0)
+    falls = (drop > 0) & (jump > 0)
+    by_drop = gain * by_jump * jnp.where(falls, sign * (there.slope - here_slope), 0.0)
     slope = 2 * (until * here_slope + (1 - until) * there.slope)
     slope = slope - 2 * sign * drop * (by_drop - sign * by_back)
     # None of it where the corner slides on, nor where it hardly slows down.
@@ -131,39 +154,100 @@ def turns(
     """Of each contact, what the turn of its friction adds; `None` where `starts` has none. The
     weights `sticking` tell which corners friction held at the start, and the forces `pressed` [N]
     how they were pressed there."""
-    found: list[Turn | None] = []
+    corners: dict[int, Corner] = {}
     smoothing = mechanics.fidelity.smoothing
     weights = friction_tangent.spread(mechanics, sticking)
-    for meeting, friction, weight, first, start in zip(
-        forces.meetings, mechanics.frictions, weights, pressed, starts, strict=True
+    for k, (meeting, friction, first, start) in enumerate(
+        zip(forces.meetings, mechanics.frictions, pressed, starts, strict=True)
     ):
         if friction is None or start is None:
-            found.append(None)
             continue
         what, parts, _, response = meeting
         assert response is not None
         assert first is not None
-        normal = 0.5 * (first + what.normal)
-        gain = step * mechanics.lightness(parts) * normal
-        corner = Corner(
+        gain = step * mechanics.lightness(parts) * 0.5 * (first + what.normal)
+        corners[k] = Corner(
             start, what.sliding, response.share, response.sliding,
             mean_friction(friction, what.sliding, smoothing), gain, smoothing.slip_speed,
         )  # fmt: skip
-        sliding, held = _from_sliding(corner), _from_hold(corner)
-        share, slope = (
-            (1 - weight) * a + weight * b for a, b in zip(sliding, held, strict=True)
+    free = {k: 1 - weights[k] for k in corners}
+    of_others = _by_others(
+        mechanics, forces, corners, {k: free[k] * _change(corners[k]) for k in corners}, _together
+    )
+    sliding = {k: _from_sliding(corner, of_others[k]) for k, corner in corners.items()}
+    holding = {k: _from_hold(corner) for k, corner in corners.items()}
+    counted = {
+        k: Counted(
+            free[k] * sliding[k].share + weights[k] * holding[k].share,
+            free[k] * sliding[k].slope + weights[k] * holding[k].slope,
         )
+        for k in corners
+    }
+    means = {
+        k: 0.5 * (corner.start.share + corner.share + counted[k].share)
+        for k, corner in corners.items()
+    }
+    more = {k: free[k] * (0.5 * straight(corners[k]).share - means[k]) for k in corners}
+    of_others = _by_others(mechanics, forces, corners, more, _before)
+    found: list[Turn | None] = []
+    for k, (meeting, first) in enumerate(zip(forces.meetings, pressed, strict=True)):
+        if k not in corners:
+            found.append(None)
+            continue
+        assert first is not None
+        corner, weight, last = corners[k], weights[k], meeting.contact.normal
+        share, slope = counted[k]
+        normal = 0.5 * (first + last)
         # The step's equations count friction at either end by the normal force there; a corner that
         # was held has that of the end throughout.
-        free, grown = 1 - weight, what.normal - normal
-        apart = free * (start.share - response.share)
+        grown = last - normal
+        apart = free[k] * (corner.start.share - corner.share)
         added = normal * share + grown * apart
-        slope = normal * slope - grown * free * response.sliding
-        early = comes_to_rest(
-            corner, 0.5 * (start.share + response.share + share), (first, what.normal)
-        )
-        early = free * early + weight * normal * settles(corner, held.share)
+        slope = normal * slope - grown * free[k] * corner.slope
+        early = free[k] * comes_to_rest(corner, means[k], (first, last), of_others[k])
+        early = early + weight * normal * settles(corner, holding[k].share)
         found.append(Turn(added, 0.5 * (share + apart), slope, early))
+    return found
+
+
+def _together(until: Array, other: Array) -> Array:
+    """How much of the jump of a friction that turns after the share `other` of the step counts as
+    one of a corner's own that turns at `until`."""
+    later = other >= until
+    rest = jnp.where(later & (until < 1), 1 - until, 1.0)
+    return jnp.where(later, (1 - other) / rest, other / jnp.where(later, 1.0, until))
+
+
+def _before(until: Array, other: Array) -> Array:
+    """How much of what a friction that turns after the share `other` of the step is above its mean
+    until then acts until a corner comes to rest, at `until`."""
+    sooner = other < until
+    without = (until - other) / jnp.where(sooner, until, 1.0) / jnp.where(sooner, 1 - other, 1.0)
+    return jnp.where(sooner, 1 - without, 1.0)
+
+
+def _by_others(
+    mechanics: Mechanics,
+    forces: Forces,
+    corners: dict[int, Corner],
+    changes: dict[int, Array],
+    counts: Callable[[Array, Array], Array],
+) -> dict[int, Array | float]:
+    """What frictions of other corners change each corner's sliding by in a whole step [m/s], where
+    they are more by these `changes`, as shares of their normal forces: as much of it as `counts`
+    for the instants at which that corner and the other come to rest, each by its own friction."""
+    found: dict[int, Array | float] = dict.fromkeys(corners, 0.0)
+    if len(corners) < 2:
+        return found
+    rests = {
+        k: _rest(corner, corner.gain * jnp.abs(_change(corner))).until
+        for k, corner in corners.items()
+    }
+    for k, j in itertools.permutations(corners, 2):
+        one, other = forces.meetings[k].touch, forces.meetings[j].touch
+        coupled = mechanics.lightness(one, other) / mechanics.lightness(other)
+        share = counts(rests[k], rests[j])
+        found[k] = found[k] + share * coupled * corners[j].gain * changes[j]
     return found
 
 

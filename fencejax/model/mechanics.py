@@ -387,10 +387,14 @@ class Mechanics(eqx.Module):
                 scale = scale + meeting.law
         return scale
 
-    def lightness(self, parts: Touch) -> Array:
-        """How much a unit force along the surface accelerates the corner there [1/kg]."""
+    def lightness(self, parts: Touch, other: Touch | None = None) -> Array:
+        """How much a unit force along the surface, at this corner or the `other` one, accelerates
+        the corner there [1/kg]."""
         x, y, turning = parts.tangent
-        return (x**2 + y**2) / self.mass + turning**2 / self.inertia
+        if other is None:
+            return (x**2 + y**2) / self.mass + turning**2 / self.inertia
+        across, along, around = other.tangent
+        return (x * across + y * along) / self.mass + turning * around / self.inertia
 
 
 def force_tolerance(dtype) -> float:

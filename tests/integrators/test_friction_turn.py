@@ -10,7 +10,7 @@ from robustness.peaks import over_belt_speeds
 from robustness.searched_scenes import KINDS, changed
 from runs import one_by_one
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import brentq, root
 
 import fencejax as fj
 from fencejax.fidelity import Smoothing
@@ -214,6 +214,78 @@ def test_a_corner_that_stops_at_the_very_end_is_slowed_by_no_more_than_it_is(end
     assert -0.02 < slope < 1.02
 
 
+# Two corners of one wall: what friction of mu = 1 at either changes the sliding by, at itself and
+# at the other one.
+GAINS, ACROSS = np.array([0.06, 0.04]), np.array([[0.0, 0.03], [0.045, 0.0]])
+
+
+def pair_of(before, after):
+    """The corners, and what each one's step equation takes the other's turn for."""
+    corners = [
+        corner_of(b, a, MU)._replace(gain=jnp.asarray(gain))
+        for b, a, gain in zip(before, after, GAINS, strict=True)
+    ]
+    changes = [friction_turn._change(corner) for corner in corners]
+    rests = [
+        friction_turn._rest(corner, corner.gain * jnp.abs(change)).until
+        for corner, change in zip(corners, changes, strict=True)
+    ]
+    others = [
+        friction_turn._together(rests[k], rests[1 - k]) * ACROSS[k, 1 - k] * changes[1 - k]
+        for k in (0, 1)
+    ]
+    return corners, others
+
+
+def ends_of_pair(before, pull, coupled=True):
+    """The sliding speeds at which both equations hold."""
+
+    @jax.jit
+    def residual(after):
+        corners, others = pair_of(before, after)
+        twice = jnp.stack([
+            corner.start.share + corner.share
+            + friction_turn._from_sliding(corner, other if coupled else 0.0).share
+            for corner, other in zip(corners, others, strict=True)
+        ])  # fmt: skip
+        return jnp.stack([
+            after[k] - before[k] - pull[k] - 0.5 * (GAINS[k] * twice[k] + ACROSS[k] @ twice)
+            for k in (0, 1)
+        ])  # fmt: skip
+
+    # From where dry friction alone would lead them.
+    found = root(
+        lambda w: np.asarray(residual(jnp.asarray(w))), true_pair(before, pull), tol=1e-12
+    )
+    assert np.max(np.abs(found.fun)) < 1e-9
+    return found.x
+
+
+def true_pair(before, pull):
+    def rate(t, w):
+        share = -MU * w / np.sqrt(w * w + EPS * EPS)
+        return np.asarray(pull) + GAINS * share + ACROSS @ share
+
+    found = solve_ivp(rate, (0, 1), before, rtol=1e-10, atol=1e-14, method="LSODA")
+    return found.y[:, -1]
+
+
+@pytest.mark.parametrize("before", [(0.03, 0.02), (0.03, 0.029), (0.02, 0.045), (0.04, 1e-3)])
+def test_corners_that_turn_together_turn_as_they_do(before):
+    """Each within some eps; by its own friction alone the first would be off by a tenth of what the
+    other's turn changes its sliding by."""
+    pull = np.array([-0.06, -0.055])
+    true = true_pair(before, pull)
+    assert np.all(true < -10 * EPS)
+    np.testing.assert_allclose(ends_of_pair(before, pull), true, atol=2 * EPS)
+
+
+def test_by_their_own_friction_alone_they_would_not():
+    before, pull = (0.03, 0.029), np.array([-0.06, -0.055])
+    off = ends_of_pair(before, pull, coupled=False) - true_pair(before, pull)
+    assert np.max(np.abs(off)) > 5 * EPS
+
+
 def test_the_cubic_alone_would_not_do():
     after, way = motion(2e-3, PULL)
     cubic, _ = further(2e-3, after, PULL)
@@ -400,6 +472,28 @@ def test_gradient_where_a_step_ends_as_a_corner_comes_to_rest():
     np.testing.assert_allclose(course.slopes, course.secant, rtol=0.1)
     close = over_belt_speeds(SETTLES, -4e-6, 6e-6, 33)
     np.testing.assert_allclose(close.slopes, close.slopes[0], rtol=0.02)
+
+
+# Found by a search for wrong gradients: a wall lies on the fence, and both of its corners turn round
+# within a step of 31 us.
+WALL_TURNS = {
+    "thickness": 0.0526878, "reach": 1.52744, "flexible": 0.237314, "modulus": 9102710000.0,
+    "density": 1098.97, "damping_ratio": 0.00686345, "mass": 7.91321, "length": 0.11395,
+    "aspect": 0.843728, "across": 0.449291, "along": 0.383424, "stiffness": 3054210000000.0,
+    "damping": 283544.0, "belt": 2.05408, "belt_kinetic": 0.133109, "belt_static": 0.606139,
+    "kinetic": 0.198832, "static": 0.198832, "border": 0.922012, "top_speed": 2.05774,
+    "cycle": 1.36, "front": 0.591811, "offset": 0.254537, "turn": 0.276356, "place": 0.75,
+    "angle": 0.25, "ride": 2.05408,
+}  # fmt: skip
+
+
+def test_gradient_where_both_corners_of_a_wall_turn_in_one_step():
+    """The force hardly goes with the belt's speed. By each corner's own friction alone it was a
+    sawtooth of the place of the turn in a step, 1e-4 of itself high, with slopes of -0.7 to 0.5
+    times the force."""
+    course = over_belt_speeds(WALL_TURNS, -1e-3, 1e-3, 33)
+    assert abs(course.secant) < 0.05 * course.forces[0]
+    np.testing.assert_allclose(course.slopes / course.forces, 0.0, atol=0.15)
 
 
 # Found by a search for wrong gradients: a corner turns round while the normal force of a light
