@@ -474,8 +474,8 @@ def test_gradient_where_a_step_ends_as_a_corner_comes_to_rest():
     np.testing.assert_allclose(close.slopes, close.slopes[0], rtol=0.02)
 
 
-# Found by a search for wrong gradients: a wall lies on the fence, and both of its corners turn round
-# within a step of 31 us.
+# Found by a search for wrong gradients: a wall lies on the fence, and both of its corners turn
+# round within a step of 31 us.
 WALL_TURNS = {
     "thickness": 0.0526878, "reach": 1.52744, "flexible": 0.237314, "modulus": 9102710000.0,
     "density": 1098.97, "damping_ratio": 0.00686345, "mass": 7.91321, "length": 0.11395,
