@@ -19,6 +19,14 @@ after the share t of the step in which N has given that impulse,
 
     t = 2 N_m theta / (N_0 + N_t),   N_t^2 = N_0^2 + theta (N_1^2 - N_0^2).
 
+Where a wall lies on the fence, its corners turn round within the same step, and the jump of one
+changes the sliding of the other. A jump that alone would change this sliding by C in a whole step,
+and that comes after the share theta' of it, counts in J as
+
+    C (1 - theta') / (1 - theta)  where it is later,   C theta' / theta  where it is sooner:
+
+all of it where both come at once, none where the other turns at an end of the step.
+
 From near rest on, where smoothed friction itself turns, dw / dt = beta / h + J u(w) / h is solved:
 u = (1 - w / sqrt(w^2 + eps^2)) / 2 is the share of the jump still to come, w counted the way the
 corner leaves, and beta [m/s] the change of w in a step under the friction it ends with. Beyond
