@@ -25,8 +25,8 @@ step's end, whatever it was at its start: h^2 / 6 times what that changes the ac
 it settles: it loses the speed it came with, up to some tens of eps in a short step, or gains what
 friction that turns lets it. That changes the speed by I_G through what the turn adds to the mean
 friction, and by I_E through the friction at the end, together w_1 - w_0 where the corner slows
-down. In truth all of it comes at the share c of the step in the mean, for the cubic at 2/3 and at
-1/2 of it. So the corner goes further by
+down and is near rest in the end. In truth all of it comes at the share c of the step in the mean,
+for the cubic at 2/3 and at 1/2 of it. So the corner goes further by
 
     h [(2/3 - c) I_G + (1/2 - c) I_E].
 
@@ -55,22 +55,28 @@ def comes_to_rest(
 ) -> Array:
     """How much further the parcel goes for a corner that comes to rest, as a force [N] (`Turn`),
     with the `mean` friction over the step as a share [1] of the normal force, which is `pressed`
-    [N] at the start and at the end; frictions of `others` change the sliding by that more until
-    they turn [m/s]. How late it does is told by the mean on the way that it goes:
-    where it ends within some eps of rest that is less than the mean all the way to rest."""
+    [N] at the start and at the end. Frictions of `others` that turn in the step change the sliding
+    by that more [m/s] until the corner rests. It is at rest at the step's end at the latest, to
+    within some eps: there smoothing has taken some of the friction, of which the parcel feels
+    nothing yet."""
     start, (first, last) = corner.start, pressed
-    more = start.mean.share - mean
-    back = jnp.where(start.speed * corner.after > 0, 0.0, corner.after)
-    sooner = 0.5 * straight(corner).share - mean
-    until = _until_rest(start.speed, back, corner.gain * sooner + others)
-    until, rests = jnp.where(until < 1, until, 0.0), until < 1
+    slides = 0.5 * straight(corner).share
+    on = start.speed * corner.after > 0
+    until = _until_rest(
+        start.speed, jnp.where(on, 0.0, corner.after), corner.gain * (slides - mean) + others
+    )
+    # Without what smoothing takes from it at its end, where the step comes to that from afar.
+    fast, slow = jnp.abs(start.speed), jnp.where(on, jnp.abs(corner.after), 0.0)
+    ahead = jnp.where(fast > 0, fast, 1.0)
+    lost = (jnp.sqrt(slow * slow + corner.eps**2) - slow) / (ahead + slow)
+    whole = slides * (1 + lost * jnp.maximum(1 - slow / ahead, 0.0) ** 2)
     square = first * first + until * (last * last - first * first)
-    some = rests & (square > 0)
+    some = (square > 0) & (fast > 0)
     then = jnp.sqrt(jnp.where(some, square, 1.0))
     at = (first + last) * until / (first + then)
     lever = last * (3 * at - 1) + (last - first) * (1 - at) * (1 - 2 * at)
-    further = more * (first + last) * lever / (6 * (then + last))
-    further = further + (start.mean.share - start.share) * first * (1 - at) / 6
+    further = (whole - mean) * (first + last) * lever / (6 * (then + last))
+    further = further + (whole - start.share) * first * (1 - at) / 6
     return jnp.where(some, further, 0.0)
 
 
@@ -82,7 +88,10 @@ def settles(corner: Corner, added: Array) -> Array:
     stiff = jnp.maximum(-0.5 * gain * (corner.start.slope + corner.slope), 0.0)
     passes = (jnp.abs(before) + corner.eps) / (jnp.abs(before - after) + corner.eps)
     centre = jnp.minimum(1 / (3 + stiff * stiff / (stiff + 3)), 0.5 * passes)
-    stops = (jnp.abs(after) < jnp.abs(before)) & (gain > 0)
+    ratio = after / jnp.where(before != 0, before, 1.0)
+    stops = (ratio < 1) & (before != 0) & (gain > 0)
+    # None of it where the corner passes by its rest and is as fast again.
+    stays = jnp.where(stops, jnp.maximum(1 + jnp.minimum(ratio, 0.0), 0.0), 0.0)
     lost = (before - after) / jnp.where(gain > 0, gain, 1.0)
-    by_end = jnp.where(stops, -lost - 0.5 * added, 0.0)
+    by_end = -stays * (lost + 0.5 * added)
     return (2 / 3 - centre) * 0.5 * added + (0.5 - centre) * by_end

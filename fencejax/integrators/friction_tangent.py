@@ -124,21 +124,32 @@ def held(
 
 
 def carried(
-    mechanics: Mechanics, forces: Forces, sticking: tuple[Array, ...]
+    mechanics: Mechanics,
+    forces: Forces,
+    held_before: tuple[Array, ...],
+    sticking: tuple[Array, ...],
 ) -> tuple[Acceleration, Acceleration | None]:
-    """The acceleration that the next step begins with, and what of it is by frictions that hold.
+    """The acceleration that the next step begins with, and what of it is by frictions that hold, by
+    the weights `sticking` now and `held_before`.
 
-    That step counts these frictions by their values at its end. Only the first guess of its way
-    goes with those at its start: with a corner that comes to rest within some eps, whose friction
-    has a thousand times the slope that a held one has. So they are carried on as `steady`.
+    That step counts these frictions by their values at its end; only the first guess of its way
+    goes with those at its start. Where a corner has just come to rest, to within some eps, these
+    have a thousand times the slope with the sliding speed that those of a held corner have. So
+    what holds from now on is carried on as `steady`.
     """
     holds = held(mechanics, forces, sticking)
     if holds is None:
         return forces.acceleration, None
-    steady = held(mechanics, forces, sticking, steady=True)
+    newly = tuple(now * (1 - was) for now, was in zip(sticking, held_before, strict=True))
+    steady = held(mechanics, forces, newly, steady=True)
+    moving = held(mechanics, forces, newly)
     assert steady is not None
-    terms = zip(forces.acceleration, steady, holds, strict=True)
-    return Acceleration(*(a + (b - c) for a, b, c in terms)), steady
+    assert moving is not None
+    less = [a - b for a, b in zip(steady, moving, strict=True)]
+    begin, holds = (
+        Acceleration(*map(jnp.add, each, less)) for each in (forces.acceleration, holds)
+    )
+    return begin, holds
 
 
 def slides(

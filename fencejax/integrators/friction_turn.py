@@ -124,7 +124,16 @@ def _from_sliding(corner: Corner, others: Array | float = 0.0) -> Counted:
     )
 
 
-def _from_hold(corner: Corner) -> Counted:
+class _Held(NamedTuple):
+    """What is counted of a held corner's friction: its share, and its slope with the sliding speed
+    [s/m], and what of the share makes the sliding gain G."""
+
+    share: Array
+    slope: Array
+    gained: Array
+
+
+def _from_hold(corner: Corner) -> _Held:
     """Of a corner near rest at the start: G, the step's end counting by itself."""
     before, after, gain, eps = corner.start.speed, corner.after, corner.gain, corner.eps
     some, there = passed(corner)
@@ -148,7 +157,8 @@ def _from_hold(corner: Corner) -> Counted:
     slope = jnp.where((apart > 0) & (gain > 0), slope / jnp.where(gain > 0, gain, 1.0), 0.0)
     falls = jnp.where(some, there.share - corner.share, 0.0)
     steeper = jnp.where(some, there.slope - corner.slope, 0.0)
-    return Counted(2 * (ahead * mu * added + falls), 2 * (slope + steeper))
+    gained = 2 * ahead * mu * added
+    return _Held(gained + 2 * falls, 2 * (slope + steeper), gained)
 
 
 def turns(
@@ -203,17 +213,17 @@ def turns(
             found.append(None)
             continue
         assert first is not None
-        corner, weight, last = corners[k], weights[k], meeting.contact.normal
+        (what, *_), corner, weight = meeting, corners[k], weights[k]
         share, slope = counted[k]
-        normal = 0.5 * (first + last)
+        normal = 0.5 * (first + what.normal)
         # The step's equations count friction at either end by the normal force there; a corner that
         # was held has that of the end throughout.
-        grown = last - normal
+        grown = what.normal - normal
         apart = free[k] * (corner.start.share - corner.share)
         added = normal * share + grown * apart
         slope = normal * slope - grown * free[k] * corner.slope
-        early = free[k] * comes_to_rest(corner, means[k], (first, last), of_others[k])
-        early = early + weight * normal * settles(corner, holding[k].share)
+        early = free[k] * comes_to_rest(corner, means[k], (first, what.normal), of_others[k])
+        early = early + weight * normal * settles(corner, holding[k].gained)
         found.append(Turn(added, 0.5 * (share + apart), slope, early))
     return found
 

@@ -157,7 +157,7 @@ class _End(eqx.Module):
             unbalance = jnp.maximum(unbalance, jnp.abs(defect))
         size = unbalance / (force_tolerance(scale.dtype) * scale)
         sticking = friction_tangent.weights(mechanics, forces, h)
-        carried = friction_tangent.carried(mechanics, forces, sticking)
+        carried = friction_tangent.carried(mechanics, forces, self.sticking, sticking)
         extra = (forces, unbalance, sticking, carried, way, drifts)
         return tuple(residual), matrix, size, extra
 

@@ -183,7 +183,7 @@ def settled(before, pull):
     after = end(before, held=True, pull=pull)
     corner = corner_of(before, after, MU)
     cubic = (2 * before + after) / 3 + (pull + GAIN * float(corner.share)) / 6
-    more = corner_way.settles(corner, friction_turn._from_hold(corner).share)
+    more = corner_way.settles(corner, friction_turn._from_hold(corner).gained)
     return after, cubic + GAIN * float(more)
 
 

@@ -66,7 +66,7 @@ def smooth(name, step):
 
 @pytest.mark.parametrize("name", ["oblique_impact", "along_fence", "border_and_fence"])
 def test_closes_at_second_order(name):
-    coarse, fine = (smooth(name, step).energy for step in (2e-4, 1e-4))
+    coarse, fine = (smooth(name, step).energy for step in (5e-5, 2.5e-5))
     order = np.log2(abs(float(coarse.residual) / float(fine.residual)))
     # 2 in the limit, or less is left than the equations' solution leaves: 5e-7 of the forces, of
     # either sign from step to step, of which a tenth adds up.
