@@ -59,7 +59,8 @@ def comes_to_rest(
     by that more [m/s] until the corner rests. It is at rest at the step's end at the latest, to
     within some eps: there smoothing has taken some of the friction, of which the parcel feels
     nothing yet."""
-    start, (first, last) = corner.start, pressed
+    # Newton's method may leave the first touch a little below 0.
+    start, (first, last) = corner.start, (jnp.maximum(n, 0.0) for n in pressed)
     slides = 0.5 * straight(corner).share
     on = start.speed * corner.after > 0
     until = _until_rest(

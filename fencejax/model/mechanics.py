@@ -388,13 +388,10 @@ class Mechanics(eqx.Module):
         return scale
 
     def lightness(self, parts: Touch, other: Touch | None = None) -> Array:
-        """How much a unit force along the surface, at this corner or the `other` one, accelerates
-        the corner there [1/kg]."""
-        x, y, turning = parts.tangent
-        if other is None:
-            return (x**2 + y**2) / self.mass + turning**2 / self.inertia
-        across, along, around = other.tangent
-        return (x * across + y * along) / self.mass + turning * around / self.inertia
+        """How a unit force along the surface, there or at an `other` one, speeds up a corner [1/kg]."""
+        x, y, turn = parts.tangent
+        forced = parts.tangent if other is None else other.tangent
+        return (x * forced[0] + y * forced[1]) / self.mass + turn * forced[2] / self.inertia
 
 
 def force_tolerance(dtype) -> float:

@@ -51,7 +51,7 @@ SAID = {
     ("chatter", "coarse"): fj.Status.STEP_TOO_COARSE,
     ("chatter", "standard"): fj.Status.STEP_TOO_COARSE,
     ("static-far-above", "coarse"): fj.Status.FRICTION_SMOOTHED,
-    ("belt-still", "coarse"): fj.Status.FRICTION_SMOOTHED,
+    ("belt-still", "coarse"): fj.Status.STEP_TOO_COARSE,
     ("drive-slow", "coarse"): fj.Status.MODES_TOO_FEW,
     ("belt-20", "standard"): fj.Status.MODES_TOO_FEW,
     ("thickness-5mm", "standard"): fj.Status.MODES_TOO_FEW,
