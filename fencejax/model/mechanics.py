@@ -388,7 +388,7 @@ class Mechanics(eqx.Module):
         return scale
 
     def lightness(self, parts: Touch, other: Touch | None = None) -> Array:
-        """How a unit force along the surface, there or at an `other` one, speeds up a corner [1/kg]."""
+        """How a unit force along the surface, there or at an `other`, speeds a corner up [1/kg]."""
         x, y, turn = parts.tangent
         forced = parts.tangent if other is None else other.tangent
         return (x * forced[0] + y * forced[1]) / self.mass + turn * forced[2] / self.inertia
