@@ -39,7 +39,7 @@ within a tenth of that in between. A corner that passes by its rest is near it f
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .sliding_corner import Corner, straight
+from .sliding_corner import Corner, Counted
 
 
 def _until_rest(before: Array, after: Array, change: Array) -> Array:
@@ -51,17 +51,23 @@ def _until_rest(before: Array, after: Array, change: Array) -> Array:
 
 
 def comes_to_rest(
-    corner: Corner, mean: Array, pressed: tuple[Array, Array], others: Array | float = 0.0
+    corner: Corner,
+    sliding: Counted,
+    mean: Array,
+    pressed: tuple[Array, Array],
+    others: Array | float = 0.0,
 ) -> Array:
-    """How much further the parcel goes for a corner that comes to rest, as a force [N] (`Turn`),
-    with the `mean` friction over the step as a share [1] of the normal force, which is `pressed`
-    [N] at the start and at the end. Frictions of `others` that turn in the step change the sliding
-    by that more [m/s] until the corner rests. It is at rest at the step's end at the latest, to
-    within some eps: there smoothing has taken some of the friction, of which the parcel feels
-    nothing yet."""
+    """How much further the parcel goes for a corner that comes to rest, as a force [N] (`Turn`).
+
+    `sliding` is the friction on its way until then (`straight`); `mean` that over the step, as a
+    share [1] of the normal force, which is `pressed` [N] at the start and at the end. Frictions of
+    `others` that turn in the step change the sliding by that more [m/s] until the corner rests. It
+    is at rest at the step's end at the latest, to within some eps: there smoothing has taken some
+    of the friction, of which the parcel feels nothing yet.
+    """
     # Newton's method may leave the first touch a little below 0.
     start, (first, last) = corner.start, (jnp.maximum(n, 0.0) for n in pressed)
-    slides = 0.5 * straight(corner).share
+    slides = 0.5 * sliding.share
     on = start.speed * corner.after > 0
     until = _until_rest(
         start.speed, jnp.where(on, 0.0, corner.after), corner.gain * (slides - mean) + others

@@ -88,20 +88,21 @@ def _rest(corner: Corner, jump: Array) -> _Rest:
     return _Rest(until, by_jump, jnp.where(back > 0, -until / root, 0.0))
 
 
-def _change(corner: Corner) -> Array:
-    """What a corner's friction changes by as it turns, as a share of the normal force [1]."""
-    return corner.end.share - 0.5 * straight(corner).share
+def _change(corner: Corner, on: Counted) -> Array:
+    """What the friction of a corner that slides on as `on` says (`straight`) changes by as it
+    turns, as a share of the normal force [1]."""
+    return corner.end.share - 0.5 * on.share
 
 
-def _from_sliding(corner: Corner, others: Array | float = 0.0) -> Counted:
-    """Of a corner that slides at the start. Frictions of `others` that turn with its own change its
-    sliding by that in a whole step [m/s]."""
+def _from_sliding(corner: Corner, on: Counted, others: Array | float = 0.0) -> Counted:
+    """Of a corner that slides at the start, first as `on` says (`straight`). Frictions of `others`
+    that turn with its own change its sliding by that in a whole step [m/s]."""
     before, after, gain = corner.start.speed, corner.after, corner.gain
     sign, fast, eps = jnp.sign(before), jnp.abs(before), corner.eps
     onward = jnp.maximum(sign * after, 0.0)
-    on, there = straight(corner), corner.end
+    there = corner.end
     here, here_slope = 0.5 * on.share, 0.5 * on.slope
-    drop = jnp.maximum(sign * _change(corner), 0.0)
+    drop = jnp.maximum(sign * _change(corner, on), 0.0)
     jump = jnp.maximum(gain * drop + sign * others, 0.0)
     until, by_jump, by_back = _rest(corner, jump)
     twice = 2 * (until * here + (1 - until) * there.share)
@@ -189,10 +190,11 @@ def turns(
             mean_friction(friction, what.sliding, smoothing), gain, smoothing.slip_speed,
         )  # fmt: skip
     free = {k: 1 - weights[k] for k in corners}
-    of_others = _by_others(
-        mechanics, forces, corners, {k: free[k] * _change(corners[k]) for k in corners}, _together
-    )
-    sliding = {k: _from_sliding(corner, of_others[k]) for k, corner in corners.items()}
+    ons = {k: straight(corner) for k, corner in corners.items()}
+    changes = {k: _change(corner, ons[k]) for k, corner in corners.items()}
+    coupled = _coupled(mechanics, forces, corners, changes)
+    of_others = _by_others(coupled, {k: free[k] * changes[k] for k in corners}, _together)
+    sliding = {k: _from_sliding(corner, ons[k], of_others[k]) for k, corner in corners.items()}
     holding = {k: _from_hold(corner) for k, corner in corners.items()}
     counted = {
         k: Counted(
@@ -205,8 +207,8 @@ def turns(
         k: 0.5 * (corner.start.share + corner.share + counted[k].share)
         for k, corner in corners.items()
     }
-    more = {k: free[k] * (0.5 * straight(corners[k]).share - means[k]) for k in corners}
-    of_others = _by_others(mechanics, forces, corners, more, _before)
+    more = {k: free[k] * (0.5 * ons[k].share - means[k]) for k in corners}
+    of_others = _by_others(coupled, more, _before)
     found: list[Turn | None] = []
     for k, (meeting, first) in enumerate(zip(forces.meetings, pressed, strict=True)):
         if k not in corners:
@@ -222,7 +224,9 @@ def turns(
         apart = free[k] * (corner.start.share - corner.share)
         added = normal * share + grown * apart
         slope = normal * slope - grown * free[k] * corner.slope
-        early = free[k] * comes_to_rest(corner, means[k], (first, what.normal), of_others[k])
+        early = free[k] * comes_to_rest(
+            corner, ons[k], means[k], (first, what.normal), of_others[k]
+        )
         early = early + weight * normal * settles(corner, holding[k].gained)
         found.append(Turn(added, 0.5 * (share + apart), slope, early))
     return found
@@ -244,28 +248,41 @@ def _before(until: Array, other: Array) -> Array:
     return jnp.where(sooner, 1 - without, 1.0)
 
 
+class _Coupled(NamedTuple):
+    """Corners that slide on one surface: after which share of the step each comes to `rest` by its
+    own friction, and by how much friction of mu = 1 at the second of a pair changes the sliding of
+    the first in a whole step, `across` [m/s]; nothing for a corner alone."""
+
+    rest: dict[int, Array]
+    across: dict[tuple[int, int], Array]
+
+
+def _coupled(
+    mechanics: Mechanics, forces: Forces, corners: dict[int, Corner], changes: dict[int, Array]
+) -> _Coupled:
+    """Of corners whose frictions change by these shares of their normal forces as they turn."""
+    across = {}
+    for k, j in itertools.permutations(corners, 2):
+        one, other = forces.meetings[k].touch, forces.meetings[j].touch
+        share = mechanics.lightness(one, other) / mechanics.lightness(other)
+        across[k, j] = share * corners[j].gain
+    rest = {}
+    if across:
+        for k, corner in corners.items():
+            rest[k] = _rest(corner, corner.gain * jnp.abs(changes[k])).until
+    return _Coupled(rest, across)
+
+
 def _by_others(
-    mechanics: Mechanics,
-    forces: Forces,
-    corners: dict[int, Corner],
-    changes: dict[int, Array],
-    counts: Callable[[Array, Array], Array],
+    coupled: _Coupled, changes: dict[int, Array], counts: Callable[[Array, Array], Array]
 ) -> dict[int, Array | float]:
     """What frictions of other corners change each corner's sliding by in a whole step [m/s], where
     they are more by these `changes`, as shares of their normal forces: as much of it as `counts`
-    for the instants at which that corner and the other come to rest, each by its own friction."""
-    found: dict[int, Array | float] = dict.fromkeys(corners, 0.0)
-    if len(corners) < 2:
-        return found
-    rests = {
-        k: _rest(corner, corner.gain * jnp.abs(_change(corner))).until
-        for k, corner in corners.items()
-    }
-    for k, j in itertools.permutations(corners, 2):
-        one, other = forces.meetings[k].touch, forces.meetings[j].touch
-        coupled = mechanics.lightness(one, other) / mechanics.lightness(other)
-        share = counts(rests[k], rests[j])
-        found[k] = found[k] + share * coupled * corners[j].gain * changes[j]
+    for the instants at which that corner and the other come to rest."""
+    found: dict[int, Array | float] = dict.fromkeys(changes, 0.0)
+    for (k, j), across in coupled.across.items():
+        share = counts(coupled.rest[k], coupled.rest[j])
+        found[k] = found[k] + share * across * changes[j]
     return found
 
 

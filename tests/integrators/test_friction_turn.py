@@ -38,11 +38,14 @@ def corner_of(before, after, static=MU, law=None):
     )  # fmt: skip
 
 
+def from_sliding(corner, others=0.0):
+    return friction_turn._from_sliding(corner, sliding_corner.straight(corner), others)
+
+
 def counted(corner, held):
     """Twice the mean friction that the step's equation counts, and its slope with the speed at the
     end; friction that held the corner counts by the end alone."""
-    rule = friction_turn._from_hold if held else friction_turn._from_sliding
-    added = rule(corner)
+    added = friction_turn._from_hold(corner) if held else from_sliding(corner)
     twice = 2 * corner.share if held else corner.start.share + corner.share
     return twice + added.share, (1 + held) * corner.slope + added.slope
 
@@ -102,7 +105,8 @@ def further(before, after, pull, static=MU, pressed=STILL):
     cubic = (2 * before + after) / 3 + start / 6
     mean = jnp.asarray((after - before - pull) / GAIN)
     pressed = tuple(map(jnp.asarray, pressed))
-    early = corner_way.comes_to_rest(corner_of(before, after, static), mean, pressed)
+    corner = corner_of(before, after, static)
+    early = corner_way.comes_to_rest(corner, sliding_corner.straight(corner), mean, pressed)
     return cubic, GAIN * float(early)
 
 
@@ -221,20 +225,21 @@ GAINS, ACROSS = np.array([0.06, 0.04]), np.array([[0.0, 0.03], [0.045, 0.0]])
 
 def pair_of(before, after):
     """The corners, and what each one's step equation takes the other's turn for."""
-    corners = [
-        corner_of(b, a, MU)._replace(gain=jnp.asarray(gain))
-        for b, a, gain in zip(before, after, GAINS, strict=True)
-    ]
-    changes = [friction_turn._change(corner) for corner in corners]
-    rests = [
-        friction_turn._rest(corner, corner.gain * jnp.abs(change)).until
-        for corner, change in zip(corners, changes, strict=True)
-    ]
-    others = [
-        friction_turn._together(rests[k], rests[1 - k]) * ACROSS[k, 1 - k] * changes[1 - k]
-        for k in (0, 1)
-    ]
-    return corners, others
+    corners = {
+        k: corner_of(b, a, MU)._replace(gain=jnp.asarray(GAINS[k]))
+        for k, (b, a) in enumerate(zip(before, after, strict=True))
+    }
+    changes = {
+        k: friction_turn._change(corner, sliding_corner.straight(corner))
+        for k, corner in corners.items()
+    }
+    forces = SimpleNamespace(meetings=[SimpleNamespace(touch=k) for k in corners])
+    mechanics = SimpleNamespace(
+        lightness=lambda one, other=None: GAINS[one] if other is None else ACROSS[one, other]
+    )
+    coupled = friction_turn._coupled(mechanics, forces, corners, changes)
+    others = friction_turn._by_others(coupled, changes, friction_turn._together)
+    return list(corners.values()), [others[k] for k in corners]
 
 
 def ends_of_pair(before, pull, coupled=True):
@@ -245,7 +250,7 @@ def ends_of_pair(before, pull, coupled=True):
         corners, others = pair_of(before, after)
         twice = jnp.stack([
             corner.start.share + corner.share
-            + friction_turn._from_sliding(corner, other if coupled else 0.0).share
+            + from_sliding(corner, other if coupled else 0.0).share
             for corner, other in zip(corners, others, strict=True)
         ])  # fmt: skip
         return jnp.stack([
@@ -294,7 +299,7 @@ def test_the_cubic_alone_would_not_do():
 
 def test_a_corner_that_slides_on_has_nothing_added():
     # eps^2 / w^2 twice over: what smoothing leaves of a jump.
-    added = friction_turn._from_sliding(corner_of(0.2, 0.1)).share
+    added = from_sliding(corner_of(0.2, 0.1)).share
     assert abs(added) < 2 * MU * (EPS / 0.1) ** 2
 
 
