@@ -13,6 +13,7 @@ from . import (
     diagnostics as diagnostics,
     error as error,
     hold as hold,
+    peak_kink as peak_kink,
     rivals as rivals,
 )
 from .accumulators import (

@@ -29,15 +29,8 @@ where nothing is right.
 Where friction turns round at the peak, as a corner stops on the fence, the force has a kink there.
 Its derivative at the kink is between those on either side, by how soon the force rises before and
 falls after it, and the parabola through three samples knows nothing of that. It may be off by as
-much as N_p bends there.
-
-Wherever else N_p has a kink near the peak, as where the fence's tip begins to carry the contact,
-and where it bends otherwise than a parabola, the parabola through the samples misses the next term
-of Newton's series,
-
-    s (s^2 - 1) / 6 times the third difference of N_p,   |s| <= 1/2,
-
-a 16th of it at most. The two differences about the peak are added.
+much as N_p bends there. What any other kink beside the peak makes, and what a parabola misses
+without one, is in `peak_kink`.
 
 A running sum of sizes of derivatives is no function of the motion: it is 0 itself, and its
 derivatives are the sums. So it costs nothing where nobody differentiates.
@@ -55,11 +48,9 @@ from ..parts import AbstractFriction
 from ..scenes import NormalScene
 from .accumulators import FORCE, OVER_TIP, Accumulator, Step
 from .peak import signed_second_difference
+from .peak_kink import Bend, missed_by_kink
 from .resolution import ends_over_tip
 from .rivals import Rivals
-
-# The most of s (1 - s^2) / 6 up to s = 1/2.
-_NEXT_TERM = 1 / 16
 
 
 class Sums(NamedTuple):
@@ -75,17 +66,17 @@ class Slopes(NamedTuple):
     """The sums so far, and as they were when the fence's force was largest; a number that is 0,
     whose derivative is the size of how N_p bends where friction turns round at that sample or a
     neighbour, and of what the parabola through the samples there misses, `kink` [N]; how many steps
-    ago that was, `since`; 1.0 where friction has turned round in the last step, `turned`; a number
-    that is 0, whose derivative is that of the force's second difference [N] over the last two
-    steps, `bend`; and such numbers of what the last step misses of the impulses of the frictions at
-    the fence, `falls` [N s], by corner."""
+    ago that was, `since`; 1.0 where friction has turned round in the last step, `turned`; how the
+    force bends at the three samples before the last, the latest first, `bends`; and numbers that
+    are 0, whose derivatives are the sizes of what the last step misses of the impulses of the
+    frictions at the fence, `falls` [N s], by corner."""
 
     now: Sums
     at_peak: Sums
     kink: Array
     since: Array
     turned: Array
-    bend: Array
+    bends: tuple[Bend, Bend, Bend]
     falls: tuple[Array, ...]
 
 
@@ -97,17 +88,6 @@ class SlopeEvidence(NamedTuple):
     sums: Sums
     kink: Array
     rivals: Rivals
-
-
-@jax.custom_jvp
-def _derivative(value: Array) -> Array:
-    """0, with the derivative of `value`."""
-    return jnp.zeros_like(value)
-
-
-@_derivative.defjvp
-def _(primals, tangents):
-    return jnp.zeros_like(primals[0]), tangents[0]
 
 
 @jax.custom_jvp
@@ -126,7 +106,8 @@ def _(primals, tangents):
 def _start(nothing, body) -> Slopes:
     del body
     sums, corners = Sums(*(nothing.time,) * 3), len(nothing.fence)
-    return Slopes(sums, sums, *(nothing.time,) * 4, falls=(nothing.time,) * corners)
+    bends = (Bend.start(nothing.time),) * 3
+    return Slopes(sums, sums, *(nothing.time,) * 3, bends=bends, falls=(nothing.time,) * corners)
 
 
 def _friction_missed(step: Step) -> list[Array]:
@@ -221,8 +202,8 @@ def _turned(step: Step) -> Array:
 
 def _update(state: Slopes, step: Step) -> Slopes:
     known, new, span = step.known["force"], step.now.fence_force, step.span
-    bend = signed_second_difference(known.before, known.now, new, span, step.second)
-    missed = jnp.where(ends_over_tip(step), 0.0, span.length / 12 * bend)
+    second = signed_second_difference(known.before, known.now, new, span, step.second)
+    missed = jnp.where(ends_over_tip(step), 0.0, span.length / 12 * second)
     changes = Sums(missed, jnp.where(span.first, 0.0, new - known.now), span.length * new)
     now = Sums(*map(_with_size, state.now, changes))
     falls = _falls_missed(state, step)
@@ -235,12 +216,21 @@ def _update(state: Slopes, step: Step) -> Slopes:
     at_peak = jax.tree.map(lambda old, sums: jnp.where(higher, sums, old), state.at_peak, now)
     since = jnp.where(higher, 0.0, state.since + 1)
     turned = _turned(step)
-    near = (since <= 2) & (turned + state.turned > 0) & ~ends_over_tip(step)
-    kink = _with_size(jnp.where(higher, 0.0, state.kink), jnp.where(near, bend, 0.0))
-    third = bend - state.bend / jnp.where(span.ratio > 0, span.ratio, 1.0) ** 2
-    beside = (since > 0) & (since <= 2) & ~ends_over_tip(step)
-    kink = _with_size(kink, jnp.where(beside, _NEXT_TERM * third, 0.0))
-    return Slopes(now, at_peak, kink, since, turned, _derivative(bend), ends)
+    inside = ~ends_over_tip(step)
+    near = (since <= 2) & (turned + state.turned > 0) & inside
+    kink = _with_size(jnp.where(higher, 0.0, state.kink), jnp.where(near, second, 0.0))
+    c, b, a = state.bends
+    d = Bend.of(known.before, known.now, new, second, span)
+    between = c.before + c.after + d.after
+    # By how many steps ago the peak's sample is.
+    for ago, missed in (
+        (1, d.next_term(c, between)),
+        (2, c.next_term(d, between)),
+        (2, missed_by_kink(a, b, c, d, after=False)),
+        (3, missed_by_kink(a, b, c, d, after=True)),
+    ):
+        kink = _with_size(kink, jnp.where(inside & (since == ago), missed, 0.0))
+    return Slopes(now, at_peak, kink, since, turned, (d, c, b), ends)
 
 
 SLOPES = Accumulator("slopes", _start, _update, needs=(FORCE, OVER_TIP))
