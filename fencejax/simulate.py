@@ -204,8 +204,8 @@ def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Meas
     """The map from a scene's numbers to its result, for scenes of one structure: as it is, and
     compiled. Kept, so that what was traced and compiled once serves again."""
 
-    def outcome(numbers):
-        """The result, and what tells the error of its slopes."""
+    def outcome(numbers, judged=True):
+        """The result and, where its slopes are to be `judged`, what tells their error."""
         if fidelity.gradient == "reverse":
             numbers = once_alone(numbers)
         given = jnp.result_type(*numbers)
@@ -213,7 +213,7 @@ def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Meas
         numbers = [number.astype(precision) for number in numbers]
         scene = jax.tree.unflatten(structure, numbers)
         used = fidelity.single() if precision == jnp.float32 else fidelity
-        result, slopes = _run(scene, used, history, only, own)
+        result, slopes = _run(scene, used, history, only, own, judged)
         if slopes is not None:
             unknown = jnp.full_like(result.status, jnp.inf)
             result = dataclasses.replace(result, gradient_error=unknown)
@@ -226,7 +226,8 @@ def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Meas
         judge = functools.partial(
             diagnostics.of_derivatives, tolerance=fidelity.gradient_tolerance
         )
-        run = by_columns(outcome, judge, what)
+        alone = functools.partial(outcome, judged=False)
+        run = by_columns(outcome, judge, what, alone)
     # Others' programs are ten times as large: as one kernel they take many minutes to optimise.
     modal = fidelity.integrator == "modal"
     options = None if modal else {"xla_backend_optimization_level": 0}
@@ -312,12 +313,13 @@ def _run(
     history: bool,
     only: tuple[str, ...] | None,
     own: tuple[Measure, ...],
+    judged: bool,
 ) -> tuple[Result, SlopeEvidence | None]:
     known = {**MEASURES, **{measure.name: measure for measure in own}}
     measures = {name: m for name, m in known.items() if only is None or name in only}
     wanted = {part: only is None or part in only for part in _PARTS}
     forward = fidelity.gradient == "forward" and fidelity.integrator == "modal"
-    slopes = (fidelity.step_tolerance or 0.0) if forward else None
+    slopes = (fidelity.step_tolerance or 0.0) if forward and judged else None
     running_sums = running(tuple(measures.values()), wanted["energy"], slopes)
     traces = traced(tuple(measures.values()))
     done, unmet = 1.0, None
@@ -351,8 +353,5 @@ def _run(
     evidence = None
     if forward:
         states = record.states
-        slopes = states["slopes"]
-        evidence = SlopeEvidence(
-            states["force"].value, slopes.at_peak, slopes.kink, states["rivals"]
-        )
+        evidence = SlopeEvidence.of(states["force"], states.get("slopes"), states.get("rivals"))
     return gather(record, measures, wanted, saved, start, status, scene), evidence

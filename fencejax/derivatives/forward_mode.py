@@ -21,6 +21,7 @@ def by_columns(
     function: Callable[[Any], Any],
     judge: Callable[[Any, Any, Any], Any] | None = None,
     what: tuple[Any, ...] | None = None,
+    alone: Callable[[Any], Any] | None = None,
 ) -> Callable[[Any], Any]:
     """Give `function`, a map of floating-point pytrees, a derivative made column by column.
 
@@ -38,12 +39,14 @@ def by_columns(
     higher ones likewise. `judge` sees the columns of the highest order.
 
     `what` names the map, so that its program and those of its derivatives may be kept
-    (`_kept_programs.kept`).
+    (`_kept_programs.kept`). `alone` is the same map without what only `judge` reads, for where
+    nothing is differentiated.
     """
-    whole = None if what is None else kept(function, *what)
+    plain = function if alone is None else alone
+    whole = None if what is None else kept(plain, *what)
 
     def evaluate(inputs):
-        return (function if whole is None or not keeping() else whole)(inputs)
+        return (plain if whole is None or not keeping() else whole)(inputs)
 
     return _differentiable(function, judge, evaluate, what)
 

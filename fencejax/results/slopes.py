@@ -47,7 +47,7 @@ from ..model import BeltContact, mean_coefficient
 from ..parts import AbstractFriction
 from ..scenes import NormalScene
 from .accumulators import FORCE, OVER_TIP, Accumulator, Step
-from .peak import signed_second_difference
+from .peak import Peak, signed_second_difference
 from .peak_kink import Bend, missed_by_kink
 from .resolution import ends_over_tip
 from .rivals import Rivals
@@ -88,6 +88,14 @@ class SlopeEvidence(NamedTuple):
     sums: Sums
     kink: Array
     rivals: Rivals
+
+    @classmethod
+    def of(cls, force: Peak, slopes: Slopes | None, rivals: Rivals | None) -> "SlopeEvidence":
+        """From what was summed up; of nothing where the slopes are not judged."""
+        if slopes is None or rivals is None:
+            zero = jnp.zeros_like(force.value)
+            return cls(force.value, Sums(*(zero,) * 3), zero, Rivals(*(zero,) * 4))
+        return cls(force.value, slopes.at_peak, slopes.kink, rivals)
 
 
 @jax.custom_jvp
