@@ -71,7 +71,8 @@ class Resolution(NamedTuple):
     its largest; `separated` and `sliding_reversed` are 1.0 where parcel and fence have touched and
     parted, and where a corner pressed on the fence has come to rest on it or turned round,
     `belt_slip_reversed` where C_s, pressed by the fence, has turned round on the belt within a
-    step; `largest` [N] is the fence's largest force at a sample; `residual_acceleration` [m/s^2] is
+    step; `largest` [N] is the fence's largest force at a sample, and `later` those after one, two
+    and three blows and more, each; `residual_acceleration` [m/s^2] is
     the largest |N''| G under a corner, G [m/N] the compliance of the modes left out, and
     `residual_deflection` [m] the largest deflection G N that they take there; `hold` is how near
     corners came to being held on the fence, or let go, and `catch` whether the belt caught the
@@ -86,6 +87,7 @@ class Resolution(NamedTuple):
     sliding_reversed: Array
     belt_slip_reversed: Array
     largest: Array
+    later: tuple[Array, Array, Array]
     residual_acceleration: Array
     residual_deflection: Array
     hold: Hold
@@ -246,7 +248,7 @@ def ends_over_tip(step: Step) -> Array:
 def _start(nothing: Sample, body: Body) -> Resolution:
     zero = nothing.time
     return Resolution(
-        *(zero,) * 11, hold=Hold.start(nothing), catch=Catch(zero, zero),
+        *(zero,) * 9, (zero,) * 3, *(zero,) * 2, hold=Hold.start(nothing), catch=Catch(zero, zero),
         at_peak=AtPeak(*(zero,) * 9),
     )  # fmt: skip
 
@@ -282,6 +284,7 @@ def _update(state: Resolution, step: Step) -> Resolution:
         blows, jnp.maximum(hold.unsure, catch.unsure),
     )  # fmt: skip
     acceleration = _residual_acceleration(now, roughness, length)
+    new = jax.lax.stop_gradient(now.fence_force)
     return Resolution(
         roughness=roughest,
         border_roughness=jnp.maximum(state.border_roughness, of_border),
@@ -291,7 +294,11 @@ def _update(state: Resolution, step: Step) -> Resolution:
         blows=blows,
         sliding_reversed=reversed_,
         belt_slip_reversed=on_belt,
-        largest=jnp.maximum(state.largest, jax.lax.stop_gradient(now.fence_force)),
+        largest=jnp.maximum(state.largest, new),
+        later=tuple(
+            jnp.where(blows >= count, jnp.maximum(known, new), known)
+            for count, known in enumerate(state.later, start=1)
+        ),
         residual_acceleration=jnp.maximum(state.residual_acceleration, acceleration),
         residual_deflection=_residual_deflection(now, state.residual_deflection),
         hold=hold,

@@ -47,3 +47,14 @@ def test_two_blows_ask_for_a_finer_tolerance():
     status, off = peak("sort, free drive", fj.Fidelity.standard().ladder()[1])
     assert status == fj.Status.SUCCESSFUL
     assert abs(off) < 0.025
+
+
+def test_a_later_blow_that_may_be_higher_asks_for_a_finer_tolerance():
+    """The peak before any blow is well known, but the blow after it is higher by 4.5 %, which a
+    tolerance of 2e-3 does not tell."""
+    status, off = peak("sort, a later blow", fj.Fidelity.fast())
+    assert status == fj.Status.STEP_TOO_COARSE
+    assert abs(off) > 0.025
+    status, off = peak("sort, a later blow", fj.Fidelity.standard().ladder()[1])
+    assert status == fj.Status.SUCCESSFUL
+    assert abs(off) < 0.025
