@@ -304,11 +304,15 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             was = memory.fence
             if fence is not None and was is not None and frictions:
                 was = fence.begun(was, normals, frictions)
+            unforeseen = tuple(
+                normal * (meeting.touch.lean.share - lean.share)
+                for normal, meeting, lean in zip(normals, forces.fence, leans, strict=False)
+            )
             scale = mechanics.force_scale(forces)
             unsolved = unbalance > 2 * force_tolerance(scale.dtype) * scale
             size = controlled(
                 pair, tolerance, clock, control, size, end, stride, now, fence, was, state,
-                unsolved, mechanics.belt_defect(body, after),
+                unsolved, mechanics.belt_defect(body, after), unforeseen,
             )  # fmt: skip
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)

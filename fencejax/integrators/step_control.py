@@ -167,6 +167,7 @@ def controlled(
     after: FenceState | None,
     unsolved: Array | bool = False,
     belt: BeltDefect | None = None,
+    unforeseen: tuple[Array, ...] = (),
 ) -> StepSize:
     """Whether the step of `foreseen.last` that came to `end`, with the contacts `now`, is accepted,
     and how long the next trial is: up to the clock's unit by the defect, beyond it at most
@@ -174,7 +175,8 @@ def controlled(
 
     The fence, if any, was in the state `was` and is in the state `after`; `unsolved` is whether the
     step's equations are left out of balance; `belt` is what `BeltContact.defect` gives, `None`
-    without a belt. No derivative follows from it.
+    without a belt; `unforeseen` [N] is how far what bends the fence at each corner was from what
+    the step took it to be. No derivative follows from it.
     """
     count = foreseen.last
     missed_force, asked, allowed, largest = _judged(
@@ -187,6 +189,9 @@ def controlled(
         over = jnp.maximum(jnp.sqrt(_over(belt.off, square)), growth / _GROWS)
         # Without contact it moves no peak.
         over = jnp.where(allowed > 0, over, 0.0)
+        asked = jnp.maximum(asked, jnp.where(jnp.isfinite(over), over, 0.0))
+    for off in unforeseen:
+        over = _over(jnp.abs(off), tolerance * largest)
         asked = jnp.maximum(asked, jnp.where(jnp.isfinite(over), over, 0.0))
     worst = jnp.maximum(missed_force, asked)
     unsolved = jnp.asarray(unsolved)

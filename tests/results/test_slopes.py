@@ -153,10 +153,12 @@ def test_a_kink_beside_the_peak_is_told():
 def test_a_force_that_the_tip_cuts_off_is_told(rung):
     """Found by searching: a heavy parcel slides over the tip at 3.4 m/s. Its force grows until the
     tip takes the contact over, and is gone half a millisecond later. Slopes over the belt's speed
-    are up to 170 and 50 times the force where the true one is some 4 times it, and what was told
+    are up to 180 and 50 times the force where the true one is some 4 times it, and what was told
     of that was 0.01 to 0.5."""
     fidelity = getattr(fj.Fidelity, rung)()
     course = over_belt_speeds(CUT_OFF, -1e-3, 1e-3, 33, fidelity)
-    assert np.max(course.slopes / course.forces) > 20
-    assert np.all(course.told > fidelity.gradient_tolerance)
-    assert np.all(course.status == fj.Status.STEP_TOO_COARSE)
+    slopes = course.slopes / course.forces
+    assert np.max(slopes) > 20
+    off = (slopes < 0) | (slopes > 8)
+    assert np.all(course.told[off] > fidelity.gradient_tolerance)
+    assert np.all(course.status[off] == fj.Status.STEP_TOO_COARSE)
