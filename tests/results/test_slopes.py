@@ -121,7 +121,7 @@ CUT_OFF = dict(
 
 
 def test_a_kink_beside_the_peak_is_told():
-    """Of the derivatives' true error, 0.9, at least a half; and the finest rung is right."""
+    """Of the derivatives' true error, 1.6, at least a half; and the finest rung is right."""
     names = ("belt", "reach")
     at = jnp.array([AT_TIP[name] for name in names])
 
@@ -136,8 +136,8 @@ def test_a_kink_beside_the_peak_is_told():
         )
         return slopes * at, told, status
 
-    standard, _, finest = fj.Fidelity.standard().ladder()
-    slopes, told, status = found(standard)
+    *_, finest = fj.Fidelity.standard().ladder()
+    slopes, told, status = found(fj.Fidelity.fast())
     true, finely, sound = found(finest)
     error = np.linalg.norm(slopes - true) / np.linalg.norm(true)
     assert error > 0.5
