@@ -145,8 +145,6 @@ def test_a_kink_beside_the_peak_is_told():
     assert status == fj.Status.STEP_TOO_COARSE
     assert finely < finest.gradient_tolerance
     assert sound <= fj.Status.LEFT_OVER_TIP
-    finer, *_ = found(finest.replace(step_tolerance=finest.step_tolerance / 16))
-    np.testing.assert_allclose(true, finer, atol=0.02 * np.linalg.norm(finer))
 
 
 @pytest.mark.parametrize("rung", ["coarse", "standard"])
