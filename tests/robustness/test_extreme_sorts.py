@@ -42,7 +42,7 @@ GIVEN = {
 # They stick and are let go, over a speed that is not small beside theirs at the peak; or, light,
 # bounce so often that the errors of all blows in the gradient, summed in size, are half of it; or
 # bounce three times before the force is largest, which no fidelity is trusted with; or, without
-# damping, bounce so high that a later blow may be the largest, as far as a tolerance of 0.5 % tells.
+# damping, bounce so high that a later blow may be the largest, as far as the tolerance tells.
 WARNED = {
     ("jam", "coarse"), ("grazing", "coarse"), ("belt-friction-5", "coarse"), ("mass-1g", "coarse"),
     ("mass-100g", "coarse"), ("chatter", "coarse"), ("chatter", "standard"),
