@@ -287,7 +287,7 @@ class Fidelity(Readable):
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":
         """A tolerance of 0.5 %, steps of 1 ms at most, three modes: for sweeps."""
-        # Half of what is promised of a gradient: estimates of its error are low by nearly two.
+        # Half of what is promised of a gradient: its error may be nearly twice what is estimated.
         settings = dict(
             modes=3, step=1e-3, step_tolerance=5e-3, gradient_tolerance=0.25,
             stride_tolerance=5e-3,

@@ -117,9 +117,10 @@ def _judged(
     fence: FenceEnd | None,
     was: FenceState | None,
     after: FenceState | None,
+    unforeseen: tuple[Array, ...],
 ) -> tuple[Array, Array, Array, Array]:
     """The largest defect over what is allowed of it [1], of normal forces and of what only asks for
-    short steps (frictions, and forces that begin to end at the tip), the largest of what is allowed
+    short steps (frictions, and what happens to forces at the tip), the largest of what is allowed
     [N], and the largest force so far [N]."""
     strides = tuple(clock.stride(theta * count) for theta in INNER)
     found = defects(pair, strides, stride.length, before.ends, now, fence, was, after)
@@ -143,6 +144,8 @@ def _judged(
     asked = jnp.zeros_like(largest)
     for a, b in zip(before.ends, now, strict=True):
         asked = jnp.maximum(asked, _over(share_defect(a, b), tolerance * largest))
+    for off in unforeseen:
+        asked = jnp.maximum(asked, _over(jnp.abs(off), tolerance * largest))
     for friction, a, b in zip(pair.frictions, before.ends, now, strict=False):
         if friction is not None:
             assert pair.smoothing is not None
@@ -180,7 +183,7 @@ def controlled(
     """
     count = foreseen.last
     missed_force, asked, allowed, largest = _judged(
-        pair, tolerance, clock, before, stride, count, now, fence, was, after
+        pair, tolerance, clock, before, stride, count, now, fence, was, after, unforeseen
     )
     if belt is not None and now:
         of_belt = min(_OF_BELT, _IN_TOLERANCES * tolerance)
@@ -189,9 +192,6 @@ def controlled(
         over = jnp.maximum(jnp.sqrt(_over(belt.off, square)), growth / _GROWS)
         # Without contact it moves no peak.
         over = jnp.where(allowed > 0, over, 0.0)
-        asked = jnp.maximum(asked, jnp.where(jnp.isfinite(over), over, 0.0))
-    for off in unforeseen:
-        over = _over(jnp.abs(off), tolerance * largest)
         asked = jnp.maximum(asked, jnp.where(jnp.isfinite(over), over, 0.0))
     worst = jnp.maximum(missed_force, asked)
     unsolved = jnp.asarray(unsolved)

@@ -77,11 +77,10 @@ class Bend(NamedTuple):
         bend = jax.lax.stop_gradient(self.difference)
         return -0.5 * _over(self.came + bend * self.before, bend)
 
-    def next_term(self, other: "Bend", between: Array) -> Array:
+    def next_term(self, third: Array) -> Array:
         """Newton's series' next term [N] half a step from this sample on the vertex' side, with the
-        bend at a neighbour; the four samples lie `between` [s] in all."""
+        `third` divided difference [N/s^3] that the parabola leaves out."""
         own, far = self._steps(self.vertex() > 0)
-        third = _over(self.difference - other.difference, between)
         return 0.25 * far**2 * (own + 0.5 * far) * third
 
     def _steps(self, after: Array | bool) -> tuple[Array, Array]:
@@ -98,23 +97,32 @@ class Bend(NamedTuple):
         return jnp.minimum(jnp.abs(_over(vertex * (vertex + own), far * (own + far))), 1.0)
 
 
-def missed_by_kink(a: Bend, b: Bend, c: Bend, d: Bend, after: bool) -> Array:
-    """What is missed for a kink [N] in the step from the second to the third of four samples, of
-    the peak at the second one, or at the third where the kink is not `after` it."""
+def span(last: Bend, next_: Bend) -> Array:
+    """Of the four samples about two neighbours [s]."""
+    return last.before + last.after + next_.after
+
+
+def third_difference(last: Bend, next_: Bend) -> Array:
+    """The third divided difference over the four samples about two neighbours [N/s^3]."""
+    return _over(next_.difference - last.difference, span(last, next_))
+
+
+def missed_by_kink(a: Bend, b: Bend, c: Bend, d: Bend) -> tuple[Array, Array]:
+    """What is missed for a kink [N] in the step from the second to the third of four samples: of a
+    peak at the second one, and of one at the third."""
     here = jax.lax.stop_gradient([each.difference for each in (a, b, c, d)])
     outside = jnp.abs(here[0]) + jnp.abs(here[3])
     share = jnp.where(outside > 0, 1 - _over(outside, jnp.abs(here[1] + here[2])), 1.0)
     rises = b.came + here[0] * b.before > 0
     falls = c.went - here[3] * c.after < 0
-    weight = (b if after else c).weight(after)
-    counts = jnp.clip(share, 0.0, 1.0) * jnp.where(rises & falls, 1.0, weight)
-    spans = [last.before + last.after + each.after for last, each in ((a, b), (b, c), (c, d))]
-    first, middle, final = (
-        _over(each.difference - last.difference, span)
-        for last, each, span in zip((a, b, c), (b, c, d), spans, strict=True)
-    )
     one = jnp.ones_like(b.after)
     begins, ends = (_over(one, (each.before + each.after) * b.after) for each in (b, c))
-    by_jump = 0.5 * (_over(begins, spans[0]) + _over(ends, spans[2]))
-    by_jump = by_jump + _over(begins + ends, spans[1])
-    return counts * _over(0.5 * (first + final) - middle, by_jump)
+    by_jump = 0.5 * (_over(begins, span(a, b)) + _over(ends, span(c, d)))
+    by_jump = by_jump + _over(begins + ends, span(b, c))
+    beside = 0.5 * (third_difference(a, b) + third_difference(c, d))
+    jump = jnp.clip(share, 0.0, 1.0) * _over(beside - third_difference(b, c), by_jump)
+    at_second, at_third = (
+        jnp.where(rises & falls, 1.0, weight)
+        for weight in (b.weight(after=True), c.weight(after=False))
+    )
+    return at_second * jump, at_third * jump

@@ -71,12 +71,11 @@ class Resolution(NamedTuple):
     its largest; `separated` and `sliding_reversed` are 1.0 where parcel and fence have touched and
     parted, and where a corner pressed on the fence has come to rest on it or turned round,
     `belt_slip_reversed` where C_s, pressed by the fence, has turned round on the belt within a
-    step; `largest` [N] is the fence's largest force at a sample, and `later` those after one, two
-    and three blows and more, each; `residual_acceleration` [m/s^2] is
-    the largest |N''| G under a corner, G [m/N] the compliance of the modes left out, and
-    `residual_deflection` [m] the largest deflection G N that they take there; `hold` is how near
-    corners came to being held on the fence, or let go, and `catch` whether the belt caught the
-    parcel for certain."""
+    step; `largest` [N] is the fence's largest force at a sample, and `later` are those after at
+    least one, two and three blows; `residual_acceleration` [m/s^2] is the largest |N''| G under a
+    corner, G [m/N] the compliance of the modes left out, and `residual_deflection` [m] the largest
+    deflection G N that they take there; `hold` is how near corners came to being held on the fence,
+    or let go, and `catch` whether the belt caught the parcel for certain."""
 
     roughness: Array
     border_roughness: Array
@@ -87,7 +86,7 @@ class Resolution(NamedTuple):
     sliding_reversed: Array
     belt_slip_reversed: Array
     largest: Array
-    later: tuple[Array, Array, Array]
+    later: tuple[Array, ...]
     residual_acceleration: Array
     residual_deflection: Array
     hold: Hold

@@ -48,7 +48,7 @@ from ..parts import AbstractFriction
 from ..scenes import NormalScene
 from .accumulators import FORCE, OVER_TIP, Accumulator, Step
 from .peak import Peak, signed_second_difference
-from .peak_kink import Bend, missed_by_kink
+from .peak_kink import Bend, missed_by_kink, third_difference
 from .resolution import ends_over_tip
 from .rivals import Rivals
 
@@ -76,7 +76,7 @@ class Slopes(NamedTuple):
     kink: Array
     since: Array
     turned: Array
-    bends: tuple[Bend, Bend, Bend]
+    bends: tuple[Bend, ...]
     falls: tuple[Array, ...]
 
 
@@ -229,14 +229,12 @@ def _update(state: Slopes, step: Step) -> Slopes:
     kink = _with_size(jnp.where(higher, 0.0, state.kink), jnp.where(near, second, 0.0))
     c, b, a = state.bends
     d = Bend.of(known.before, known.now, new, second, span)
-    between = c.before + c.after + d.after
+    third = third_difference(c, d)
+    of_b, of_c = missed_by_kink(a, b, c, d)
     # By how many steps ago the peak's sample is.
     for ago, missed in (
-        (1, d.next_term(c, between)),
-        (2, c.next_term(d, between)),
-        (2, missed_by_kink(a, b, c, d, after=False)),
-        (3, missed_by_kink(a, b, c, d, after=True)),
-    ):
+        (1, d.next_term(third)), (2, c.next_term(third)), (2, of_c), (3, of_b),
+    ):  # fmt: skip
         kink = _with_size(kink, jnp.where(inside & (since == ago), missed, 0.0))
     return Slopes(now, at_peak, kink, since, turned, (d, c, b), ends)
 

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from robustness.peaks import over_belt_speeds
+from robustness import found_sorts
 from robustness.searched_scenes import KINDS, changed
 from runs import one_by_one
 from scipy.integrate import solve_ivp
@@ -386,157 +386,73 @@ def test_the_gradient_is_that_of_the_course_and_not_of_the_steps():
     assert np.sqrt(rest[0] / shares.size) < 4e-5 * middle
 
 
-# Found by a search for wrong gradients: a corner slides fast along the fence and stops on it.
-STOPS = {
-    "thickness": 0.0729507, "reach": 1.20105, "flexible": 0.247196, "width": 0.132,
-    "modulus": 8.65281e8, "density": 1992.04, "damping_ratio": 0.0133956, "mass": 0.212283,
-    "length": 0.701001, "aspect": 0.887783, "across": -0.463594, "along": 0.386737,
-    "stiffness": 3.64918e11, "damping": 15.6606, "belt": 2.64223, "belt_kinetic": 0.191825,
-    "belt_static": 0.750392, "kinetic": 0.903703, "static": 0.903703, "border": 0.717774,
-    "top_speed": 0.97873, "cycle": 1.36, "front": -0.0707817, "offset": 0.0795404,
-    "turn": -0.19874, "place": 0.75, "angle": 0.25, "ride": 2.64223, "gravity": 9.81,
-}  # fmt: skip
-
-
 def test_gradient_wherever_in_a_step_a_corner_stops():
-    """A belt that is faster by 0.05 % lets it stop a step of 62.5 us sooner. The slopes in between
-    were from -4.7 to 4.8 times the force, and their mean is 1.2: a sixth of the way that friction
-    makes in a step depended on when within it the corner stopped.
+    """A corner slides fast along the fence and stops on it. A belt that is faster by 0.05 % lets it
+    stop a step of 62.5 us sooner. The slopes in between were from -4.7 to 4.8 times the force, and
+    their mean is 1.2: a sixth of the way that friction makes in a step depended on when within it
+    the corner stopped.
     """
-    course = over_belt_speeds(STOPS, -1.2e-4, 4e-4, 14)
+    course = found_sorts.course("a corner stops on the fence", -1.2e-4, 4e-4, 14)
     np.testing.assert_allclose(
         course.slopes / course.forces, course.secant / course.forces, atol=0.3
     )
 
 
-# Found by a search for wrong gradients: a corner turns round 3 ms before the peak, on a fence whose
-# static friction is above the kinetic one.
-PASSES = {
-    "thickness": 0.018124, "reach": 0.872059, "flexible": 0.419127, "modulus": 6190650000.0,
-    "density": 2147.72, "damping_ratio": 0.00787423, "mass": 0.2698, "length": 0.12636,
-    "aspect": 0.908645, "across": 0.453878, "along": 0.227699, "stiffness": 169018000.0,
-    "damping": 12907.0, "belt": 0.883021, "belt_kinetic": 0.197574, "belt_static": 0.596002,
-    "kinetic": 0.0679877, "static": 0.0882693, "border": 0.0855379, "top_speed": 1.53,
-    "cycle": 1.29914, "front": -0.0639173, "offset": 0.218717, "turn": 0.00925108, "place": 0.75,
-    "angle": 0.25, "angle_0": 0.164828, "angle_1": 0.630905, "angle_2": 0.364128,
-    "angle_3": 0.537156, "angle_4": 0.108617, "angle_5": 0.790295, "angle_6": 0.706567,
-    "angle_7": 0.0781503, "ride": 0.883021,
-}  # fmt: skip
-
-
 def test_gradient_wherever_in_a_step_a_corner_passes_static_friction():
-    """A belt that is faster by 0.2 % has it turn round a shortest step sooner. Slopes in between
-    were -1.5 to -1.9 times the force, or 2 times it; their mean is 0.02 to 0.03. What is left is
-    where a step ends amid static friction: some w_s of the 12 mm/s that it changes the sliding by.
-    """
-    course = over_belt_speeds(PASSES, -4e-3, 4e-3, 17, kind="sort, free drive")
+    """A corner turns round 3 ms before the peak, on a fence whose static friction is above the
+    kinetic one. A belt that is faster by 0.2 % has it turn round a shortest step sooner. Slopes in
+    between were -1.5 to -1.9 times the force, or 2 times it; their mean is 0.02 to 0.03. What is
+    left is where a step ends amid static friction: some w_s of the 12 mm/s that it changes the
+    sliding by."""
+    course = found_sorts.course("a corner turns amid static friction", -4e-3, 4e-3, 17)
     off = np.abs(course.slopes - course.secant) / course.forces
     assert np.quantile(off, 0.9) < 0.15
     assert np.mean(off) < 0.15
 
 
-# Found by a search for wrong gradients: a corner stops on the fence 2 ms before the peak, in steps
-# of 0.5 ms; and one turns round a millisecond before it, both with much static friction.
-CATCHES = {
-    "thickness": 0.0134248, "reach": 1.05947, "flexible": 0.425026, "modulus": 44811200000.0,
-    "density": 2849.29, "damping_ratio": 0.038673, "mass": 2.38889, "length": 0.652826,
-    "aspect": 0.570179, "across": 0.155972, "along": 0.443473, "stiffness": 418889000000.0,
-    "damping": 708439.0, "belt": 0.976891, "belt_kinetic": 0.261853, "belt_static": 0.261853,
-    "kinetic": 0.492069, "static": 0.766729, "border": 0.250774, "top_speed": 1.50571,
-    "cycle": 1.36, "front": -0.157199, "offset": 0.22409, "turn": -0.227791, "place": 0.75,
-    "angle": 0.25, "ride": 0.976891,
-}  # fmt: skip
-SETS_OFF = {
-    "thickness": 0.00401755, "reach": 1.22442, "flexible": 0.294688, "modulus": 22474100000.0,
-    "density": 830.645, "damping_ratio": 0.0646188, "mass": 0.218382, "length": 0.795268,
-    "aspect": 0.646843, "across": 0.165167, "along": 0.187829, "stiffness": 67640600000.0,
-    "damping": 1110.28, "belt": 0.799943, "belt_kinetic": 0.525717, "belt_static": 0.525717,
-    "kinetic": 0.113832, "static": 0.298472, "border": 0.336237, "top_speed": 2.48892,
-    "cycle": 1.36, "front": -0.108132, "offset": 0.273824, "turn": -0.259976, "place": 0.75,
-    "angle": 0.25, "ride": 0.799943,
-}  # fmt: skip
-
-
-# Found by a search for wrong gradients: a corner comes to rest 0.6 ms before the peak, and a step
-# ends as it does.
-SETTLES = {
-    "thickness": 0.0550204, "reach": 1.20983, "flexible": 0.620622, "modulus": 46748200000.0,
-    "density": 1176.18, "damping_ratio": 0.0350713, "mass": 0.57488, "length": 0.276468,
-    "aspect": 0.806015, "across": 0.261483, "along": 0.212717, "stiffness": 313488000000.0,
-    "damping": 24.1305, "belt": 1.12468, "belt_kinetic": 0.151548, "belt_static": 0.168395,
-    "kinetic": 0.54439, "static": 0.54439, "border": 0.661255, "top_speed": 1.19765,
-    "cycle": 1.36, "front": 0.363946, "offset": 0.213533, "turn": 0.281719, "place": 0.75,
-    "angle": 0.25, "ride": 1.12468,
-}  # fmt: skip
-
-
 def test_gradient_where_a_step_ends_as_a_corner_comes_to_rest():
-    """The corner's speed at that end is from 40 eps to none. Slopes were a quarter too large where
-    it was held from there on, and up to 3.4 times at the last; so they were with shorter steps."""
-    course = over_belt_speeds(SETTLES, -1e-3, 1e-3, 33)
+    """0.6 ms before the peak. The corner's speed at that end is from 40 eps to none. Slopes were a
+    quarter too large where it was held from there on, and up to 3.4 times at the last; so they were
+    with shorter steps."""
+    course = found_sorts.course("a step ends as a corner comes to rest", -1e-3, 1e-3, 33)
     np.testing.assert_allclose(course.slopes, course.secant, rtol=0.1)
-    close = over_belt_speeds(SETTLES, -4e-6, 6e-6, 33)
+    close = found_sorts.course("a step ends as a corner comes to rest", -4e-6, 6e-6, 33)
     np.testing.assert_allclose(close.slopes, close.slopes[0], rtol=0.02)
 
 
-# Found by a search for wrong gradients: a wall lies on the fence, and both of its corners turn
-# round within a step of 31 us.
-WALL_TURNS = {
-    "thickness": 0.0526878, "reach": 1.52744, "flexible": 0.237314, "modulus": 9102710000.0,
-    "density": 1098.97, "damping_ratio": 0.00686345, "mass": 7.91321, "length": 0.11395,
-    "aspect": 0.843728, "across": 0.449291, "along": 0.383424, "stiffness": 3054210000000.0,
-    "damping": 283544.0, "belt": 2.05408, "belt_kinetic": 0.133109, "belt_static": 0.606139,
-    "kinetic": 0.198832, "static": 0.198832, "border": 0.922012, "top_speed": 2.05774,
-    "cycle": 1.36, "front": 0.591811, "offset": 0.254537, "turn": 0.276356, "place": 0.75,
-    "angle": 0.25, "ride": 2.05408,
-}  # fmt: skip
-
-
 def test_gradient_where_both_corners_of_a_wall_turn_in_one_step():
-    """The force hardly goes with the belt's speed. By each corner's own friction alone it was a
-    sawtooth of the place of the turn in a step, 1e-4 of itself high, with slopes of -0.7 to 0.5
-    times the force."""
-    course = over_belt_speeds(WALL_TURNS, -1e-3, 1e-3, 33)
+    """The wall lies on the fence, and they turn within 31 us. The force hardly goes with the belt's
+    speed. By each corner's own friction alone it was a sawtooth of the place of the turn in a step,
+    1e-4 of itself high, with slopes of -0.7 to 0.5 times the force."""
+    course = found_sorts.course("both corners of a wall turn round", -1e-3, 1e-3, 33)
     assert abs(course.secant) < 0.05 * course.forces[0]
     np.testing.assert_allclose(course.slopes / course.forces, 0.0, atol=0.15)
 
 
-# Found by a search for wrong gradients: a corner turns round while the normal force of a light
-# parcel rises to its peak within 4 ms.
-RISES = {
-    "thickness": 0.0766313, "reach": 1.32879, "flexible": 0.207082, "modulus": 4292880000.0,
-    "density": 4147.19, "damping_ratio": 0.02402, "mass": 0.815934, "length": 0.572865,
-    "aspect": 0.940703, "across": 0.355654, "along": 0.378178, "stiffness": 3222310000000.0,
-    "damping": 1686.84, "belt": 0.715097, "belt_kinetic": 0.5809, "belt_static": 0.5809,
-    "kinetic": 0.203586, "static": 0.203586, "border": 0.121002, "top_speed": 1.18395,
-    "cycle": 1.36, "front": 0.421406, "offset": 0.29795, "turn": -0.100233, "place": 0.75,
-    "angle": 0.25, "ride": 0.715097,
-}  # fmt: skip
-
-
 def test_gradient_where_the_normal_force_grows_as_a_corner_turns():
-    """The slopes were 1.9 times the force, and the truth's, too, with teeth of its own; the mean is
-    1.27. By the impulse of the normal force they are within a tenth of it, but where a step ends
-    within some eps of rest: of the 0.09 mm/s that the belt is faster by from tooth to tooth. There
-    the gradient's error is told."""
-    course = over_belt_speeds(RISES, -1e-3, 1e-3, 33)
+    """That of a light parcel rises to its peak within 4 ms. The slopes were 1.9 times the force,
+    and the truth's, too, with teeth of its own; the mean is 1.27. By the impulse of the normal
+    force they are within a tenth of it, but where a step ends within some eps of rest: of the 0.09
+    mm/s that the belt is faster by from tooth to tooth. There the gradient's error is told."""
+    course = found_sorts.course("a corner turns round as the force rises", -1e-3, 1e-3, 33)
     off = np.abs(course.slopes / course.secant - 1)
     assert np.quantile(off, 0.9) < 0.1
     assert np.all(course.told[off > 0.12] > fj.Fidelity.standard().gradient_tolerance)
 
 
 def test_gradient_where_a_step_begins_amid_static_friction():
-    """A belt that is faster by 0.13 % lets it stop a step sooner. Slopes were 15 % off, and in
-    steps that do not follow their error nine times too large where the corner was all but at rest
-    at a step's start."""
-    course = over_belt_speeds(CATCHES, -1e-3, 1e-3, 21)
+    """A corner stops 2 ms before the peak, in steps of 0.5 ms. A belt that is faster by 0.13 % lets
+    it stop a step sooner. Slopes were 15 % off, and in steps that do not follow their error nine
+    times too large where the corner was all but at rest at a step's start."""
+    course = found_sorts.course("a corner stops by static friction", -1e-3, 1e-3, 21)
     np.testing.assert_allclose(course.slopes, course.secant, rtol=0.1)
 
 
 def test_a_step_that_ends_amid_static_friction_is_told():
-    """A belt that is faster by 0.01 % lets it turn a shortest step sooner; where that ends while
-    friction falls from static to kinetic, slopes are up to four times the force off."""
-    course = over_belt_speeds(SETS_OFF, -1e-3, 1e-3, 33)
+    """A corner turns round a millisecond before the peak. A belt that is faster by 0.01 % lets it
+    turn a shortest step sooner; where that ends while friction falls from static to kinetic, slopes
+    are up to four times the force off."""
+    course = found_sorts.course("a corner turns round by static friction", -1e-3, 1e-3, 33)
     size = np.maximum(abs(course.secant), course.forces)
     off = np.abs(course.slopes - course.secant) / size
     assert np.max(off) > 1

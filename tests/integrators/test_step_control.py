@@ -1,14 +1,12 @@
 """Error control: what the steps miss follows the tolerance, and is said where it cannot be met."""
 
 import functools
-import json
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from robustness.peaks import over_belt_speeds
+from robustness import found_sorts
 from runs import FIXED
 
 import fencejax as fj
@@ -108,9 +106,7 @@ def test_steps_follow_what_the_fence_bears_at_the_tip():
     steps of 0.25 ms that foresaw the share which bends the fence. The force jumped by a thousandth
     of itself whenever that instant passed the end of a step, slopes in between were 4.2 times the
     force, and their mean with the jumps is 6.5."""
-    found = json.loads(Path(__file__).with_name("found_sorts.json").read_text())
-    numbers = found["sort, tip takes over"]["numbers"]
-    course = over_belt_speeds(numbers, -1e-3, 1e-3, 33)
+    course = found_sorts.course("the tip takes over in a long step", -1e-3, 1e-3, 33)
     assert np.all(course.status <= fj.Status.LEFT_OVER_TIP)
     np.testing.assert_allclose(np.mean(course.slopes), course.secant, rtol=0.1)
     # They go evenly with the speed.

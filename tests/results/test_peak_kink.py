@@ -45,7 +45,8 @@ def test_the_jump_at_a_kink_that_is_the_peak(times, share, after):
         def force(t):
             return jnp.where(t < kink + p, 3 * (t - kink - p), -5 * (t - kink - p))
 
-        return peak_kink.missed_by_kink(*bends(force, times), after=after)
+        at_second, at_third = peak_kink.missed_by_kink(*bends(force, times))
+        return at_second if after else at_third
 
     np.testing.assert_allclose(abs(derivative(missed)), 8.0, rtol=1e-12)
 
@@ -64,7 +65,7 @@ def test_a_kink_beside_a_peak_counts_by_the_weight_of_the_sample_beyond(times):
         return even - jnp.where(t < kink + p, 0.0, 8 * (t - kink - p))
 
     def missed(p):
-        return peak_kink.missed_by_kink(*bends(lambda t: force(t, p), times), after=True)
+        return peak_kink.missed_by_kink(*bends(lambda t: force(t, p), times))[0]
 
     def vertex(p):
         a, b, c = (force(t, p) for t in times[1:4])
@@ -84,11 +85,11 @@ def test_a_cubic_has_no_kink(times):
         return -((t - 0.1 - p) ** 2) + 0.05 * (t - p) ** 3
 
     def of_kink(p):
-        return peak_kink.missed_by_kink(*bends(lambda t: force(t, p), times), after=True)
+        return peak_kink.missed_by_kink(*bends(lambda t: force(t, p), times))[0]
 
     def next_term(p):
         _, b, c, _ = bends(lambda t: force(t, p), times)
-        return b.next_term(c, times[4] - times[1])
+        return b.next_term(peak_kink.third_difference(b, c))
 
     assert abs(derivative(of_kink)) < 1e-12
     # N_p = 2 (t - 0.1 - p) - 0.15 (t - p)^2 is a parabola.
@@ -96,7 +97,7 @@ def test_a_cubic_has_no_kink(times):
 
     def quartic(p):
         _, b, c, _ = bends(lambda t: force(t, 0.0) + p * (t - times[2]) ** 3, times)
-        return b.next_term(c, times[4] - times[1])
+        return b.next_term(peak_kink.third_difference(b, c))
 
     # N_p is a cubic: the product of the distances from three samples, half a step from the second.
     before, after = times[2] - times[1], times[3] - times[2]
