@@ -86,9 +86,9 @@ class Resolution(NamedTuple):
     sliding_reversed: Array
     belt_slip_reversed: Array
     largest: Array
-    later: tuple[Array, ...]
     residual_acceleration: Array
     residual_deflection: Array
+    later: tuple[Array, ...]
     hold: Hold
     catch: Catch
     at_peak: AtPeak
@@ -247,7 +247,7 @@ def ends_over_tip(step: Step) -> Array:
 def _start(nothing: Sample, body: Body) -> Resolution:
     zero = nothing.time
     return Resolution(
-        *(zero,) * 9, (zero,) * 3, *(zero,) * 2, hold=Hold.start(nothing), catch=Catch(zero, zero),
+        *(zero,) * 11, later=(zero,) * 3, hold=Hold.start(nothing), catch=Catch(zero, zero),
         at_peak=AtPeak(*(zero,) * 9),
     )  # fmt: skip
 
