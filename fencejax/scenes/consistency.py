@@ -90,7 +90,8 @@ def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> A
         if isinstance(scene.start, BetweenBorderAndFence):
             ax, ay = parcel.corner(scene.start.fence_corner)
             bx, by = parcel.corner(scene.start.border_corner)
-            rise = scene.start.place * jnp.sin(scene.start.drive_angle)
+            assert scene.fence is not None
+            rise = scene.fence.height(scene.start.place, scene.start.drive_angle)
             checks.append(rise**2 <= ((ax - bx) ** 2 + (ay - by) ** 2) * (1 + _ROUNDING))
     if scene.fence is not None and scene.fence.rest_shape is not None:
         shape = scene.fence.rest_shape

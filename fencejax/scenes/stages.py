@@ -229,8 +229,8 @@ def border_and_fence(
     ax, ay = parcel.corner(first)
     bx, by = parcel.corner(second)
     _check.scalar(
-        "distance x sin(drive_angle) / distance of the corners",
-        place * jnp.sin(angle) / jnp.sqrt((ax - bx) ** 2 + (ay - by) ** 2),
+        "height of the fence at `distance` / distance of the corners",
+        fence.height(place, angle) / jnp.sqrt((ax - bx) ** 2 + (ay - by) ** 2),
         most=1,
         remedy="The parcel does not span from the border to that point of the fence.",
     )

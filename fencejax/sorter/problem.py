@@ -7,15 +7,16 @@ import types
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from .. import _check
-from ..design import DesignSpace, LaneProgram, Limit, Quantity, risk, variable
+from ..design import DesignSpace, LaneProgram, Limit, Quantity, fatigue, risk, variable
 from ..fidelity import Fidelity
-from ..parts import DataSheet
+from ..parts import DataSheet, Material
 from ..results import Status, refined
 from ..scenes import consistent, numbers as scene_numbers
 from ..study import measured
@@ -23,7 +24,7 @@ from . import limits as limit_table
 from .machine import Machine, Objective, scene_path
 
 _HELD = "held "
-_MATERIAL = ("youngs_modulus", "density", "damping_ratio")
+_MATERIAL = tuple(Material.bounds)
 
 
 class Candidate(NamedTuple):
@@ -49,6 +50,14 @@ class Measured(NamedTuple):
     values: dict[str, np.ndarray]
     statuses: np.ndarray
     rungs: np.ndarray
+
+
+def _whole(sheet: DataSheet) -> DataSheet:
+    """A sheet whose material has all numbers, so that it may stand in another's place."""
+    material = sheet.material
+    numbers = {name: getattr(material, name) for name in _MATERIAL}
+    whole = Material(**{**numbers, "fatigue_exponent": fatigue.exponent_of(material)})
+    return eqx.tree_at(lambda of: of.material, sheet, whole)
 
 
 class SorterProblem:
@@ -113,7 +122,7 @@ class SorterProblem:
         taken = {*self._free_names, *self._columns}
         own = (path for path in machine.parcels.columns if path not in taken)
         self._names = (*self._free_names, *own, *self._columns)
-        self._family = machine.family(self._names)
+        self._family = machine.family(self._names, material=_whole(machine.materials[0]))
         self._check_scenes()
         self.start = np.zeros(0)
         if self.space is not None:
@@ -194,7 +203,7 @@ class SorterProblem:
         parcels = self.machine.parcels
         columns = {path: v for path, v in parcels.columns.items() if path in self._names}
         numbers = {
-            **{f"fence.material.{name}": getattr(candidate.material.material, name)
+            **{f"fence.material.{name}": getattr(_whole(candidate.material).material, name)
                for name in _MATERIAL},
             **{scene_path(path): value for path, value in candidate.numbers.items()},
         }  # fmt: skip

@@ -73,7 +73,6 @@ def test_every_material_is_designed_and_ranked(outcome):
 def test_what_is_measured_is_what_a_simulation_of_the_scene_finds(outcome):
     best, problem = outcome.best, outcome.problem
     scene = problem.scene(best.after.point, best.candidate, 1)
-    assert float(scene.fence.material.density) == float(best.candidate.material.material.density)
     # The rung that the lane was read at; batches round differently, 1e-9 and less.
     rung = int(best.after.measured.rungs[1])
     result = fj.simulate(scene, fidelity=fj.Fidelity.fast().ladder()[rung], history=False)

@@ -222,6 +222,10 @@ def test_fidelity_is_checked(changes, error, text):
         (lambda: scenes.oblique_impact(duration=0.0), "`duration` must be finite and above 0"),
         (lambda: scenes.border_and_fence(fence_corner=2), "`fence_corner` and `border_corner`"),
         (lambda: scenes.border_and_fence(drive_angle=0.6), "does not span"),
+        # Where a straight fence's point is as high as the parcel reaches, a curved one's is higher.
+        (lambda: scenes.border_and_fence(
+            fence=fj.Fence(rest_shape=fj.RestShape(tip=0.06, middle=0.02)), distance=1.15,
+            drive_angle=0.345), "does not span"),
         (lambda: scenes.whole_sort(offset=-0.1), "`offset` must be at least 0"),
         (lambda: scenes.whole_sort(fence_corners=(0,)), "`fence_corners` must hold corners"),
         (lambda: scenes.oblique_impact(fence_corners=(2, 3)), "must hold corner 1, which"),

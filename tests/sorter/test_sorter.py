@@ -148,6 +148,21 @@ def test_lists_are_choices(mine):
     assert lanes["fence.material.density"][0] == 1410
 
 
+def test_a_candidates_sort_has_all_numbers_of_its_material():
+    own = {"youngs_modulus": "3 GPa", "density": 1200, "damping_ratio": 0.02}
+    sheets = [{"name": "mine", **own, "allowed_stress": 3e7, "fatigue_strength": 1e7}, "PC", "POM"]
+    problem = fj.Sorter(fence={"material": sheets}).problem()
+    found = [problem.scene(problem.start, each, 0).fence.material for each in problem.candidates]
+    # As the sheets print them, with four digits.
+    exponents = [float(each.fatigue_exponent) for each in found[1:]]
+    assert exponents == pytest.approx([6.894, 12.26], rel=5e-4)
+    # Where a material has none, the exponent that its life is judged by.
+    assert float(found[0].fatigue_exponent) == 10.0
+    for each, material in zip(problem.candidates, found, strict=True):
+        for name in ("youngs_modulus", "density", "damping_ratio"):
+            assert float(getattr(material, name)) == float(getattr(each.material.material, name))
+
+
 def test_overrides_by_path_and_by_short_name(mine):
     changed = mine.replace({
         "belt.speed": "3 m/s", "mass": [1, 2], "drive.dwell": "0.1 s", "start.front": "50 mm",
