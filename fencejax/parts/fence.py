@@ -155,7 +155,7 @@ class Fence(Part):
     def height(self, place: ArrayLike, angle: ArrayLike) -> Array:
         """How far the face at rest is from the border's line through the hinge [m], at an arc
         coordinate [m], the rigid link being at an `angle` [rad] to that line."""
-        return place * jnp.sin(angle) + self.rise(place) * jnp.cos(angle)
+        return jnp.asarray(place) * jnp.sin(angle) + self.rise(place) * jnp.cos(angle)
 
     def _mean(self, weight: Callable[[Array], Array]) -> Array:
         """Mean over the flexible link of g times a `weight` of x / l_p [1], by Gauss-Legendre

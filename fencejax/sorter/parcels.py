@@ -258,7 +258,7 @@ def _draw(drawn: Mapping[str, Table], table: Table) -> dict[str, np.ndarray]:
     seed = _check.count("parcels.seed", table.get("seed", 0))
     from scipy.stats import qmc
 
-    engine = qmc.Sobol(len(drawn), seed=np.random.default_rng(seed))  # pyright: ignore
+    engine = qmc.Sobol(len(drawn), rng=np.random.default_rng(seed))
     power = int(np.ceil(np.log2(max(count, 2))))
     shares = engine.random_base2(power)[:count]
     columns = {}

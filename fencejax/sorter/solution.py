@@ -180,7 +180,7 @@ def _starts(first: np.ndarray):
     yield np.full(first.size, 0.5)
     from scipy.stats import qmc
 
-    engine = qmc.Sobol(first.size, seed=np.random.default_rng(0))  # pyright: ignore
+    engine = qmc.Sobol(first.size, rng=np.random.default_rng(0))
     yield from engine.random(_STARTS)
 
 

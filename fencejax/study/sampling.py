@@ -6,10 +6,8 @@
 """
 
 import dataclasses
-import inspect
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import ArrayLike
@@ -117,14 +115,6 @@ def grid(
     return Samples(chosen, np.stack([m.ravel() for m in mesh], axis=1), shape, "grid")
 
 
-def _seeded(seed: int) -> dict[str, Any]:
-    """The argument of SciPy's generators that takes the seed, whose name has changed."""
-    from scipy.stats import qmc
-
-    known = inspect.signature(qmc.QMCEngine.__init__).parameters
-    return {"rng" if "rng" in known else "seed": seed}
-
-
 def latin_hypercube(
     variables: Sequence[str | DesignVariable], count: int, seed: int = 0
 ) -> Samples:
@@ -142,7 +132,7 @@ def latin_hypercube(
     chosen = _resolved(variables)
     count, seed = _check.count("count", count, least=1), _check.count("seed", seed)
     _check.room("count", count, len(chosen))
-    shares = qmc.LatinHypercube(len(chosen), **_seeded(seed)).random(count)
+    shares = qmc.LatinHypercube(len(chosen), rng=seed).random(count)
     return Samples(chosen, _spread(chosen, shares), (count,), "latin_hypercube", seed)
 
 
@@ -168,7 +158,7 @@ def sobol(variables: Sequence[str | DesignVariable], count: int, seed: int = 0) 
             f"{1 << power} or {2 << power}."
         )
     _check.room("count", count, len(chosen))
-    shares = qmc.Sobol(len(chosen), **_seeded(seed)).random_base2(power)
+    shares = qmc.Sobol(len(chosen), rng=seed).random_base2(power)
     return Samples(chosen, _spread(chosen, shares), (count,), "sobol", seed)
 
 

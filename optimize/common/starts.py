@@ -17,7 +17,7 @@ def spread(start: np.ndarray, count: int, vary: Sequence[int] | None = None) -> 
     columns = list(range(start.size) if vary is None else vary)
     starts = np.tile(start, (count, 1))
     if count > 1 and columns:
-        engine = qmc.Sobol(len(columns), seed=0)  # pyright: ignore[reportCallIssue]
+        engine = qmc.Sobol(len(columns), rng=0)
         shares = engine.random_base2(int(np.ceil(np.log2(count + 1))))[1:count]
         starts[1:, columns] = 0.1 + 0.8 * shares
     return starts

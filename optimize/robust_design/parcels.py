@@ -27,7 +27,7 @@ def draw(config: RobustConfig, count: int, stream: int) -> Encounter:
         shares = generator.random((count, len(names)))
     else:
         power = int(np.ceil(np.log2(max(count, 2))))
-        engine = qmc.Sobol(len(names), seed=generator)  # pyright: ignore[reportCallIssue]
+        engine = qmc.Sobol(len(names), rng=generator)
         shares = engine.random_base2(power)[:count]
     columns = {}
     for name, share in zip(names, shares.T, strict=True):
