@@ -164,7 +164,10 @@ class Store:
         source = _source()
         if source is None or jax.default_backend() != "cpu" or jax.config.jax_default_device:  # pyright: ignore
             return None
-        settings = [*traced_settings(), os.environ.get("XLA_FLAGS", "")]
+        known = traced_settings()
+        if known is None:
+            return None
+        settings = [*known, os.environ.get("XLA_FLAGS", "")]
         made = json.dumps([source, settings, _written(what), _text(structure), leaves])
         return self.folder / f"{hashlib.sha256(made.encode()).hexdigest()}.{kind}"
 
@@ -175,14 +178,18 @@ class Store:
         found = self.read(place)
         if found is None:
             return None
-        exported = export.deserialize(bytearray(found[1]))
-        if b"lapack" not in found[1]:
-            # To call a program "of a CPU" JAX makes LAPACK ready, by an import of SciPy that takes
-            # as long as all the rest.
-            unchecked = (*exported.disabled_safety_checks, export.DisabledSafetyCheck.platform())
-            exported = dataclasses.replace(
-                exported, platforms=("host",), disabled_safety_checks=unchecked
-            )
+        try:
+            exported = export.deserialize(bytearray(found[1]))
+            if b"lapack" not in found[1]:
+                # To call a program "of a CPU" JAX makes LAPACK ready, by an import of SciPy that
+                # takes as long as all the rest.
+                checks = (*exported.disabled_safety_checks, export.DisabledSafetyCheck.platform())
+                exported = dataclasses.replace(
+                    exported, platforms=("host",), disabled_safety_checks=checks
+                )
+        except Exception:
+            # Another version of JAX may read and call programs in another way: traced anew.
+            return None
         return Program(exported, found[0])
 
     def save(self, place: Path, program: Program) -> None:

@@ -4,6 +4,7 @@ what JAX is told, as far as it decides what is traced."""
 import contextlib
 import functools
 import gc
+import importlib
 import os
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -12,11 +13,23 @@ import jax
 import jax.numpy as jnp
 import jaxlib.version
 from equinox.internal import unvmap_any
-from jax._src.config import trace_context
-from jax._src.core import trace_state_clean
-from jax._src.xla_bridge import backends_are_initialized
 from jax.extend.core import jaxpr_as_fun
 from jaxtyping import Array
+
+
+def _private(module: str, name: str) -> Callable[..., Any] | None:
+    """A function that JAX has for itself alone; `None` where this version has none of that name."""
+    try:
+        return getattr(importlib.import_module(f"jax._src.{module}"), name, None)
+    except ImportError:
+        return None
+
+
+# There is no public name for these. Without them programs are not kept between processes, and
+# nobody is told that XLA's settings come too late.
+_trace_context = _private("config", "trace_context")
+_trace_state_clean = _private("core", "trace_state_clean")
+_backends_are_initialized = _private("xla_bridge", "backends_are_initialized")
 
 _LARGE = 10**9
 _DEVICES = "--xla_force_host_platform_device_count="
@@ -55,6 +68,11 @@ def shares_arithmetic() -> bool:
 def _flags_known() -> bool:
     """Whether this version of XLA is known to have `_LLVM` and `_FLAGS`."""
     return _KNOWN[0] <= jaxlib.version.__version_info__ < _KNOWN[1]
+
+
+def _has_computed() -> bool:
+    """Whether JAX has computed in this process, as far as that can be known."""
+    return _backends_are_initialized is not None and _backends_are_initialized()
 
 
 def tune_compiler(devices: int | None = None) -> None:
@@ -96,7 +114,7 @@ def tune_compiler(devices: int | None = None) -> None:
     wanted = " ".join(flags)
     if wanted == given:
         return
-    if backends_are_initialized():
+    if _has_computed():
         raise RuntimeError(
             "JAX has computed already in this process, and reads XLA_FLAGS only once. Call "
             "fj.tune_compiler() right after the imports, before any array is made."
@@ -161,7 +179,7 @@ def adopt_flags(flags: str) -> None:
     """
     if flags == compiler_flags():
         return
-    if backends_are_initialized():
+    if _has_computed():
         raise RuntimeError(
             "JAX has computed already in this worker, with other settings of XLA. Restart the "
             "workers (client.restart())."
@@ -171,16 +189,18 @@ def adopt_flags(flags: str) -> None:
     os.environ["XLA_FLAGS"] = " ".join([flags, *mine])
 
 
-def traced_settings() -> list[str]:
-    """JAX's settings, as far as they decide what is traced."""
-    told = (repr(value) for value in trace_context())
+def traced_settings() -> list[str] | None:
+    """JAX's settings, as far as they decide what is traced; `None` where they cannot be known."""
+    if _trace_context is None:
+        return None
+    told = (repr(value) for value in _trace_context())
     # What stands for the axes of transformations around a program says nothing of the program.
     return [text for text in told if " at 0x" not in text]
 
 
 def all_settings() -> tuple[Any, ...]:
-    """JAX's settings as it tells compiled programs apart by."""
-    return trace_context()
+    """JAX's settings as it tells compiled programs apart by; nothing where they cannot be known."""
+    return () if _trace_context is None else _trace_context()
 
 
 @contextlib.contextmanager
@@ -200,5 +220,8 @@ def many_objects() -> Iterator[None]:
 
 
 def nothing_is_traced() -> bool:
-    """Whether no transformation is going on around what calls this."""
-    return trace_state_clean()
+    """Whether no transformation is known to go on around what calls this, and JAX's settings are
+    known."""
+    if _trace_context is None or _trace_state_clean is None:
+        return False
+    return _trace_state_clean()

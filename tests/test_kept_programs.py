@@ -143,6 +143,23 @@ def test_a_file_that_is_not_whole_is_made_anew(store):
     assert len(file.read_bytes()) == len(content)
 
 
+def test_without_what_jax_has_for_itself_nothing_is_kept(tmp_path, monkeypatch):
+    """Of a version of JAX that has these functions no longer, or by another name."""
+    from fencejax import _xla
+
+    assert _xla._private("config", "no_such_function") is None
+    assert _xla._private("no_such_module", "trace_context") is None
+    store = kept_programs.Store(tmp_path)
+    assert store.place(("what",), jax.tree.structure(0), []) is not None
+    monkeypatch.setattr(_xla, "_trace_context", None)
+    assert store.place(("what",), jax.tree.structure(0), []) is None
+    assert not _xla.nothing_is_traced()
+    monkeypatch.setattr(_xla, "_backends_are_initialized", None)
+    monkeypatch.setenv("XLA_FLAGS", "")
+    fj.tune_compiler()
+    assert "small_while_loop" in os.environ["XLA_FLAGS"]
+
+
 def test_the_folder_has_a_bound(store, monkeypatch):
     call("first")
     (first,) = store.iterdir()
