@@ -2,9 +2,10 @@
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 
 from . import _check
 from .printing import Readable, Table
@@ -224,8 +225,9 @@ class Fidelity(Readable):
         """The same with some knobs changed."""
         return dataclasses.replace(self, **changes)
 
-    def ladder(self) -> "tuple[Fidelity, ...]":
-        """This fidelity and two finer ones, for numbers in doubt (`Status.numerical`).
+    def ladder(self, scene: Any = None) -> "tuple[Fidelity, ...]":
+        """This fidelity and two finer ones, for numbers in doubt (`Status.numerical`) of a scene or
+        a batch of scenes; without one, of scenes as precise as JAX is told to be.
 
         The second has at least eight modes, an eighth of the tolerance, half the step and an eighth
         of a millisecond at most, and half of the friction's smoothing. Where its step is a quarter
@@ -250,7 +252,8 @@ class Fidelity(Readable):
                 return self.modes
             return max(self.modes, min(least, 2 * self.elements))
 
-        single = self.precision == "float32" or not jax.config.read("jax_enable_x64")
+        numbers = jax.tree.leaves(scene) or [jnp.zeros(())]
+        single = (self.precision or str(jnp.result_type(*numbers))) == "float32"
 
         if self.step <= last.step:
             beyond = self.replace(

@@ -176,7 +176,7 @@ def _refined(scene, fidelity: Fidelity, result: Result, history: bool, only, own
             "refine=True needs concrete numbers. Inside a transformation read `status`, or write "
             "fj.simulate_many(scenes) for a batch."
         )
-    ladder = fidelity.ladder()
+    ladder = fidelity.ladder(scene)
 
     def compute(rung: int) -> Result:
         refuse(scene, ladder[rung])

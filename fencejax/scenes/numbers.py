@@ -240,9 +240,10 @@ def replace(
     for name, value in zip(chosen, given, strict=True):
         path = resolve(scene, name)
         if path in DERIVED:
-            derived[path] = jnp.asarray(value, dtype=float)
+            derived[path] = jnp.asarray(value, dtype=jnp.result_type(*leaves))
         elif path in paths:
-            leaves[paths.index(path)] = jnp.asarray(value, dtype=float)
+            index = paths.index(path)
+            leaves[index] = jnp.asarray(value, dtype=jnp.result_type(leaves[index]))
         else:
             owner, place = element(path)
             index = paths.index(owner)

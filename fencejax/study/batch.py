@@ -79,7 +79,7 @@ def simulate_many(
             "Argument `only` must not hold 'history': lanes of different fidelities have different "
             "samples. Write fj.simulate(scene, refine=True) for one."
         )
-    ladder = fidelity.ladder() if refine else (fidelity,)
+    ladder = fidelity.ladder(scenes) if refine else (fidelity,)
 
     def compute(rung: int, lanes):
         program = _program(jax.tree.structure(lanes), ladder[rung], names, tuple(measures))

@@ -181,6 +181,19 @@ def test_gradient_in_single_precision():
     assert slope(precision="float32") == pytest.approx(slope(), rel=2e-2)
 
 
+@pytest.mark.parametrize("tolerance", [None, 5e-4])
+def test_a_scene_in_single_precision_is_refined_as_far_as_that_resolves(tolerance):
+    single = jax.tree.map(lambda x: x.astype(jnp.float32), fj.scenes.oblique_impact())
+    fidelity = fj.Fidelity.standard(step_tolerance=tolerance)
+    ladder = fidelity.ladder(single)
+    assert 1 <= len(ladder) < len(fidelity.ladder())
+    for each in ladder:
+        # Refused before anything is traced.
+        jax.eval_shape(lambda f=each: struck(f, single).peak_force)
+    moved = fj.scene_numbers.replace(single, ["thickness", "length_ratio"], [0.05, 0.5])
+    assert {leaf.dtype for leaf in jax.tree.leaves(moved)} == {jnp.dtype(jnp.float32)}
+
+
 def test_single_precision_that_cannot_is_refused():
     scene = fj.scenes.oblique_impact()
     with pytest.raises(ValueError, match=r"`fidelity.step` must be at least 0.0001 in single"):
