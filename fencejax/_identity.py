@@ -17,7 +17,7 @@ import math
 import sys
 import time
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -165,8 +165,9 @@ class _Telling:
             raise UnknownError(f"an object of {name}") from error
         if isinstance(copied, str):
             return {"name": f"{getattr(value, '__module__', None)}.{copied}"}
-        made, arguments, state, items, pairs = (*copied[:5], *(None,) * (5 - len(copied)))
-        held = arguments, state, list(items or ()), list(pairs or ())
+        made, arguments, *more = copied
+        # Of what is a list or a dictionary, too, the elements come one by one.
+        held = arguments, *(list(part) if isinstance(part, Iterator) else part for part in more)
         return {"made": self.tell(made), "of": [self.tell(part) for part in held]}
 
     # --- Code
