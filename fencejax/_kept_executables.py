@@ -5,6 +5,7 @@ An executable is found by what finds a traced program and by the kind of process
 JAX writes it, a pickle: as much to be trusted as what JAX's own cache in the same folder makes run.
 """
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,12 @@ from typing import Any
 import jax
 from jax.experimental.compilation_cache import compilation_cache
 
-from ._kept_programs import Program, Store, UnknownError, abstract, keeping, processor
+from ._identity import UnknownError
+from ._kept_programs import Program, Store, abstract, keeping, processor
 from ._xla import all_settings, nothing_is_traced
+
+_without_cache = threading.Lock()
+"""Held while JAX's cache is off: that is a setting of the whole process."""
 
 
 def compiled(
@@ -88,14 +93,15 @@ def _compile(function, numbers, options) -> Program:
         return found
 
     lowered = jax.jit(flat, compiler_options=options).lower(numbers)
-    was = jax.config.jax_enable_compilation_cache  # pyright: ignore
-    jax.config.update("jax_enable_compilation_cache", False)
-    compilation_cache.reset_cache()
-    try:
-        return Program(lowered.compile(), structure[0])
-    finally:
-        jax.config.update("jax_enable_compilation_cache", was)
+    with _without_cache:
+        was = jax.config.jax_enable_compilation_cache  # pyright: ignore
+        jax.config.update("jax_enable_compilation_cache", False)
         compilation_cache.reset_cache()
+        try:
+            return Program(lowered.compile(), structure[0])
+        finally:
+            jax.config.update("jax_enable_compilation_cache", was)
+            compilation_cache.reset_cache()
 
 
 def _load(store: Store, place: Path) -> Program | None:

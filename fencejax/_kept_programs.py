@@ -17,7 +17,6 @@ import os
 import platform
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,17 +25,12 @@ import jax
 import jax.custom_batching
 from jax.experimental.compilation_cache import compilation_cache
 
+from ._identity import UnknownError, source
 from ._xla import traced_settings
 
-_STARTED = time.time()
-_PACKAGE = Path(__file__).parent
 _TRACED = "jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix", "numpy", "jaxtyping"
 _BOUND = 256 * 2**20
 """Size [bytes] of a folder from which on those used longest ago are deleted."""
-
-
-class UnknownError(Exception):
-    """What cannot be told by names and fields."""
 
 
 class _Leaf:
@@ -110,17 +104,10 @@ def _text(structure: Any) -> Any:
 def _source() -> str | None:
     """A digest of this package's source and of the versions that count; `None` where the files may
     be others than those that this process runs."""
-    digest = hashlib.sha256()
-    files = sorted(_PACKAGE.rglob("*.py"))
-    for file in files:
-        state = file.stat()
-        if max(state.st_mtime, state.st_ctime) >= _STARTED:
-            return None
-        digest.update(f"{file.relative_to(_PACKAGE)} {state.st_size}\n".encode())
-        digest.update(file.read_bytes())
+    files = source()
     versions = [f"{name} {importlib.metadata.version(name)}" for name in _TRACED]
-    digest.update("\n".join([platform.python_version(), *versions]).encode())
-    return digest.hexdigest() if files else None
+    made = "\n".join([str(files), platform.python_version(), *versions])
+    return None if files is None else hashlib.sha256(made.encode()).hexdigest()
 
 
 class _Abstract(NamedTuple):

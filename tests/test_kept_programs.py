@@ -8,13 +8,19 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import jax
 import pytest
 
 import fencejax as fj
-from fencejax import _kept_executables as kept_executables, _kept_programs as kept_programs
+from fencejax import (
+    _identity as identity,
+    _kept_executables as kept_executables,
+    _kept_programs as kept_programs,
+)
 from fencejax.derivatives import by_columns
 
 PACKAGE = Path(fj.__file__).parent
@@ -127,10 +133,12 @@ def test_what_is_not_known_by_its_fields_is_not_kept(store, what):
 
 
 def test_source_that_changed_after_the_start_is_not_kept(store, monkeypatch):
-    monkeypatch.setattr(kept_programs, "_STARTED", 0.0)
-    kept_programs._source.cache_clear()
+    monkeypatch.setattr(identity, "STARTED", 0.0)
+    for known in (identity.source, kept_programs._source):
+        known.cache_clear()
     call("a")
-    kept_programs._source.cache_clear()
+    for known in (identity.source, kept_programs._source):
+        known.cache_clear()
     assert list(store.iterdir()) == []
 
 
@@ -271,6 +279,39 @@ def test_an_executable_is_whole_where_jax_has_the_program_in_its_cache(store):
     assert float(executable(traced=traced)(NUMBERS)["sum"]) == pytest.approx(SUM)
     assert not traced
     assert jax.config.jax_enable_compilation_cache
+
+
+def test_two_that_compile_at_once_leave_the_cache_on(store, monkeypatch):
+    """The second begins, where it can, while the first compiles, and ends after it."""
+    begun, ended = threading.Event(), threading.Event()
+
+    def slow(*parts):
+        if threading.current_thread().name == "first":
+            begun.wait(1)
+        else:
+            begun.set()
+            ended.wait(10)
+        return kept_programs.Program(*parts)
+
+    def first():
+        executable("first")(NUMBERS)
+        ended.set()
+
+    monkeypatch.setattr(kept_executables, "Program", slow)
+    threads = [
+        threading.Thread(target=first, name="first"),
+        threading.Thread(target=lambda: executable("second")(NUMBERS)),
+    ]
+    try:
+        for thread in threads:
+            thread.start()
+            time.sleep(0.3)
+        for thread in threads:
+            thread.join()
+        assert jax.config.jax_enable_compilation_cache
+    finally:
+        jax.config.update("jax_enable_compilation_cache", True)
+    assert len(list(store.iterdir())) == 2
 
 
 def test_executables_are_for_numbers_alone_that_nothing_is_done_to(store):

@@ -35,18 +35,20 @@ FLOORS = {
     "_elementary": 0,
     "_xla": 0,
     "derivatives": 0,
+    "_identity": 0,
     "_kept_programs": 0,
     "_kept_executables": 0,
 }
 TOOLS = {
     "derivatives", "fidelity", "lanes", "printing", "_check", "_elementary", "_xla",
-    "_kept_programs", "_kept_executables",
+    "_identity", "_kept_programs", "_kept_executables",
 }  # fmt: skip
 # Private tools have no face; the tests of a tool import its file, and nobody else outside does.
 TESTED_TOOLS = {
     "tests/conftest.py",
     "tests/scenes/test_checks.py",
     "tests/test_elementary.py",
+    "tests/test_identity.py",
     "tests/test_kept_programs.py",
     "tests/test_xla.py",
 }

@@ -13,6 +13,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
 from .. import _check, scenes
+from .._identity import told
 from ..design import DesignVariable
 from ..parts import (
     AbstractDrive,
@@ -292,3 +293,22 @@ def _check_together(parcel: Parcel, drive: AbstractDrive) -> None:
     fields = {field.name: getattr(drive, field.name) for field in dataclasses.fields(drive)}
     if set(inspect.signature(type(drive)).parameters) == set(fields):
         type(drive)(**fields)
+
+
+def described(family: SceneFamily) -> dict[str, Any]:
+    """All that a family's scenes depend on, as plain numbers, names, lists and dictionaries."""
+    base = family._base
+    parts = {field.name: getattr(base, field.name) for field in dataclasses.fields(base)}
+    return {
+        "scene": family.kind,
+        "duration": family.duration,
+        "names": list(family.names),
+        "fixed": family.fixed,
+        "options": told(family.options),
+        "parts": told(parts),
+    }
+
+
+def structure_of(family: SceneFamily) -> Any:
+    """The structure of a family's parts, with all in them that is no number."""
+    return jax.tree.structure(family._base)

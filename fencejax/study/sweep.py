@@ -2,22 +2,20 @@
 
 import dataclasses
 import hashlib
-import importlib.metadata
-import re
 from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from .. import _check
+from .._identity import edition, refused, told
 from ..fidelity import Fidelity
 from ..results import MEASURES, Measure, Result
 from ..simulate import simulate
 from .sampling import Samples
-from .scene_family import SceneFamily
+from .scene_family import SceneFamily, described
 from .sweep_table import IMPOSSIBLE, derivative
 
 OUTPUTS: dict[str, str] = {
@@ -160,29 +158,22 @@ class Lane:
         return tuple(dataclasses.replace(self, fidelity=each, refine=False) for each in finer)
 
     def describe(self) -> dict[str, Any]:
-        """All that the results of a point depend on, as plain numbers, names and so on."""
-        family = self.family
+        """All that the results of a point depend on, as plain numbers, names and so on.
+
+        Raises `ValueError` for a measure or a part that cannot be told from others.
+        """
+        fields = dataclasses.fields(self.fidelity)
         return {
-            "fencejax": importlib.metadata.version("fencejax"),
+            "fencejax": edition(),
             "precision": str(jnp.result_type(float)),
-            "scene": family.kind,
-            "duration": family.duration,
-            "names": list(family.names),
-            "fixed": family.fixed,
-            "options": family.options,
+            **refused("family", lambda: described(self.family)),
             "outputs": list(self.outputs),
             "gradient_of": self.gradient_of,
-            "measures": [_named(measure) for measure in self.measures],
+            "measures": refused("measures", lambda: told(self.measures)),
             "refine": self.refine,
-            "fidelity": {
-                # A solver of diffrax is known by what it prints.
-                each.name: _named(getattr(self.fidelity, each.name))
-                for each in dataclasses.fields(self.fidelity)
-            },
-            "parts": {
-                name: _plain(getattr(family, name))
-                for name in ("fence", "drive", "parcel", "belt", "friction", "border")
-            },
+            "fidelity": refused(
+                "fidelity", lambda: {f.name: told(getattr(self.fidelity, f.name)) for f in fields}
+            ),
         }
 
     def __call__(self, values: Array) -> dict[str, Array]:
@@ -218,20 +209,3 @@ def _read(result: Result, name: str) -> Array:
     for part in name.split("."):
         leaf = getattr(leaf, part)
     return leaf
-
-
-def _plain(part: Any) -> dict[str, Any] | None:
-    """The numbers of a scene's part by their place in it, and its structure."""
-    if part is None:
-        return None
-    leaves, structure = jax.tree_util.tree_flatten_with_path(part)
-    numbers = {jax.tree_util.keystr(path): np.asarray(leaf).tolist() for path, leaf in leaves}
-    return {**numbers, "structure": _named(structure)}
-
-
-def _named(value: Any) -> Any:
-    """A plain value as it is, another one as text."""
-    if value is None or isinstance(value, (bool, int, float, str)):
-        return value
-    # A function's address differs from process to process.
-    return re.sub(r" at 0x[0-9a-f]+", "", str(value))

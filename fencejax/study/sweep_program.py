@@ -13,8 +13,9 @@ import numpy as np
 from jax.sharding import SingleDeviceSharding
 
 from .. import _check
-from ..results import refined
+from ..results import Measure, refined
 from .lane_groups import CPU_GROUP, in_groups
+from .scene_family import structure_of
 from .sweep import Lane
 from .sweep_store import digest
 from .sweep_table import derivative
@@ -72,11 +73,13 @@ class Plan:
 
 @dataclasses.dataclass(frozen=True)
 class _Job:
-    """What a program is compiled for: `lane`, known by its description, in chunks of groups, on
-    devices."""
+    """What a program is compiled for: `lane`, known by its description, by its measures and by its
+    parts' structure, in chunks of groups, on devices."""
 
     lane: Lane = dataclasses.field(compare=False)
     description: str
+    measures: tuple[Measure, ...]
+    structure: Any
     chunk: int
     group: int
     devices: tuple[Any, ...]
@@ -132,7 +135,12 @@ def _runs(
     """For each device the function from points to columns at the lane's own fidelity."""
     description = digest(dataclasses.replace(lane, refine=False).describe())
     with _compiling:
-        found = _compiled(_Job(lane, description, plan.chunk, plan.group, tuple(devices)))
+        found = _compiled(
+            _Job(
+                lane, description, lane.measures, structure_of(lane.family),
+                plan.chunk, plan.group, tuple(devices),
+            )
+        )  # fmt: skip
     pairs = zip(found, devices, strict=True)
     return [functools.partial(_computed, lane, plan, *pair) for pair in pairs]
 

@@ -74,8 +74,9 @@ def run_sweep(
     their chunk. The results are the same, bit by bit, however many devices and workers of one kind
     took part, and however often they were stopped; without lanes in doubt, for any chunk, too.
 
-    Raises `ImportError` without the extra; `ValueError` where the folder holds another sweep or
-    what is none; `OSError` where it cannot be written; `RuntimeError` where the cluster is lost.
+    Raises `ImportError` without the extra; `ValueError` where the folder holds another sweep, one
+    of another version or source of fencejax, or what is none, and for measures and parts whose code
+    cannot be read; `OSError` where it cannot be written; `RuntimeError` where the cluster is lost.
 
     >>> samples = fj.sampling.given({"mass": [5.0, 15.0]})
     >>> family, rigid = fj.SceneFamily("oblique_impact", ["mass"]), fj.Fidelity.coarse(modes=0)
