@@ -7,8 +7,10 @@
 measures them; those of jobs are written by `headlines.py --record`, the others by hand from
 what their command says. `figures.md` holds the text of the blocks: `{group[name]}` is a figure,
 with a format such as `{group[name]:.0f}`, and with ` u` at the format's end its unit follows;
-`{group}` is a whole table. In a page of `PAGES` a block stands between `<!-- figures: NAME -->` and
-`<!-- end of figures -->`; whoever changes its text changes it in `figures.md`.
+`{group}` is a whole table, `{group[row, column]}` one of its cells, and
+`{group[row + row, column]}` the sum of several. In a page of `PAGES` a block stands between
+`<!-- figures: NAME -->` and `<!-- end of figures -->`; whoever changes its text changes it in
+`figures.md`.
 """
 
 import json
@@ -62,8 +64,17 @@ class Group:
         self._content, self._used = content, used
 
     def __getitem__(self, name: str) -> Figure:
+        if "rows" in self._content:
+            return self._cell(name)
         self._used.add((id(self._content), name))
         return Figure(**self._content["figures"][name])
+
+    def _cell(self, name: str) -> Figure:
+        """What stands in a row and a column of the table, or in several rows, summed."""
+        names, _, column = name.rpartition(", ")
+        rows = [self._content["rows"][row] for row in names.split(" + ")]
+        cells = [row["values"][self._content["columns"].index(column) - 1] for row in rows]
+        return Figure(cells[0] if len(cells) == 1 else sum(cells), rows[0]["unit"])
 
     def __format__(self, spec: str) -> str:
         self._used.add((id(self._content), None))

@@ -84,6 +84,18 @@ def test_a_table_is_shown_with_its_units():
     ]  # fmt: skip
 
 
+def test_a_cell_of_a_table_and_the_sum_of_several():
+    rows = {
+        "time, in all": {"unit": "ms", "values": ["good", 0.29, 2]},
+        "b": {"unit": "ms", "values": ["good", 1.5, 3]},
+    }
+    table = figures.Group({"columns": ["", "says", "`x`", "y (usual)"], "rows": rows}, set())
+    shown = "{t[time, in all, `x`]: u}, {t[time, in all + b, y (usual)]}, {t[b, says]}"
+    assert shown.format_map({"t": table}) == "0.29 ms, 5, good"
+    with pytest.raises(KeyError):
+        table["c, `x`"]
+
+
 def test_the_record_is_written_as_it_is_read(tmp_path, monkeypatch):
     text, groups = figures.RECORD.read_text(), figures.record()
     monkeypatch.setattr(figures, "RECORD", tmp_path / "figures.json")

@@ -14,7 +14,8 @@ from layout import Layout, module_name
 ROOT = Path(__file__).parents[1]
 TOP = {"README.md", "fencejax", "notebooks", "optimize", "pyproject.toml", "tests"}
 
-# A room imports rooms of lower floors only. The tools may be used by every room.
+# A room imports rooms of lower floors only, which its `__init__.py` names behind "May import". The
+# tools may be used by every room, and are not named there.
 FLOORS = {
     "__main__": 7,
     "sorter": 6,

@@ -86,6 +86,9 @@ def verify(
     - `feasibility` [1]: violation that counts as none; asked of optima that were feasible.
     - `worst_status`: the largest status whose numbers are good.
 
+    Raises `ValueError` where `agreement` or `feasibility` is not finite and above 0, `TypeError`
+    where it is no number.
+
     >>> problem = lambda z: (z**2, z - 0.5, jnp.zeros(1, int))
     >>> print(fj.verify(problem, fj.minimize(problem, [0.9])))
     Verification

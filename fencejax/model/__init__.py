@@ -1,7 +1,7 @@
 """The equations (2.1)-(2.34) at one instant, each in one place: beam, modes, geometry of the bent
 fence, kinematics of the corners, contact and friction laws, and the balance of forces.
 
-May import: `scenes`, `parts`, `fidelity`. Nothing here advances in time.
+May import: `scenes`, `parts`. Nothing here advances in time.
 
 >>> link = fj.model.FlexibleLink(fj.Fence(), fj.Fidelity(modes=2))
 >>> [f"{value**0.5 / (2 * np.pi):.1f} Hz" for value in link.eigenvalues]

@@ -3,7 +3,7 @@ rest shape, drive, parcel, contact law, belt, still surfaces, friction law, and 
 scene and no instant: a contact law here is a function of a gap and its rate, a friction law one of
 a speed, a surface one of a point, and what acts when is the model's.
 
-May import: `_check` alone. A new taper, drive, contact law, friction law or surface is a subclass
+May import: no other room. A new taper, drive, contact law, friction law or surface is a subclass
 of `AbstractTaper`, `AbstractDrive`, `AbstractContactLaw`, `AbstractFriction` or `AbstractSurface`
 in a file of its own, exported by its folder; every number in it is an array field, with its
 `Bounds`.

@@ -86,6 +86,10 @@ class PowerTaper(AbstractTaper):
     bounds: ClassVar[dict[str, Bounds]] = {"exponent": Bounds(least=0, most=0.99)}
 
     def __init__(self, exponent: ArrayLike):
+        """**Arguments:** `exponent`: p [1], at least 0 and at most 0.99.
+
+        Raises `ValueError` where it is out of these bounds.
+        """
         self.exponent = _check.field(self, "exponent", exponent)
 
     def __call__(self, position, tip_distance):
@@ -104,6 +108,10 @@ class ProfileTaper(AbstractTaper):
     bounds: ClassVar[dict[str, Bounds]] = {"ratios": Bounds(above=0, size=1.0)}
 
     def __init__(self, ratios: ArrayLike):
+        """**Arguments:** `ratios`: g [1] at the stations, shape (K,), two at least, each above 0.
+
+        Raises `ValueError` where they are fewer, or out of these bounds.
+        """
         self.ratios = _check.vector("ratios", ratios, size_least=2, above=0, size=1.0)
 
     @property
@@ -127,6 +135,13 @@ class SteppedTaper(AbstractTaper):
     steps: int = eqx.field(static=True)
 
     def __init__(self, profile: AbstractTaper, steps: int):
+        """**Arguments:**
+
+        - `profile`: the profile that is milled in steps.
+        - `steps`: how many there are, static, at least 1.
+
+        Raises `ValueError` where there is none, and `TypeError` where `steps` is no whole number.
+        """
         self.profile = profile
         self.steps = _check.count("steps", steps, least=1)
 

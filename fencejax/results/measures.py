@@ -38,9 +38,9 @@ class Measure:
     - `of_scene`: whether `read` takes the scene, too, as its second argument.
     - `error_factor`: what the spread between fidelities is multiplied by in an error estimate;
       `None` for none.
-    - `moment`: whether it is a moment or a duration, known to a step at best.
-    - `label`, `scale`, `shown_unit`: the row of a printed result, the value times `scale`; no row
-      without a label.
+    - `moment`: whether it is an instant or a duration, known to a step at best.
+    - `label`, `scale`, `shown_unit`, `digits`: the row of a printed result, the value times `scale`
+      with so many digits behind the point; no row without a label.
     - `note`: text behind the printed value; `{name}` stands for another measure.
 
     >>> spin = fj.results.accumulators.peak_of("spin", lambda sample: jnp.abs(sample.body.spin))

@@ -327,8 +327,9 @@ def named(scene, chosen: Sequence[str], lanes: ArrayLike) -> np.ndarray:
 def slopes_in(
     scene, chosen: Sequence[str], lanes: ArrayLike, slopes: ArrayLike
 ) -> np.ndarray:
-    """Slopes in some names from those in all numbers, (..., N) at `lanes` (P, N): the chain rule,
-    which matters for the names of `DERIVED` alone. (P, m, N) -> (P, m, n), on the host.
+    """Slopes of m quantities in the n `chosen` names, (P, m, n), from those in all N numbers,
+    `slopes` of shape (P, m, N) at `lanes` of shape (P, N): the chain rule, which matters for the
+    names of `DERIVED` alone. On the host.
 
     >>> scene = fj.scenes.rigid_wall()
     >>> lane = fj.scene_numbers.values(scene)[None]

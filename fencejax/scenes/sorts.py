@@ -59,9 +59,14 @@ def free_motion(
 
     - `position`: (x, y) of C_s [m]; `angle`: phi [rad].
     - `velocity`: (xdot, ydot, phidot) [m/s, m/s, rad/s].
-    - `fence`, `drive`: if given, the fence swings and rings beside the parcel without contact.
+    - `parcel`, `belt`: by default the paper's; `None` for `belt` leaves it out.
+    - `fence`, `drive`: if a fence is given, it swings and rings beside the parcel without contact,
+      by default with the paper's drive; `drive` without a fence has no effect.
     - `surfaces`: still surfaces that its `surface_corners` can touch.
     - `duration` [s], static, default 0.5.
+
+    Raises `ValueError` where a number is out of its bounds, a corner is none of 1 ... 4, or one of
+    `surface_corners` lies inside a surface; `TypeError` for a part of a wrong kind.
 
     >>> scene = fj.scenes.free_motion(position=(0.0, 0.3), velocity=(0.0, 1.0, 2.0))
     >>> scene.fence is None, scene.duration
@@ -138,7 +143,7 @@ def whole_sort(
     - `offset`: Delta s [m] between the border and the parcel's lowest point, at least 0.
     - `angle`: phi [rad].
     - `fence_corners`, `border_corners`: the corners that can touch, static; each one costs. By
-      default the two of the lower wall, on which the parcel comes to lie while C_s is above it
+      default the two of the lower side, on which the parcel comes to lie while C_s is above it
       along the fence: the paper's parcel and drive from an `angle` of -0.26 rad on. Where another
       corner comes under the fence, or its side to the tip, `Status.LEFT_OVER_TIP` or `PEAK_AT_TIP`
       says so: write fence_corners=(1, 2, 3, 4).
@@ -146,8 +151,14 @@ def whole_sort(
       `fence_corners`, clockwise.
     - `surfaces`: other still surfaces that the parcel's `surface_corners` can touch, such as a wall
       of the chute. `Result.peak_surface_force` is theirs.
+    - `fence`, `parcel`, `belt`, `drive`, `fence_friction`, `border`: the parts, by default the
+      paper's; `None` for `belt`, `fence_friction` or `border` leaves the part out.
     - `duration` [s], static, by default the drive's cycle.
     - `motor`: what swings the fence, for the limits of `fencejax.design.drivability`.
+
+    Raises `ValueError` where a number is out of its bounds, a corner is none of 1 ... 4, the parcel
+    lies beyond the fence or inside a surface when the drive starts, or the drive's speed or
+    acceleration is not the derivative of its angle; `TypeError` for a part of a wrong kind.
 
     >>> scene = fj.scenes.whole_sort(offset=0.1, parcel=fj.Parcel(mass=8.0))
     >>> scene.start, float(scene.parcel.mass)

@@ -56,11 +56,11 @@ def oblique_impact(
     **Arguments:**
 
     - `distance`: R [m], arc coordinate of the first touch, from the hinge.
-    - `drive_angle`: alpha_w [rad] at that moment, on the way out.
+    - `drive_angle`: alpha_w [rad] at that instant, on the way out.
     - `corner`: 1 ... 4.
     - `parcel_angle`: phi [rad]; by default such that C_s lies on the fence's normal through the
       corner.
-    - `velocity`: (xdot, ydot, phidot) at that moment [m/s, m/s, rad/s]; by default the belt's.
+    - `velocity`: (xdot, ydot, phidot) at that instant [m/s, m/s, rad/s]; by default the belt's.
     - `fence`, `parcel`, `belt`, `drive`, `fence_friction`: the parts, by default the paper's;
       `None` for `belt` or `fence_friction` leaves the part out.
     - `tip_contact`: whether the fence's tip meets the parcel's side, where a corner runs over it or
@@ -158,11 +158,23 @@ def along_fence(
     fence_corners: tuple[int, ...] = (1, 2),
     duration: float | None = None,
 ) -> Scene:
-    """The parcel's lower wall lies on the fence and slides along it.
+    """The parcel's lower side lies flat on the fence and slides along it.
 
-    The two corners of that wall carry the contact, so that the rotation is free and follows the
-    fence by their forces; the paper ties it to the fence. `distance` [m] is the arc coordinate
-    under C_s; the other arguments are those of `oblique_impact`; `duration` is 0.25 s by default.
+    The two corners of that side carry the contact, so that the rotation is free and follows the
+    fence by their forces; the paper ties it to the fence.
+
+    **Arguments:**
+
+    - `distance`: arc coordinate [m] under C_s, from the hinge.
+    - `drive_angle`: alpha_w [rad] at the start, on the way out.
+    - `fence_corners`: the corners that can touch the fence, and with `tip_contact` the sides behind
+      them, clockwise; static, each one costs. By default the two of the lower side.
+    - `fence`, `parcel`, `belt`, `drive`, `fence_friction`, `tip_contact`: as in `oblique_impact`.
+    - `duration` [s], static, default 0.25.
+
+    Raises `ValueError` where a number is out of its bounds, the distance is beyond the fence, the
+    drive does not reach the angle, or a corner is none of 1 ... 4; `TypeError` for a part of a
+    wrong kind.
 
     Paper: (2.27)-(2.30). There phi is the fence's slope, and one force acts at the foot of C_s.
 
@@ -206,10 +218,23 @@ def border_and_fence(
 ) -> Scene:
     """One corner on the fence and another on the border: the stage (2.31)-(2.34).
 
-    `distance` [m] is the arc coordinate of the corner on the fence, at the angle `drive_angle`
-    [rad]; the other arguments are those of `oblique_impact`; `duration` is 0.25 s by default.
+    **Arguments:**
 
-    Raises `ValueError` where the two corners are closer together than the fence is high there.
+    - `distance`: arc coordinate [m] of the corner on the fence, from the hinge.
+    - `drive_angle`: alpha_w [rad] at the start, on the way out.
+    - `fence_corner`, `border_corner`: the corner on the fence and the one on the border, two of
+      1 ... 4.
+    - `border`: by default the paper's. A border without friction is `fencejax.Border(None)`.
+    - `fence_corners`: the corners that can touch the fence, `fence_corner` among them, and with
+      `tip_contact` the sides behind them, clockwise; static, each one costs. By default
+      `fence_corner` alone. The border is touched by `border_corner` alone.
+    - `fence`, `parcel`, `belt`, `drive`, `fence_friction`, `tip_contact`: as in `oblique_impact`.
+    - `duration` [s], static, default 0.25.
+
+    Raises `ValueError` where a number is out of its bounds, the distance is beyond the fence, the
+    drive does not reach the angle, both corners are the same or one of them is none of 1 ... 4, or
+    the two corners are closer together than the fence is high there; `TypeError` for a part of a
+    wrong kind.
 
     >>> scene = fj.scenes.border_and_fence(distance=0.9, fence_corner=1, border_corner=2)
     >>> scene.fence_corners, scene.border_corners

@@ -173,7 +173,7 @@ class AtTouch(AbstractStartAtFence):
 
 
 class FlushOnFence(AbstractStartAtFence):
-    """The parcel's lower wall lies on the fence (D = 0), C_s over the arc coordinate `place`.
+    """The parcel's lower side lies on the fence (D = 0), C_s over the arc coordinate `place`.
 
     It turns and advances with the fence and slides along it with the belt's share.
 

@@ -39,7 +39,8 @@ class Sorter(Readable):
         )
 
     Numbers are in SI units, or text with a unit. In place of a table stands a part where there is
-    one, such as `belt=fj.Belt(speed=2.5)`. What is left out is the paper's. Any part may have free
+    one, such as `belt=fj.Belt(speed=2.5)`. What is left out has the value that
+    `optimize/sorters/paper.toml` has, but for the exceptions at its head. Any part may have free
     numbers, `{"lower": ..., "upper": ..., "start": ...}`, fixed where both bounds are the same, and
     all but the parcels numbers to choose from a list; `fence.material` may list materials. Each
     combination is a candidate, designed for itself.

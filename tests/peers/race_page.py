@@ -32,7 +32,7 @@ def table(classes, impact, agreed):
         "docstrings of `tests/peers/`. Rows named *plain* are a code as its manual has one write "
         "it; *8 modes* gives a code the modal truncation that is fencejax's own idea; the others "
         "solve the full finite-element system in the form that suits them best. "
-        "`pytest tests/test_peers.py --bench DIR` makes this page again as `DIR/race.md`.",
+        "`pytest tests/peers/test_peers.py --bench DIR` makes this page again as `DIR/race.md`.",
     ]
     for found in classes:
         lines += [
