@@ -127,7 +127,8 @@ class SteppedTaper(AbstractTaper):
     steps: int = eqx.field(static=True)
 
     def __init__(self, profile: AbstractTaper, steps: int):
-        self.profile = profile
+        example = "fj.SteppedTaper(fj.ConstantStrength(), 4)"
+        self.profile = _check.part("profile", profile, AbstractTaper, example)
         self.steps = _check.count("steps", steps, least=1)
 
     @property

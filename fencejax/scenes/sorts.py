@@ -63,6 +63,8 @@ def free_motion(
     - `surfaces`: still surfaces that its `surface_corners` can touch.
     - `duration` [s], static, default 0.5.
 
+    Raises `ValueError` for a drive without a fence.
+
     >>> scene = fj.scenes.free_motion(position=(0.0, 0.3), velocity=(0.0, 1.0, 2.0))
     >>> scene.fence is None, scene.duration
     (True, 0.5)
@@ -81,6 +83,11 @@ def free_motion(
     if fence is not None:
         fence = fence_of(fence)
         drive = drive_of(drive, fence)
+    elif drive is not None:
+        raise ValueError(
+            f"Argument `drive` must come with a `fence`, which it swings, but is {drive!r} without "
+            "one. Write fence=fj.Fence(), or leave out the drive."
+        )
     parcel = parcel_of(parcel)
     surfaces = surfaces_of(surfaces)
     corners = corners_of("surface_corners", surface_corners) if surfaces else ()
@@ -91,7 +98,7 @@ def free_motion(
         AsGiven(motion),
         belt_of(belt),
         fence,
-        drive if fence is not None else None,
+        drive,
         None,
         None,
         (),

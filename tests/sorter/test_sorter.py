@@ -337,6 +337,8 @@ def test_jobs_refuse_numbers_that_no_machine_has():
         (lambda: fj.Fence(taper=fj.Uniform), "`taper` .* the class Uniform, not made yet"),
         (lambda: fj.Belt(friction=0.5), "`friction` must be an instance of AbstractFriction"),
         (lambda: fj.Border(friction=0.5), "`friction` must be an instance of AbstractFriction"),
+        (lambda: fj.surfaces.Deflector(0.6, friction=0.35), "`friction` must be an instance of A"),
+        (lambda: fj.SteppedTaper("x", 4), "`profile` must be an instance of AbstractTaper, but is"),
         (lambda: fj.Parcel(contact="hard"), "`contact` must be an instance of AbstractContactLaw"),
         (lambda: fj.scenes.whole_sort(belt=2.0), "`belt` must be an instance of Belt, but is 2.0"),
         (lambda: fj.scenes.oblique_impact(fence=0.045), "`fence` must be an instance of Fence"),
