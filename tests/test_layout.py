@@ -34,6 +34,7 @@ FLOORS = {
     "lanes": 0,
     "_check": 0,
     "_elementary": 0,
+    "_text": 0,
     "_xla": 0,
     "derivatives": 0,
     "_identity": 0,
@@ -41,8 +42,8 @@ FLOORS = {
     "_kept_executables": 0,
 }
 TOOLS = {
-    "derivatives", "fidelity", "lanes", "printing", "_check", "_elementary", "_xla",
-    "_identity", "_kept_programs", "_kept_executables",
+    "derivatives", "fidelity", "lanes", "printing", "_check", "_elementary", "_identity", "_text",
+    "_xla", "_kept_programs", "_kept_executables",
 }  # fmt: skip
 # Private tools have no face; the tests of a tool import its file, and nobody else outside does.
 TESTED_TOOLS = {

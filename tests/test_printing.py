@@ -187,13 +187,19 @@ def test_an_optimum_says_what_decides_and_what_it_costs():
     printed = repr(optimum)
     assert "all limits hold" in printed
     assert "1750 at the start, 1010 found" in printed
-    assert "margin 0 decides" not in printed
-    assert "margin 1 decides             each 1 % that it may be smaller: 2 less" in printed
+    assert "margin 0 limits the design" not in printed
+    assert "margin 1 limits the design             2 saved for each 1 % it is relaxed by" in printed
     space = fj.DesignSpace(["thickness", "reach"])
     told = repr(optimum.told(space, ("clearance", "torque"), "N"))
     assert "1010 N found" in told
-    assert "lower bound of reach decides  each 1 % of the range beyond it: 10 N less" in told
-    assert "torque decides" in told
+    told = " ".join(told.split())
+    assert "lower bound of reach limits the design 10 N saved for each 1 % of the range" in told
+    assert "torque limits the design 2 N saved for each 1 % it is relaxed by" in told
+    # Of a limit itself it is told what 1 % is: of its bound or, as here, of its scale.
+    limits = (fj.Limit(fj.OBJECTIVES["tip_deflection"], 0.08), fj.LIMITS["crossing"])
+    assert (limits[1].bound, limits[1].scale) == (0, 0.7)
+    told = " ".join(repr(optimum.told(space, limits, "N")).split())
+    assert "limits the design 2 N saved for each 7 mm it is relaxed by" in told
     with pytest.raises(ValueError, match="must name the 2 margins and 2 variables"):
         optimum.told(space, ("clearance",))
 

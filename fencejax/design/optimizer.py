@@ -79,14 +79,15 @@ def minimize(
 
     Raises `ValueError` and `TypeError` for arguments out of their range.
 
-    >>> print(fj.minimize(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)), [0.9]))
+    >>> optimum = fj.minimize(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)), [0.9])
+    >>> print(optimum.told(margins=["minimum"]))
     Optimum
-      ended             the conditions of Karush, Kuhn and Tucker hold within the tolerance
-      limits            all limits hold
-      worst case        0.81 at the start, 0.25 found
-      evaluations       3
-      z[0]              0.5
-      margin 0 decides  each 1 % that it may be smaller: 0.01 less
+      ended                      the conditions of Karush, Kuhn and Tucker hold within the tolerance
+      limits                     all limits hold
+      worst case                 0.81 at the start, 0.25 found
+      evaluations                3
+      z[0]                       0.5
+      minimum limits the design  0.01 saved for each 1 % it is relaxed by (of its bound or scale)
     """
     program = problem if isinstance(problem, (Program, LaneProgram)) else Program(problem)
 

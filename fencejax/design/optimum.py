@@ -9,6 +9,7 @@ import numpy as np
 from ..printing import Readable, Table, shown
 from .evaluator import Record
 from .lagrangian import Evaluation, Multipliers, Residual, Vector
+from .objectives import Limit
 from .prices import ShadowPrices, prices
 from .variables import DesignSpace
 
@@ -100,15 +101,18 @@ class Optimum(Readable):
         return self.told()
 
     def told(
-        self, space: DesignSpace | None = None, margins: Sequence[str] = (), unit: str = "1"
-    ) -> Table:
+        self, space: DesignSpace | None = None, margins: Sequence[str | Limit] = (),
+        unit: str = "1",
+    ) -> Table:  # fmt: skip
         """What was found, as a table that prints itself: why the search ended, the worst case
-        before and after, and what decides, with its price.
+        before and after, and which limits and bounds it is held by, with
+        their prices.
 
         **Arguments:**
 
         - `space`: names the variables and gives their units; without it they are shares.
-        - `margins`: names of the margins, in their order; by default their numbers.
+        - `margins`: the limits whose margins these are, or names of them, in their order; by
+          default their numbers.
         - `unit`: of the objective.
 
         Raises `ValueError` where `margins` or `space` are not as many as there are.
@@ -140,24 +144,38 @@ class Optimum(Readable):
         rows += [(title, value) for title, value in zip(titles, values, strict=True)]
         return Table("Optimum", (*rows, *self._deciding(names, titles, unit)))
 
-    def _deciding(self, names, titles, unit: str) -> list[tuple[str, str]]:
-        """What limits and bounds hold the worst case up, most first."""
+    def _deciding(self, limits, titles, unit: str) -> list[tuple[str, str]]:
+        """What limits and bounds the worst case could be lowered by, most first."""
         if not np.isfinite(self.last.violation):
             return []
         found = shadow_prices(self)
         rates = [
-            *((rate, f"{name} decides", "each 1 % that it may be smaller")
-              for rate, name in zip(found.margins, names, strict=True)),
-            *((rate, f"lower bound of {name} decides", "each 1 % of the range beyond it")
+            *((rate, f"{_named(limit)} limits the design", _relaxed(limit))
+              for rate, limit in zip(found.margins, limits, strict=True)),
+            *((rate, f"lower bound of {name} limits the design", "1 % of the range beyond it")
               for rate, name in zip(found.lower, titles, strict=True)),
-            *((rate, f"upper bound of {name} decides", "each 1 % of the range beyond it")
+            *((rate, f"upper bound of {name} limits the design", "1 % of the range beyond it")
               for rate, name in zip(found.upper, titles, strict=True)),
         ]  # fmt: skip
         most = max((rate for rate, *_ in rates), default=0.0)
         told = sorted((r for r in rates if r[0] > _LITTLE * most), key=lambda r: -r[0])
         if not told:
             return [("", "no limit and no bound decides")]
-        return [(name, f"{each}: {shown(0.01 * rate, unit, 3)} less") for rate, name, each in told]
+        return [
+            (name, f"{shown(0.01 * rate, unit, 3)} saved for each {step}")
+            for rate, name, step in told
+        ]
+
+
+def _named(limit: str | Limit) -> str:
+    return limit if isinstance(limit, str) else limit.name
+
+
+def _relaxed(limit: str | Limit) -> str:
+    """A hundredth of what a margin is measured in."""
+    if isinstance(limit, str):
+        return "1 % it is relaxed by (of its bound or scale)"
+    return f"{shown(0.01 * limit.unit_of_margin, limit.quantity.unit)} it is relaxed by"
 
 
 def shadow_prices(optimum: Optimum) -> ShadowPrices:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jax.scipy.stats import norm
 from jaxtyping import Array, ArrayLike
 
@@ -245,6 +246,8 @@ def pseudo_velocity_spectrum(
     **Arguments:** `time` [s] and `acceleration` [m/s^2], of shape (n,); `frequencies` f [Hz], of
     shape (k,), above 0; `damping_ratio` zeta [1], from 0 to below 1.
 
+    Raises `ValueError` for other frequencies and damping ratios.
+
     Source: H. A. Gaberson, Shock severity estimation, Sound and Vibration 46 (1), 2012.
 
     >>> time = np.linspace(0.0, 0.01, 101)
@@ -253,6 +256,13 @@ def pseudo_velocity_spectrum(
     [0.59, 0.584]
     """
     time, acceleration = jnp.asarray(time), jnp.asarray(acceleration)
+    frequencies = _check.vector("frequencies", frequencies, above=0, unit="Hz")
+    zeta = _check.scalar("damping_ratio", damping_ratio, least=0)
+    if not isinstance(zeta, Tracer) and float(zeta) >= 1:
+        raise ValueError(
+            f"Argument `damping_ratio` must be below 1 [1], but is {float(zeta):g}: the oscillator "
+            "of a shock spectrum rings."
+        )
     steps = jnp.diff(time)
 
     def of(frequency):
@@ -280,7 +290,7 @@ def pseudo_velocity_spectrum(
         after = jnp.abs(_rung(state, turn, decay, free)[0])
         return omega * jnp.maximum(jnp.max(during), after)
 
-    return jax.vmap(of)(jnp.asarray(frequencies))
+    return jax.vmap(of)(frequencies)
 
 
 def _rung(state, time, decay, free):

@@ -140,9 +140,11 @@ class SteppedTaper(AbstractTaper):
         - `profile`: the profile that is milled in steps.
         - `steps`: how many there are, static, at least 1.
 
-        Raises `ValueError` where there is none, and `TypeError` where `steps` is no whole number.
+        Raises `ValueError` where there is none, and `TypeError` where `steps` is no whole number
+        or `profile` no taper.
         """
-        self.profile = profile
+        example = "fj.SteppedTaper(fj.ConstantStrength(), 4)"
+        self.profile = _check.part("profile", profile, AbstractTaper, example)
         self.steps = _check.count("steps", steps, least=1)
 
     @property

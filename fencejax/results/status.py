@@ -46,42 +46,48 @@ class Status(enum.IntEnum):
         return self in NUMERICAL
 
 
+_AT_TIP = (
+    "write `tip_contact=True` in the scene, so that the tip goes on pushing the parcel's side, and "
+    "name in `fence_corners` every corner that can meet the fence"
+)
 _TEXT = {
     Status.SUCCESSFUL: "successful",
     Status.NEVER_TOUCHED: "the parcel did not touch the fence before the end; run longer with "
     "`duration=...`",
     Status.IN_CONTACT_AT_END: "still in contact with the fence at the end; run longer with "
     "`duration=...` if what follows matters",
-    Status.LEFT_OVER_TIP: "a corner ran over the fence's tip while pressed on it, and the force "
-    "was ended there; let the tip carry on against the parcel's side by `tip_contact=True` in the "
-    "scene, with the corner that follows, or that came under the fence, in `fence_corners`",
-    Status.PEAK_AT_END: "the fence's force was largest as the simulation ended, and may grow on; "
-    "run longer with `duration=...`",
-    Status.PEAK_AT_TIP: "the force was largest while a corner ran over the fence's tip, where it "
-    "is ended; let the tip carry on against the parcel's side by `tip_contact=True` in the scene, "
-    "with the corner that follows, or that came under the fence, in `fence_corners`",
-    Status.LARGE_DEFLECTION: "the tip deflects by more than a quarter of the flexible link, "
-    "beyond the linear beam; make the fence thicker",
-    Status.DEEP_PENETRATION: "a corner goes in by more than half the parcel's shorter side, "
-    "beyond the contact law; give the parcel a larger contact stiffness",
-    Status.FRICTION_SMOOTHED: "what dry friction on the belt is smoothed over bears on the peak "
-    "force, or a corner was only just held on the fence, or let go; lower `slip_speed` and "
-    "`static_speed` in the fidelity, both alike",
-    Status.MODES_TOO_FEW: "the bending modes kept do not follow the force; raise `modes` in the "
-    "fidelity",
-    Status.ENERGY_UNBALANCED: "the energy ledger does not close with the work done; "
-    "lower `step` in the fidelity",
-    Status.STEP_TOO_COARSE: "the steps are too long for what happens within one (a blow, a second "
-    "one, friction that turns round), or for the derivatives that are asked for; lower `step` and "
-    "`step_tolerance` in the fidelity; where two maxima of the force are about equally high, a "
-    "finer one tells whose derivatives count; where the parcel bounced on the fence three times "
-    "before the force was largest, change the design",
-    Status.LIMIT_REACHED: "a general integrator came to its limit of steps; use "
-    "`integrator=\"modal\"` in the fidelity",
-    Status.INCONSISTENT: "the scene's numbers do not go together; build the scene outside the "
-    "transformation, which names the number and its bound",
-    Status.NON_FINITE: "the state is not finite, or runs away; print the scene, and correct the "
-    "number that is extreme",
+    Status.LEFT_OVER_TIP: "a corner slid over the fence's tip while pressed on it, where its "
+    f"contact force ends, or a corner not in `fence_corners` came under the fence; {_AT_TIP}",
+    Status.PEAK_AT_END: "the fence's force was largest as the simulation ended, and may grow "
+    "further; run longer with `duration=...`",
+    Status.PEAK_AT_TIP: "the force was largest while a corner slid over the fence's tip, where its "
+    f"contact force ends, or as a corner not in `fence_corners` came under the fence; {_AT_TIP}",
+    Status.LARGE_DEFLECTION: "the tip deflects by more than a quarter of the flexible link's "
+    "length, where linear beam theory no longer holds; make the fence thicker",
+    Status.DEEP_PENETRATION: "a corner is pressed in by more than half the parcel's shorter side, "
+    "where the contact law no longer holds; soften the blow (thinner fence, slower drive), or "
+    "correct the parcel's `stiffness` if it was guessed",
+    Status.FRICTION_SMOOTHED: "the peak force depends on the smoothing of the belt's friction, or "
+    "a corner on the fence was close to its limit of static friction; lower `slip_speed` and "
+    "`static_speed` by the same factor; if the status stays, the outcome hangs on the coefficient "
+    "of friction",
+    Status.MODES_TOO_FEW: "the bending modes that are kept are too few to follow the force; raise "
+    "`modes` in the fidelity",
+    Status.ENERGY_UNBALANCED: "the energy balance does not close: the work done is not what is "
+    "stored and lost; lower `step` in the fidelity",
+    Status.STEP_TOO_COARSE: "the steps are too long for what happens within one of them (a blow, "
+    "a second blow, friction that reverses), or for the derivatives that are asked for; lower "
+    "`step` and `step_tolerance` in the fidelity; where two maxima of the force are about equally "
+    "high, a finer fidelity tells which one counts; where the parcel bounced on the fence three "
+    "times or more before its largest force, no fidelity settles it: change the design",
+    Status.LIMIT_REACHED: "a general integrator (`integrator` other than \"modal\") gave up before "
+    "the end, at its largest number of steps or its shortest step; use `integrator=\"modal\"` in "
+    "the fidelity",
+    Status.INCONSISTENT: "a number of the scene is out of its bounds, or contradicts another one; "
+    "build the scene outside of jit, vmap and grad, where the refusal names the number and its "
+    "bound",
+    Status.NON_FINITE: "the state is not finite, or grows without bound; print the scene, and "
+    "correct the number that is extreme",
 }
 
 

@@ -61,12 +61,13 @@ def free_motion(
     - `velocity`: (xdot, ydot, phidot) [m/s, m/s, rad/s].
     - `parcel`, `belt`: by default the paper's; `None` for `belt` leaves it out.
     - `fence`, `drive`: if a fence is given, it swings and rings beside the parcel without contact,
-      by default with the paper's drive; `drive` without a fence has no effect.
+      by default with the paper's drive.
     - `surfaces`: still surfaces that its `surface_corners` can touch.
     - `duration` [s], static, default 0.5.
 
-    Raises `ValueError` where a number is out of its bounds, a corner is none of 1 ... 4, or one of
-    `surface_corners` lies inside a surface; `TypeError` for a part of a wrong kind.
+    Raises `ValueError` where a number is out of its bounds, a corner is none of 1 ... 4, one of
+    `surface_corners` lies inside a surface, or there is a drive without a fence; `TypeError` for a
+    part of a wrong kind.
 
     >>> scene = fj.scenes.free_motion(position=(0.0, 0.3), velocity=(0.0, 1.0, 2.0))
     >>> scene.fence is None, scene.duration
@@ -86,6 +87,11 @@ def free_motion(
     if fence is not None:
         fence = fence_of(fence)
         drive = drive_of(drive, fence)
+    elif drive is not None:
+        raise ValueError(
+            f"Argument `drive` must come with a `fence`, which it swings, but is {drive!r} without "
+            "one. Write fence=fj.Fence(), or leave out the drive."
+        )
     parcel = parcel_of(parcel)
     surfaces = surfaces_of(surfaces)
     corners = corners_of("surface_corners", surface_corners) if surfaces else ()
@@ -96,7 +102,7 @@ def free_motion(
         AsGiven(motion),
         belt_of(belt),
         fence,
-        drive if fence is not None else None,
+        drive,
         None,
         None,
         (),

@@ -98,8 +98,12 @@ def oblique_impact(
         parcel_angle = _check.scalar("parcel_angle", parcel_angle, size=10.0, unit="rad")
     moving = None
     if velocity is not None:
-        x, y, spin = (_check.scalar("velocity", v, size=1.0, unit="m/s") for v in velocity)
-        moving = (x, y, spin)
+        x, y, spin = velocity
+        moving = (
+            _check.scalar("velocity x", x, size=1.0, unit="m/s"),
+            _check.scalar("velocity y", y, size=1.0, unit="m/s"),
+            _check.scalar("velocity spin", spin, size=1.0, unit="rad/s"),
+        )
     (number,) = corners_of("corner", (corner,))
     parcel = parcel_of(parcel)
     start = AtTouch(

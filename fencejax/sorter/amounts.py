@@ -92,9 +92,24 @@ def _example(unit: str) -> str:
     return _EXAMPLES.get(unit, f"2 {unit}")
 
 
+_WRITTEN = {
+    "control_angles": "[0, 0.3, 0.6] [rad]", "torques": "[60, 0, -60] [N m]",
+    "ratios": "[1, 0.8, 0.5]", "stribeck_speed": '"20 mm/s"',
+}  # fmt: skip
+
+
+def as_written(name: str, unit: str) -> str:
+    """An example of how a number [`unit`], or a vector, is written in a sorter file."""
+    usual = _example(unit) if unit == "1" else f'"{_example(unit)}"'
+    return f"{name} = {_WRITTEN.get(name, usual)}"
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
-    """`" Did you mean ...?"` with the known name nearest to one that is none, or nothing."""
-    found = difflib.get_close_matches(name, list(known), 1, 0.5)
+    """`" Did you mean ...?"` with the known name nearest to one that is none, or nothing; a name
+    of which that is the first word goes before those that are spelt like it."""
+    known = list(known)
+    begun = [one for one in known if one.startswith(f"{name}_")]
+    found = begun or difflib.get_close_matches(name, known, 1, 0.5)
     return f" Did you mean `{found[0]}`?" if found else ""
 
 

@@ -144,7 +144,8 @@ class Sorter(Readable):
         try:
             return cls.parse(text, folder=path.parent, set=set, free=free)
         except (ValueError, TypeError) as error:
-            raise type(error)(f"{path}: {error}") from error
+            kind = TypeError if isinstance(error, TypeError) else ValueError
+            raise kind(f"{path}: {error}") from error
 
     @classmethod
     def _of(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import _check, printing
+from .. import _check, _text, printing
 from .._check import Bounds
 from ..parts import Parcel
 from ..printing import Readable, shown
@@ -114,11 +114,13 @@ def _quantiles(path: str, table: Table, bounds: Bounds, shares: np.ndarray) -> n
     low, high = numbers.get("lower", -math.inf), numbers.get("upper", math.inf)
     if low > high:
         raise ValueError(
-            f"Argument `{path}.lower` must be at most `upper` = {high:g}, but is {low:g}."
+            f"Argument `{path}.lower` must be at most `upper` = {high:g} [{bounds.unit}], but is "
+            f"{low:g}."
         )
     for name in ("deviation", "spread", *(("lower",) if kind == "logarithmic" else ())):
         if name in numbers:
-            _check.scalar(f"{path}.{name}", numbers[name], above=0)
+            unit = bounds.unit if fields[name] else "1"
+            _check.scalar(f"{path}.{name}", numbers[name], above=0, unit=unit)
     if kind == "uniform":
         return low + (high - low) * shares
     if kind == "logarithmic":
@@ -228,8 +230,8 @@ def _rows(raw: Any) -> dict[str, np.ndarray]:
 def _file(path: Path) -> dict[str, np.ndarray]:
     """The columns of a CSV file: titles such as `mass [kg]` or `length [mm]`, then a row a parcel;
     `weight` says how often it comes. Columns may be set apart by semicolons, and numbers then have
-    decimal commas."""
-    text = path.read_text(encoding="utf-8-sig")
+    decimal commas. It is in UTF-8, UTF-16 or the Windows encoding of western Europe."""
+    text = _text.of(path)
     semicolons = ";" in text.partition("\n")[0]
     lines = list(csv.reader(text.splitlines(), delimiter=";" if semicolons else ","))
     lines = [line for line in lines if any(cell.strip() for cell in line)]

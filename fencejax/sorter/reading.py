@@ -29,11 +29,13 @@ from ..parts import (
     Shear,
     materials,
 )
-from .amounts import amount, nearest, refuse_unknown
+from ..printing import shown
+from .amounts import amount, as_written, nearest, refuse_unknown
 
 _P = TypeVar("_P")
 Table = Mapping[str, Any]
 VECTORS = ("control_angles", "ratios", "torques")
+_ROUNDING = 1e-9
 _SPAN = ("lower", "upper", "start", "scaling")
 
 
@@ -64,7 +66,7 @@ class Reading:
             return found
 
         if isinstance(raw, Mapping):
-            return self._span(path, raw, read)
+            return self._span(path, raw, bounds.unit, read)
         if path.rpartition(".")[2] in VECTORS:
             return [read(value) for value in raw]
         if isinstance(raw, (list, tuple)):
@@ -76,7 +78,7 @@ class Reading:
             return found[0]
         return read(raw)
 
-    def _span(self, path: str, raw: Table, read) -> Any:
+    def _span(self, path: str, raw: Table, unit: str, read) -> Any:
         refuse_unknown(path, raw, _SPAN)
         for end in ("lower", "upper"):
             if end not in raw:
@@ -87,7 +89,8 @@ class Reading:
         lower, upper = (read(raw[end], f"{path}.{end}") for end in ("lower", "upper"))
         if lower > upper:
             raise ValueError(
-                f"Argument `{path}.lower` must be at most `upper` = {upper:g}, but is {lower:g}."
+                f"Argument `{path}.lower` must be at most `upper` = {upper:g} [{unit}], but is "
+                f"{lower:g}."
             )
         vector = path.rpartition(".")[2] in VECTORS
         start = raw.get("start")
@@ -105,7 +108,8 @@ class Reading:
         found = read(start, f"{path}.start")
         if not lower <= found <= upper:
             raise ValueError(
-                f"Argument `{path}.start` must be within {lower:g} ... {upper:g}, but is {found:g}."
+                f"Argument `{path}.start` must be within {lower:g} ... {upper:g} [{unit}], but is "
+                f"{found:g}."
             )
         return found
 
@@ -130,11 +134,25 @@ def _choice(path: str, raw: Any, kinds: Mapping[str, type], default: str) -> tup
     return kinds[str(law)], rest
 
 
-def _made(path: str, kind: type, table: Table, reading: Reading, **inner: Any) -> Any:
-    """An instance of a part's class from a table of its numbers; `inner` parts are made already."""
-    known = [name for name in inspect.signature(kind).parameters]
+def _made(
+    path: str, kind: type, table: Table, reading: Reading, law: str = "", **inner: Any
+) -> Any:
+    """An instance of a part's class from a table of its numbers; `law` is what the table calls the
+    class, and `inner` parts are made already."""
+    known = inspect.signature(kind).parameters
     refuse_unknown(path, table, known)
     bounds: Mapping[str, Bounds] = getattr(kind, "bounds", {})
+    needed = [
+        name for name, each in known.items()
+        if each.default is each.empty and each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)
+    ]  # fmt: skip
+    lacking = [name for name in needed if name not in table and name not in inner]
+    if lacking:
+        of_law = f" of law {law}" if law else ""
+        examples = (as_written(name, bounds.get(name, Bounds()).unit) for name in lacking)
+        raise ValueError(
+            f"`{path}`{of_law} needs {', '.join(lacking)}, e.g. {', '.join(examples)}."
+        )
     values = {
         name: value
         if name in inner or name not in bounds
@@ -144,7 +162,8 @@ def _made(path: str, kind: type, table: Table, reading: Reading, **inner: Any) -
     try:
         return kind(**values)
     except (ValueError, TypeError) as error:
-        raise type(error)(f"`{path}`: {error}") from error
+        kind_of_error = TypeError if isinstance(error, TypeError) else ValueError
+        raise kind_of_error(f"`{path}`: {error}") from error
 
 
 def friction(path: str, raw: Any, reading: Reading) -> AbstractFriction | None:
@@ -201,7 +220,8 @@ def _law(
     if isinstance(raw, type):
         _check.part(path, raw, kind, f"{path.rpartition('.')[2]}=fj.{laws[usual].__name__}(...)")
     law, table = _choice(path, raw, laws, usual)
-    return _made(path, law, table, reading)
+    named = next((name for name, each in laws.items() if each is law), law.__name__)
+    return _made(path, law, table, reading, named)
 
 
 def _rubbing(path: str, raw: Any, kind: type[_P], reading: Reading) -> _P:
@@ -215,7 +235,12 @@ def _rubbing(path: str, raw: Any, kind: type[_P], reading: Reading) -> _P:
     return _made(path, kind, table, reading, **inner)
 
 
-_LENGTHS = ("rigid_length", "flexible_length", "reach", "length_ratio")
+_LENGTHS = {
+    "rigid_length": Bounds("m", least=0, size=1.0),
+    "flexible_length": Bounds("m", above=0, size=1.0),
+    "reach": Bounds("m", above=0, size=1.0),
+    "length_ratio": Bounds(least=0, size=1.0),
+}
 
 
 def fence(raw: Any, reading: Reading) -> tuple[Fence, tuple[DataSheet, ...]]:
@@ -243,10 +268,8 @@ def _lengths(given: dict[str, Any], reading: Reading) -> dict[str, float]:
             "Argument `fence` must give its length by rigid_length and flexible_length, or by "
             f"reach with length_ratio or rigid_length, but holds {', '.join(given)}."
         )
-    length, ratio = Bounds("m", least=0, size=1.0), Bounds(least=0, size=1.0)
     found = {
-        name: reading.number(f"fence.{name}", raw, ratio if name == "length_ratio" else length)
-        for name, raw in given.items()
+        name: reading.number(f"fence.{name}", raw, _LENGTHS[name]) for name, raw in given.items()
     }
     varied = {*reading.spans, *reading.choices}
     mixed = "reach" in found and {"rigid_length", "flexible_length"} & set(found)
@@ -262,8 +285,18 @@ def _lengths(given: dict[str, Any], reading: Reading) -> dict[str, float]:
     if "reach" in found:
         reach = found["reach"]
         if "rigid_length" in found:
+            if rigid >= reach:
+                raise ValueError(
+                    f"Argument `fence.rigid_length` must be below `reach` = {shown(reach, 'm')}, "
+                    f"but is {shown(rigid, 'm')}."
+                )
             flexible = reach - rigid
         elif "flexible_length" in found:
+            if flexible > reach * (1 + _ROUNDING):
+                raise ValueError(
+                    "Argument `fence.flexible_length` must be at most `reach` = "
+                    f"{shown(reach, 'm')}, but is {shown(flexible, 'm')}."
+                )
             rigid = reach - flexible
         else:
             share = found.get("length_ratio", rigid / flexible)

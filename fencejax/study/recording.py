@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import _text
 from .recorded_signals import SIGNALS as SIGNALS, Recording as Recording
 
 # Units that a header may name, with their factor to the SI.
@@ -62,7 +63,7 @@ class _File:
         self.path = path
         lines = [
             (number, line)
-            for number, line in enumerate(_text(path).splitlines(), start=1)
+            for number, line in enumerate(_text.of(path).splitlines(), start=1)
             if line.strip() and not line.lstrip().startswith("#")
         ]
         if not lines:
@@ -239,23 +240,6 @@ def read_recording(
         )
     signals = {name: column[timed] for name, column in read.items()}
     return Recording(time[timed], signals, str(path), int(np.sum(~timed)))
-
-
-def _text(path: Path) -> str:
-    """A file's text, in one of the encodings that such files have."""
-    data = path.read_bytes()
-    encoding = "utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    try:
-        return data.decode(encoding)
-    except UnicodeDecodeError as error:
-        if encoding == "utf-8-sig" and 0 not in data:
-            try:
-                return data.decode("cp1252")
-            except UnicodeDecodeError:
-                pass
-        raise ValueError(
-            f"{path}: must be text in UTF-8, but byte {error.start} is not. Save it as CSV."
-        ) from error
 
 
 def _parted(title: str) -> tuple[str, str | None]:

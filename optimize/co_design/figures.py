@@ -10,10 +10,10 @@ import fencejax as fj
 from fencejax.plot import COLORS, figure, prepared
 
 from ..common.encounters import Course
-from ..common.report import save
+from ..common.report import most, save
 from .problem import Joint
 
-_NAMES = ("paper's fence, its drive as a spline", "designed together")
+_NAMES = ("fence before, its drive as a spline", "designed together")
 
 
 def motion(joint: Joint, before, after, out: Path) -> None:
@@ -21,7 +21,7 @@ def motion(joint: Joint, before, after, out: Path) -> None:
     config = joint.config
     drawn = figure(6.6)
     every = drawn.subplots(4, 1, sharex=True)
-    time = np.linspace(0, config.period, 1501)
+    time = np.linspace(0, config.seconds, 1501)
     for color, name, values in zip(COLORS, _NAMES, (before, after), strict=False):
         drive = joint.space.apply(values)[1]
         moved = jax.vmap(drive.motion)(jnp.asarray(time))
@@ -70,10 +70,9 @@ def sorts(joint: Joint, before, after, lane: int, out: Path) -> None:
         time, *signals = jax.device_get(run(jnp.asarray(values)))
         for axes, signal in zip(every, signals, strict=True):
             axes.plot(time, signal, color=color, label=name)
-    tip, torque = 1e3 * joint.config.tip_limit, joint.config.torque_limit
-    _finish(
-        every, ("force [N]", "tip deflection\n[mm]", "torque [N m]"), (None, tip, torque)
-    )
+    tip, torque = (most(joint.limits, name) for name in ("tip_deflection", "peak_torque"))
+    limits = (None, None if tip is None else 1e3 * tip, torque)
+    _finish(every, ("force [N]", "tip deflection\n[mm]", "torque [N m]"), limits)
     every[0].set_title(
         f"{number['mass']:g} kg, {1e3 * number['offset']:g} mm from the border", fontsize="small"
     )

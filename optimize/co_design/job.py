@@ -128,7 +128,7 @@ def _table(outcome: Outcome) -> str:
 
 
 def _mine(outcome: Outcome) -> str:
-    """Which force is the machine's, and what decides it."""
+    """The result for the machine, and the limits and bounds that it is held by."""
     joint, optimum = outcome.joint, outcome.optimum
     if optimum.stop is Stop.FAILED_START:
         return ""

@@ -143,6 +143,9 @@ def parser(told: dict[str, Any]) -> argparse.ArgumentParser:
             made["action"] = argparse.BooleanOptionalAction
         if "type" in made:
             made["type"] = _TYPES[made["type"]]
+        if isinstance(made.get("metavar"), list):
+            # A name for each value; of a list argparse makes one name.
+            made["metavar"] = tuple(made["metavar"])
         result.add_argument(flag, **made)
     return result
 

@@ -15,6 +15,7 @@ from fencejax.sorter import SECTIONS, amount, span, value
 
 from . import designs, flags, named
 
+Overrides = dict[str, Any]
 NONE = "none"
 SORTERS = Path(__file__).parents[1] / "sorters"
 """The sorter files that come with the jobs."""
@@ -86,14 +87,37 @@ def load(
     machine has.
     """
     path = file_of(sorter)
-    spans: dict[str, Any] = {name: span(text) for name, text in pairs("free", free).items()}
-    values = {name: value(text) for name, text in pairs("set", given).items()}
+    spans: Overrides = {name: span(text) for name, text in pairs("free", free).items()}
+    values: Overrides = {name: value(text) for name, text in pairs("set", given).items()}
+    try:
+        return _plausible(path, values, spans)
+    except (ValueError, TypeError) as error:
+        flag = _at_fault(path, values, spans)
+        if flag is None:
+            raise
+        kind = TypeError if isinstance(error, TypeError) else ValueError
+        raise kind(f"{flag}: {str(error).removeprefix(f'{path}: ')}") from error
+
+
+def _plausible(path: Path, values: Overrides, spans: Overrides) -> fj.Sorter:
+    """The sorter of a file; numbers that no such machine has are refused."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", fj.sorter.ImplausibleNumberWarning)
         found = fj.Sorter.load(path, set=values, free=spans)
     if found.doubts:
         raise ValueError(f"{path}: " + " ".join(found.doubts))
     return found
+
+
+def _at_fault(path: Path, values: Overrides, spans: Overrides) -> str | None:
+    """The flag for which a sorter is refused; `None` where its file alone is."""
+    for flag, given in (("--free", values), ("--set", {})):
+        try:
+            _plausible(path, given, {})
+        except (ValueError, TypeError):
+            continue
+        return flag
+    return None
 
 
 def numbers(field: str, text: str, scene: AnyScene | None = None) -> dict[str, float]:

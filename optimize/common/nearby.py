@@ -151,7 +151,12 @@ def _priced(space: DesignSpace, optimum: Optimum, rows: Sequence[Rows]) -> list[
 def _worth(optimum: Optimum, unit: str, gain: float) -> str:
     if optimum.feasible:
         return f"{shown(gain, unit, 3)} less"
-    return f"{100 * gain:.3g} % less to miss"
+    return less_violated(gain)
+
+
+def less_violated(gain: float) -> str:
+    """What a violation falls by [1], in words: in points, as it is told in percent itself."""
+    return f"the violation falls by {100 * gain:.3g} percentage points"
 
 
 _UNKNOWN = "The design cannot be evaluated."

@@ -180,15 +180,27 @@ def verified(fidelity: str, found: Verification) -> dict[str, Any]:
     }
 
 
+def most(limits: Sequence[Limit], name: str) -> float | None:
+    """The largest value that limits allow of a quantity; `None` where they do not limit it."""
+    bounds = (one.bound for one in limits if one.name == name and one.sense == "at most")
+    return min(bounds, default=None)
+
+
+def result_of(held: bool) -> str:
+    """How the sentence with the result begins: whether it is of a design that holds all limits."""
+    if held:
+        return "Result for this machine:"
+    return "No design holds all limits. The nearest one has"
+
+
 def mine(
     value: float, quantity: Quantity, of: str, where: str = "", stiff: float | None = None,
     push: float | None = None, obstacle: float | None = None, held: bool = True,
 ) -> str:  # fmt: skip
-    """One sentence: which of the numbers is the machine's, with what it is to be compared with: a
-    fence of that shape that does not bend, a constant push, an obstacle that does not give way.
-    Where not `held`, the design breaks limits, and the number is not one to build for."""
-    begin = "Yours is" if held else "None is yours yet: no design holds all limits. The nearest has"
-    text = f"{begin} {shown(value, quantity.unit)}: the {of}"
+    """The result for the machine in one sentence, with what it is to be compared with: a fence of
+    that shape that does not bend, a constant push, an obstacle that does not give way. Where not
+    `held`, the design breaks limits, and the number is not one to build for."""
+    text = f"{result_of(held)} {shown(value, quantity.unit)}, the {of}"
     text += f" ({where})" if where else ""
     if stiff is not None:
         text += f"; a fence of that shape that does not bend: {shown(stiff, quantity.unit)}"
@@ -291,12 +303,13 @@ def draw(
     force: dict[str, plot.Trace],
     deflection: dict[str, plot.Trace],
     stiff: float | None,
-    tip_limit: float,
+    tip_limit: float | None,
     optimum: Optimum,
     tolerance: float,
     bars: dict[str, dict[str, float]],
 ) -> None:
-    """Write the four figures: force and deflection in the impact where each is worst."""
+    """Write the four figures: force and deflection in the impact where each is worst, that with
+    the limit that holds for it, if any."""
     drawn = {
         "force": plot.force(force, stiff_force=stiff),
         "tip_deflection": plot.tip_deflection(deflection, limit=tip_limit),

@@ -25,9 +25,9 @@ def fronts(outcome: Outcome, out: Path) -> None:
         (first, "least force", "worst peak force [N]", FORCE, lambda p: p.worst(FORCE.name)),
         (second, "least acceleration", "worst peak acceleration [g]", LOAD,
          lambda p: p.worst(LOAD.name)),
-        (third, "torque at least force", "largest drive torque [N m]", FORCE,
+        (third, "torque of the least-force design", "largest drive torque [N m]", FORCE,
          lambda p: torque(p.values)),
-        (fourth, "mass at least force", "mass of the fence [kg]", FORCE,
+        (fourth, "mass of the least-force design", "mass of the fence [kg]", FORCE,
          lambda p: mass(p.values)),
     ]  # fmt: skip
     if not outcome.config.load:

@@ -6,7 +6,7 @@ from fencejax.design import Stop, fatigue
 from fencejax.printing import shown
 from fencejax.sorter import Look, Price, Solution, SorterProblem
 
-from ..common import report
+from ..common import nearby, report
 from ..common.amounts import plain
 
 
@@ -126,7 +126,7 @@ def gained(problem: SorterProblem, one: Solution, price: Price) -> str:
     """What a limit or bound that gives way is worth."""
     if one.optimum is not None and one.optimum.feasible:
         return f"{shown(price.gain, problem.machine.objective.quantity.unit, 3)} less"
-    return f"{100 * price.gain:.3g} % less to miss"
+    return nearby.less_violated(price.gain)
 
 
 def decides_head(problem: SorterProblem, one: Solution) -> str:
@@ -164,7 +164,7 @@ def start_troubles(problem: SorterProblem, one: Solution) -> str:
 def mine(
     problem: SorterProblem, one: Solution, stiff: float | None, push: float | None = None
 ) -> str:
-    """One sentence: which of the numbers is the machine's."""
+    """The result for the machine in one sentence."""
     machine, quantity = problem.machine, problem.machine.objective.quantity
     over = "largest" if machine.objective.over == "worst" else machine.objective.over
     of = (

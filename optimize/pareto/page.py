@@ -23,7 +23,7 @@ def chosen(front: Front) -> Point | None:
 
 
 def mine(front: Front) -> str:
-    """Which of the numbers is the machine's, at the front's knee."""
+    """The result for the machine, at the front's knee, in one sentence."""
     if front.knee is None:
         return ""
     point, machine = front.points[front.knee], front.config.machine

@@ -37,6 +37,13 @@ class Impacts:
         distance, mass = self.lanes[lane]
         return f"{shown(mass, 'kg')} at R = {shown(distance, 'm')}"
 
+    def parcel(self, mass) -> fj.Parcel:
+        """The parcel of a mass [kg]: the machine's, if there is one, but for its mass."""
+        if self.machine is None:
+            return fj.Parcel(mass=mass)
+        family = self.machine.family(("mass",), kind="oblique_impact", duration=self.duration)
+        return family.scene(jnp.asarray(mass)[None]).parcel
+
     def scene(self, fence: fj.Fence, drive: fj.AbstractDrive, distance, mass) -> fj.Scene:
         """One of the impacts."""
         if self.machine is not None:
@@ -51,7 +58,7 @@ class Impacts:
             drive=drive,
             distance=distance,
             drive_angle=self.drive_angle,
-            parcel=fj.Parcel(mass=mass),
+            parcel=self.parcel(mass),
             duration=self.duration,
         )
 
@@ -154,14 +161,14 @@ def whole_sorts(
 
 
 def stiff_forces(impacts: Impacts, drive: fj.AbstractDrive, belt_speed: float) -> np.ndarray:
-    """N_stiff [N] of every lane: the same parcel at the same normal approach speed against a rigid
-    obstacle."""
+    """N_stiff [N] of every lane: the same parcel, its stiffness and damping included, at the same
+    normal approach speed against a rigid obstacle."""
     rate = float(drive.motion(drive.time_at(impacts.drive_angle)).speed)
     distances, masses = (jnp.asarray(column) for column in zip(*impacts.lanes, strict=True))
     speeds = belt_speed * np.sin(impacts.drive_angle) + distances * rate
 
     def one(speed, mass):
-        scene = fj.scenes.rigid_wall(speed=speed, parcel=fj.Parcel(mass=mass))
+        scene = fj.scenes.rigid_wall(speed=speed, parcel=impacts.parcel(mass))
         return fj.simulate(scene, history=False, only=("peak_force",)).peak_force
 
     return np.asarray(fj.each_lane(lambda lane: one(*lane), (speeds, masses)))

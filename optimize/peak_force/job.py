@@ -292,7 +292,7 @@ def _side_by_side(outcome: Outcome, one_link: fj.Fence) -> dict[str, dict[str, f
             "youngs_modulus": float(fence.material.youngs_modulus),
             "fence_mass": float(found["fence_mass"][0]),
             "peak_force": float(np.max(found["peak_force"])),
-            "smallest_drop": float(np.min(outcome.stiff / found["peak_force"])),
+            "rigid_obstacle_over_peak": float(np.min(outcome.stiff / found["peak_force"])),
             **worst,
             "peak_force_in_sorts":
                 float(np.max(outcome.sorts[name]["peak_force"])) if outcome.sorts else None,
@@ -364,7 +364,7 @@ def _draw(config, outcome, impacts, signals, bars) -> None:
         shown(worst),
         shown(int(np.argmax(found["tip_deflection"]))),
         float(outcome.stiff[worst]),
-        config.tip_limit,
+        report.most(config.limits, "tip_deflection"),
         outcome.optimum,
         config.tolerance,
         {

@@ -14,8 +14,10 @@ from .outcome import Outcome
 
 _UNITS = {
     "thickness": "m", "rigid_length": "m", "flexible_length": "m", "youngs_modulus": "Pa",
-    "fence_mass": "kg", "peak_force": "N", "smallest_drop": "1", "peak_force_in_sorts": "N",
+    "fence_mass": "kg", "peak_force": "N", "rigid_obstacle_over_peak": "1",
+    "peak_force_in_sorts": "N",
 }  # fmt: skip
+_TITLES = {"rigid_obstacle_over_peak": "rigid obstacle's force over it"}
 _FIGURES = {
     "force": "Force on the parcel in the impact in which the optimum's is largest.",
     "tip_deflection": "Deflection of the tip in the impact in which it is largest for the optimum.",
@@ -86,7 +88,7 @@ def rows(outcome: Outcome, impacts: Impacts) -> list[nearby.Rows]:
 
 
 def mine(config: PeakForceConfig, outcome: Outcome, impacts: Impacts) -> str:
-    """Which of the numbers is the machine's."""
+    """The result for the machine in one sentence."""
     quantity = outcome.objective
     values = np.asarray(outcome.measured["after"][quantity.name])
     lane = int(np.argmax(values))
@@ -103,8 +105,9 @@ def _comparison(side_by_side: dict[str, dict]) -> Table:
     """The three fences, the worst of each number over the impacts."""
     names = [n for n in next(iter(side_by_side.values())) if n in _UNITS]
     rows = [
-        [plain(name), *("" if row[name] is None else shown(row[name], _UNITS[name])
-                        for row in side_by_side.values())]
+        [_TITLES.get(name, plain(name)),
+         *("" if row[name] is None else shown(row[name], _UNITS[name])
+           for row in side_by_side.values())]
         for name in names
     ]  # fmt: skip
     return Table(["", *side_by_side], rows, "The paper's fences beside the optimum")

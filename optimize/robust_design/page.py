@@ -5,7 +5,7 @@ import numpy as np
 import fencejax as fj
 from fencejax.printing import shown
 
-from ..common import nearby, pages
+from ..common import nearby, pages, report
 from ..common.amounts import plain
 from ..common.encounters import Course, Encounter
 from ..common.html_report import Part, Report, Section, Table
@@ -70,13 +70,12 @@ def rows(population: Population) -> list[nearby.Rows]:
 
 
 def mine(outcome: Outcome) -> str:
-    """Which of the numbers is the machine's."""
+    """The result for the machine in one sentence."""
     config = outcome.config
     own = outcome.judged["after"].measures[config.measure].value
-    begin = "Yours is" if outcome.held else "None is yours yet, as a limit breaks. This one has"
     text = (
-        f"{begin} {own:.4g} {config.unit}: the {_MEASURES[config.measure]} of the "
-        f"{plain(config.severity)} over {config.fresh} parcels"
+        f"{report.result_of(outcome.held)} {own:.4g} {config.unit}, the "
+        f"{_MEASURES[config.measure]} of the {plain(config.severity)} over {config.fresh} parcels"
     )
     if config.machine is not None and config.machine.title:
         text += f" of {config.machine.title}"

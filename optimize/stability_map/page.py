@@ -6,7 +6,7 @@ from typing import Any
 from ..common import pages
 from ..common.amounts import plain
 from ..common.html_report import Report, Section, Table
-from .scenes import AXES, ORDINARY
+from .scenes import AXES, ORDINARY, TITLES
 
 _FIGURES = {
     "stability_axes": "Each number by itself, from end to end.",
@@ -24,13 +24,14 @@ def write(config: Any, found: dict[str, Any], fine: bool) -> None:
         for name, rung in rungs.items()
     ]  # fmt: skip
     off = [
-        [name, ", ".join(f"{plain(k)} {v:.3g}" for k, v in point.items() if k != "error"),
-         f"{100 * point['error']:.2g} %"]
+        [name, ", ".join(
+            f"{TITLES.get(k, plain(k))} {v:.3g}" for k, v in point.items() if k != "error"
+        ), f"{100 * point['error']:.2g} %"]
         for name, rung in rungs.items() for point in rung["off at"]
     ]  # fmt: skip
     axes = [
-        [plain(name), f"{low:.3g}", f"{high:.3g}", f"{ORDINARY[name]:.3g}"]
-        for name, (low, high, *_) in AXES.items()
+        [f"{TITLES[name]} [{unit}]", f"{low:.3g}", f"{high:.3g}", f"{ORDINARY[name]:.3g}"]
+        for name, (low, high, unit) in AXES.items()
     ]
     titles = ["fidelity", *kinds, "promised error", "largest error under a good status"]
     Report(
@@ -46,7 +47,7 @@ def write(config: Any, found: dict[str, Any], fine: bool) -> None:
                 *([Table(["fidelity", "at", "error"], off, "Off")] if off else []),
             ]),
             Section("What varied", [
-                Table(["number [SI]", "from", "to", "otherwise"], axes, "Axes"),
+                Table(["number", "from", "to", "otherwise"], axes, "Axes"),
             ]),
             pages.figures(Path(config.out), _FIGURES),
             Section("Statuses", [

@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from fencejax.plot import style
 
-from .scenes import AXES, ORDINARY
+from .scenes import AXES, ORDINARY, TITLES
 
 _NAMES = ("right", "off: good status, beyond the promise", "warned", "refused")
 # Told apart by the colour-blind, and in grey.
@@ -30,9 +30,9 @@ def _legend(figure):
 
 
 def _label(name: str) -> str:
-    """An axis' name with its unit, powers raised."""
+    """An axis' title with its unit, powers raised."""
     unit = re.sub(r"\^(-?[\d.]+)", r"$^{\1}$", AXES[name][2])
-    return f"{name.replace('_', ' ')} [{unit}]"
+    return f"{TITLES[name]} [{unit}]"
 
 
 def _edges(values: np.ndarray) -> np.ndarray:

@@ -25,6 +25,17 @@ AXES = dict(
     kinetic=(1e-3, 5.0, "1"), gravity=(0.1, 100.0, "m/s^2"), place=(0.02, 1.0, "1"),
 )
 
+TITLES = dict(
+    thickness="fence's thickness", reach="fence's reach", flexible="flexible length / reach",
+    modulus="Young's modulus", density="fence's density", damping_ratio="fence's damping ratio",
+    mass="parcel's mass", length="parcel's length", aspect="breadth / length",
+    stiffness="parcel's stiffness", damping="parcel's damping", approach="approach speed",
+    belt="belt speed", top_speed="drive's top speed", belt_kinetic="belt's kinetic friction",
+    belt_static="belt's static friction", kinetic="fence's kinetic friction", gravity="gravity",
+    place="R / reach",
+)
+"""What the axes are called for a reader."""
+
 
 def impact(x, duration=0.12, **parts):
     """The oblique impact of such numbers."""

@@ -116,6 +116,20 @@ def test_shock_spectrum_against_recursive_filters():
     assert low == pytest.approx(np.trapezoid(pulse, time), rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("frequencies", "damping", "said"),
+    [
+        ([5.0], 1.2, r"`damping_ratio` must be below 1 \[1\], but is 1.2"),
+        ([5.0], 1.0, r"`damping_ratio` must be below 1 \[1\], but is 1"),
+        ([5.0], -0.1, r"`damping_ratio` must be at least 0 \[1\], but is -0.1"),
+        ([5.0, 0.0], 0.05, r"`frequencies` must be above 0 \[Hz\], but is 0"),
+    ],
+)
+def test_a_shock_spectrum_of_what_does_not_ring_is_refused(frequencies, damping, said):
+    with pytest.raises(ValueError, match=said):
+        shock.pseudo_velocity_spectrum([0.0, 0.1], [1.0, 1.0], frequencies, damping)
+
+
 def test_slope_of_a_shock_spectrum():
     time = np.arange(0, 0.08, STEP)
 

@@ -314,6 +314,15 @@ def test_texts_that_cannot_be_read(read, text):
         read("field", text, "be so")
 
 
+@pytest.mark.parametrize(
+    ("job", "flag"), [("robust_design", "--mass"), ("reproduce_paper", "--masses")]
+)
+def test_help_names_both_ends_of_a_span(job, flag, capsys):
+    with pytest.raises(SystemExit):
+        importlib.import_module(f"optimize.{job}.configuration").configure(["--help"])
+    assert f" {flag} FROM TO " in capsys.readouterr().out
+
+
 def test_help_on_file_is_what_the_jobs_say():
     known = {file: file.read_text() for file in job_flags.JOBS.glob(f"*/{flags.DESCRIPTION}")}
     assert known == job_flags.described(), "python tests/job_flags.py --write"

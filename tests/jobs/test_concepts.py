@@ -14,7 +14,7 @@ from pictures import shows_data
 import fencejax as fj
 from fencejax.design import objectives, sorting
 from fencejax.sorter import Look, Measured, Objective, Solution, SorterProblem
-from optimize.concepts import job, main, quantities, search, words
+from optimize.concepts import figures, job, main, quantities, search, words
 from optimize.concepts.configuration import ConceptsConfig, configure
 from optimize.concepts.means import Concept
 from optimize.concepts.problem import Group, grouped, period, swinging
@@ -281,3 +281,12 @@ def test_files(stubbed, config):
     ]  # fmt: skip
     assert configure(report_pages.arguments(config.out / "report.html", "concepts")) == config
     assert content["wins"][0].rstrip(".") in report_pages.text(config.out / "report.html")
+
+
+def test_titles_of_the_figure_say_whose_torque_and_mass(stubbed, tmp_path, monkeypatch):
+    drawn, make = [], figures.new_figure
+    monkeypatch.setattr(figures, "new_figure", lambda *size: drawn.append(make(*size)) or drawn[0])
+    figures.fronts(stubbed[0], tmp_path)
+    places = ("left", "center", "right")
+    titles = {axes.get_title(loc=place) for axes in drawn[0].axes for place in places}
+    assert {"torque of the least-force design", "mass of the least-force design"} <= titles

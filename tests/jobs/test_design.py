@@ -107,7 +107,7 @@ def test_gradient_of_the_problem(outcome):
 
 def test_what_it_says_and_writes(outcome):
     text = words.mine(outcome.problem, outcome.best, outcome.stiff, outcome.push)
-    assert text.startswith("Yours is ")
+    assert text.startswith("Result for this machine: ")
     assert "; a constant push would need " in text
     assert "the largest peak force over the 2 parcels and places of tiny" in text
     assert outcome.stiff > outcome.best.after.objective > outcome.push
@@ -192,7 +192,8 @@ def test_a_conflict_is_named(outcome, tmp_path):
     assert "torque" in [price.name for one in found.solutions for price in one.prices]
     said = words.decides(found.problem, found.best)
     assert "these fight" in said.lower()
-    assert words.mine(found.problem, found.best, None).startswith("None is yours yet")
+    assert words.mine(found.problem, found.best, None).startswith("No design holds all limits. The")
+    assert "the violation falls by " in words.decides(found.problem, found.best)
     # Nothing worse than the start is shown as found.
     for one in found.solutions:
         assert one.after.violation <= one.before.violation

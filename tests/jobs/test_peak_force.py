@@ -103,6 +103,8 @@ def test_files(small):
     # The four figures and the drawing.
     assert report_pages.read(page).pictures == 5
     assert {"What decides", "Tolerances"} <= set(report_pages.read(page).headings)
+    assert "rigid obstacle's force over it" in report_pages.text(page)
+    assert "Result for this machine: " in report_pages.text(page)
     assert configure(report_pages.arguments(page, "peak_force")) == PeakForceConfig(
         **{**vars(_SMALL), "out": out}
     )

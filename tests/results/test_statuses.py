@@ -24,9 +24,9 @@ def status(scene, fidelity=None, **fields):
 
 def test_status_text_says_the_cause_and_what_to_change():
     # What a text tells the reader to change is there to be changed.
-    knobs = {*inspect.signature(fj.Fidelity).parameters}
-    for scene in (fj.scenes.oblique_impact, fj.scenes.whole_sort):
-        knobs |= {*inspect.signature(scene).parameters}
+    knobs = set()
+    for made in (fj.Fidelity, fj.Parcel, fj.scenes.oblique_impact, fj.scenes.whole_sort):
+        knobs |= {*inspect.signature(made).parameters}
     for status in set(fj.Status) - {fj.Status.SUCCESSFUL}:
         cause, _, remedy = status.text.partition("; ")
         assert cause, status
@@ -34,6 +34,13 @@ def test_status_text_says_the_cause_and_what_to_change():
         assert {re.split("=", name)[0] for name in re.findall("`(.+?)`", remedy)} <= knobs, status
     assert len({status.text for status in fj.Status}) == len(fj.Status)
     assert [int(status) for status in fj.Status] == list(range(len(fj.Status)))
+
+
+def test_a_deep_penetration_is_no_reason_for_another_parcel():
+    # The parcel is what it is: the machine is changed, or a guess of the parcel's stiffness.
+    remedy = fj.Status.DEEP_PENETRATION.text.partition("; ")[2]
+    assert remedy.startswith("soften the blow")
+    assert remedy.endswith("the parcel's `stiffness` if it was guessed")
 
 
 LONG_STEPS = fj.Fidelity(step=5e-3, step_tolerance=None)

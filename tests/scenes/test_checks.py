@@ -230,6 +230,18 @@ def test_fidelity_is_checked(changes, error, text):
         (lambda: scenes.whole_sort(fence_corners=(0,)), "`fence_corners` must hold corners"),
         (lambda: scenes.oblique_impact(fence_corners=(2, 3)), "must hold corner 1, which"),
         (lambda: scenes.rigid_wall(speed=np.nan), "`speed` must be finite"),
+        (
+            lambda: scenes.oblique_impact(velocity=(2.0, np.nan, 0.0)),
+            r"`velocity y` must be finite \[m/s\], but is nan",
+        ),
+        (
+            lambda: scenes.oblique_impact(velocity=(2.0, 0.0, np.inf)),
+            r"`velocity spin` must be finite \[rad/s\], but is inf",
+        ),
+        (
+            lambda: scenes.free_motion(drive=fj.HarmonicDrive()),
+            "`drive` must come with a `fence`, which it swings, but is HarmonicDrive",
+        ),
     ],
 )
 def test_scenes_are_checked(build, text):

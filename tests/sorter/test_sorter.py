@@ -209,20 +209,39 @@ REFUSED = [
     ({"fence": {"material": []}}, "must name one at least"),
     ({"fence": {"material": ["POM", "POM"]}}, "must not repeat a material"),
     ({"fence": {"thickness": {"lower": 0.03}}}, "lacks `upper`"),
-    ({"fence": {"thickness": {"lower": 0.03, "upper": 0.02}}}, "must be at most `upper` = 0.02"),
+    ({"fence": {"thickness": {"lower": 0.03, "upper": 0.02}}}, r"at most `upper` = 0.02 \[m\]"),
     (
         {"fence": {"thickness": {"lower": 0.03, "upper": 0.05, "start": 0.06}}},
-        "`fence.thickness.start` must be within 0.03 ... 0.05",
+        r"`fence.thickness.start` must be within 0.03 ... 0.05 \[m\], but is 0.06",
     ),
+    (
+        {"fence": {"reach": "1.2 m", "rigid_length": "1.5 m"}},
+        "`fence.rigid_length` must be below `reach` = 1.2 m, but is 1.5 m",
+    ),
+    (
+        {"fence": {"reach": "1.2 m", "flexible_length": "1.5 m"}},
+        "`fence.flexible_length` must be at most `reach` = 1.2 m, but is 1.5 m",
+    ),
+    ({"fence": {"reach": 0}}, r"`fence.reach` must be above 0 \[m\], but is 0"),
     ({"fence": {"taper": "unifrom"}}, "Did you mean `uniform`"),
     ({"fence": {"taper": fj.Uniform}}, "`fence.taper` must be an instance .* the class Uniform"),
     ({"fence": {"reach": {"lower": 1, "upper": 2}, "rigid_length": 0.2}}, "reach and length_ratio"),
     ({"belt": 2.0}, "`belt` must be a table of numbers or the part itself, but is 2.0"),
     ({"drive": {"law": "harmonics"}}, "Did you mean `harmonic`"),
+    (
+        {"drive": "spline"},
+        r"`drive` of law spline needs control_angles, e.g. control_angles = \[0, 0.3, 0.6\] \[rad",
+    ),
+    (
+        {"fence_friction": {"law": "stribeck", "kinetic": 0.3}},
+        "`fence_friction` of law stribeck needs static, stribeck_speed, e.g. static = 0.35, "
+        'stribeck_speed = "20 mm/s"',
+    ),
     ({"drive": {"top_speed": {"lower": 1, "upper": 2}}}, "`period` .* must be given"),
     ({"drive": {"law": "trapezoid", "top_speed": 9}}, "`drive`: .*the stroke is too short"),
     ({"motor": 400}, "`motor` must be an instance of Motor, but is 400"),
     ({"limits": {"tip_deflexion": 1}}, "Did you mean `tip_deflection`"),
+    ({"limits": {"tip": 1}}, "Did you mean `tip_deflection`"),
     ({"limits": {"impulse": 0}}, "`limits.impulse` must not be 0"),
     ({"limits": {"impulse": {"below": 3}}}, "`at_most` or `at_least`"),
     ({"objective": "peak_forse"}, "Did you mean `peak_force`"),
@@ -233,6 +252,14 @@ REFUSED = [
     ({"parcels": {"list": [{"mass": 1}], "mass": 3}}, "must be given once"),
     ({"parcels": {"mass": {"distribution": "gauss"}}}, "unknown key `gauss`"),
     ({"parcels": {"mass": {"distribution": "normal", "mean": 2}}}, "must give `deviation`"),
+    (
+        {"parcels": {"mass": {"distribution": "uniform", "lower": 3, "upper": 2}}},
+        r"`parcels.mass.lower` must be at most `upper` = 2 \[kg\], but is 3",
+    ),
+    (
+        {"parcels": {"mass": {"distribution": "normal", "mean": 2, "deviation": 0}}},
+        r"`parcels.mass.deviation` must be above 0 \[kg\], but is 0",
+    ),
 ]
 
 
@@ -304,6 +331,24 @@ def test_a_files_defects_are_told_with_their_line(tmp_path):
         fj.Sorter(parcels={"file": "parcels.csv"}, folder=tmp_path)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_a_file_of_parcels_is_read_as_a_spreadsheet_saves_it(tmp_path, encoding):
+    # A micro sign is one byte in the Windows encoding, with which no character of UTF-8 begins.
+    text = "mass [kg];critical_velocity_change [\u00b5m/\u00b5s]\n1,5;2\n"
+    (tmp_path / "parcels.csv").write_bytes(text.encode(encoding))
+    columns = fj.Sorter(parcels={"file": "parcels.csv"}, folder=tmp_path).parcels.columns
+    np.testing.assert_allclose(columns["parcel.mass"], [1.5])
+    np.testing.assert_allclose(columns["parcel.critical_velocity_change"], [2.0])
+
+
+def test_a_file_of_parcels_that_is_no_text_is_refused_with_its_byte(tmp_path):
+    (tmp_path / "parcels.csv").write_bytes(b"mass [kg]\n\x00\xff\n")
+    (tmp_path / "mine.toml").write_text('[parcels]\nfile = "parcels.csv"\n')
+    said = "mine.toml: .*parcels.csv: must be text in UTF-8, but byte 11 is not"
+    with pytest.raises(ValueError, match=said):
+        fj.Sorter.load(tmp_path / "mine.toml")
+
+
 def test_distributions_have_their_moments():
     parcels = fj.Sorter(parcels={
         "count": 1024,
@@ -340,6 +385,21 @@ def test_files_that_come_with_the_jobs_are_read(file):
     assert len(sorter.problem().candidates) == len(sorter.materials)
 
 
+def test_what_a_flag_says_is_not_put_down_to_the_file(tmp_path):
+    with pytest.raises(ValueError, match="^--set: Argument `fence.thickness` must be above 0"):
+        load("paper", ("fence.thickness=-3mm",))
+    with pytest.raises(ValueError, match="^--set: `fence.thickness` is 45 "):
+        load("paper", ("fence.thickness=45",))
+    with pytest.raises(ValueError, match="^--free: Argument `fence.width.lower` must be above 0"):
+        load("paper", ("fence.thickness=20mm",), ("fence.width=-1:1",))
+    with pytest.raises(TypeError, match="^--set: Argument `belt` must be a table"):
+        load("paper", ("belt=2",))
+    file = tmp_path / "mine.toml"
+    file.write_text("[belt]\nspeed = -2\n")
+    with pytest.raises(ValueError, match="mine.toml: Argument `belt.speed` must be at least 0"):
+        load(str(file), ("fence.thickness=20mm",))
+
+
 def test_jobs_refuse_numbers_that_no_machine_has():
     with pytest.raises(ValueError, match="`fence.thickness` is 45 .* Is it 45 mm"):
         load("paper", ("fence.thickness=45",))
@@ -352,6 +412,8 @@ def test_jobs_refuse_numbers_that_no_machine_has():
         (lambda: fj.Fence(taper=fj.Uniform), "`taper` .* the class Uniform, not made yet"),
         (lambda: fj.Belt(friction=0.5), "`friction` must be an instance of AbstractFriction"),
         (lambda: fj.Border(friction=0.5), "`friction` must be an instance of AbstractFriction"),
+        (lambda: fj.surfaces.Deflector(0.6, friction=0.35), "`friction` must be an instance of A"),
+        (lambda: fj.SteppedTaper("x", 4), "`profile` must be an instance of AbstractTaper, but is"),
         (lambda: fj.Parcel(contact="hard"), "`contact` must be an instance of AbstractContactLaw"),
         (lambda: fj.scenes.whole_sort(belt=2.0), "`belt` must be an instance of Belt, but is 2.0"),
         (lambda: fj.scenes.oblique_impact(fence=0.045), "`fence` must be an instance of Fence"),

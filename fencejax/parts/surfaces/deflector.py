@@ -59,7 +59,11 @@ class Deflector(AbstractSurface):
         - `friction`: default kinetic 0.35, static 0.5, as of the fence; `None` for none.
         """
         _check.fields(self, angle=angle, length=length, hinge_x=hinge_x, hinge_y=hinge_y)
-        self.friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
+        friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
+        if friction is not None:
+            example = "friction=fj.Friction(kinetic=0.35, static=0.5)"
+            friction = _check.part("friction", friction, AbstractFriction, example)
+        self.friction = friction
 
     def at(self, x, y):
         x, y = x - self.hinge_x, y - self.hinge_y
