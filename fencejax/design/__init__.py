@@ -61,6 +61,12 @@ from .program import (
     Numbers as Numbers,
     Program as Program,
 )
+from .relaxation import (
+    RELAXED as RELAXED,
+    Bounded as Bounded,
+    Relaxation as Relaxation,
+    relaxations as relaxations,
+)
 from .ring_down import (
     RING_AMPLITUDE as RING_AMPLITUDE,
     ring_amplitude as ring_amplitude,

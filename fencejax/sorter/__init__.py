@@ -43,7 +43,6 @@ from .problem import (
     SorterProblem as SorterProblem,
 )
 from .solution import (
-    RELAXED as RELAXED,
     Look as Look,
     Price as Price,
     Solution as Solution,

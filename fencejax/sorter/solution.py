@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from ..design import (
-    DesignVariable,
+    Bounded,
     Journal,
     Optimum,
     Record,
@@ -18,6 +18,7 @@ from ..design import (
     Verification,
     conflict,
     minimize,
+    relaxations,
     shadow_prices,
     sorting,
     verify,
@@ -26,12 +27,7 @@ from ..fidelity import Fidelity
 from ..results import Status
 from .problem import Candidate, Measured, SorterProblem
 
-RELAXED = 0.1
-"""By which share a limit or a bound is relaxed to say what it costs; of one that is 0, by that
-share of what its margin is measured in."""
 _STARTS = 8
-# A price that is less than this share of the largest is none.
-_LITTLE = 1e-3
 
 
 class Look(NamedTuple):
@@ -214,47 +210,24 @@ def _prices(
     problem: SorterProblem, candidate: Candidate, found: ShadowPrices, margins: np.ndarray
 ) -> tuple[Price, ...]:
     """What limits and bounds that are relaxed by a tenth are worth, most first."""
-    limits = dict(problem.limits(candidate))
-    steps = {
-        name: RELAXED * (abs(limit.bound) or limit.unit_of_margin)
-        for name, limit in limits.items()
-    }
-    rates: dict[str, float] = {}
-    parcels: dict[str, list[str]] = {}
-    for index, rate in enumerate(found.margins):
-        name, lane = problem.margin(index)
-        # A search that was cut short may still weigh a limit that is further away than it would
-        # give way: that does not decide.
-        if margins[index] * limits[name].unit_of_margin > steps[name]:
-            continue
-        rates[name] = rates.get(name, 0.0) + float(rate)
-        if rate > 0 and lane is not None:
-            parcels.setdefault(name, []).append(problem.machine.parcels.text(lane))
-    prices = []
-    for name, rate in rates.items():
-        limit, step = limits[name], steps[name]
-        relaxed = limit.bound + (step if limit.sense == "at most" else -step)
-        gain = rate * step / limit.unit_of_margin
-        where = tuple(parcels.get(name, ()))
-        prices.append(Price(name, limit.bound, relaxed, limit.quantity.unit, where, gain))
-    for index, name in enumerate(problem.variable_names if problem.space else ()):
-        assert problem.space is not None
-        variable = problem.space.variables[index]
-        lower, upper = variable.lower, variable.upper
-        # A lower bound of 0 is the number's own.
-        below, above = lower - RELAXED * abs(lower), upper + RELAXED * abs(upper)
-        passed = -_share(variable, below) if lower != 0 else 0.0
-        gain = float(found.lower[index]) * passed
-        prices.append(Price(f"lower bound of {name}", lower, below, variable.unit, (), gain))
-        gain = float(found.upper[index]) * (_share(variable, above) - 1)
-        prices.append(Price(f"upper bound of {name}", upper, above, variable.unit, (), gain))
-    most = max((price.gain for price in prices), default=0.0)
-    return tuple(sorted((p for p in prices if p.gain > _LITTLE * most), key=lambda p: -p.gain))
-
-
-def _share(variable: DesignVariable, value: float) -> float:
-    """The share of the range at a value, which may be out of it."""
-    return float(variable.share(value))
+    of = [problem.margin(k) for k in range(margins.size)]
+    limits = [
+        Bounded(
+            name, limit.bound, limit.quantity.unit, limit.unit_of_margin, limit.sense == "at most",
+            [k for k, (other, _) in enumerate(of) if other == name],
+        )
+        for name, limit in problem.limits(candidate)
+    ]  # fmt: skip
+    variables = () if problem.space is None else problem.space.variables
+    named = dict(zip(problem.variable_names if variables else (), variables, strict=True))
+    text = problem.machine.parcels.text
+    return tuple(
+        Price(
+            one.name, one.bound, one.relaxed, one.unit,
+            tuple(text(lane) for k in one.margins if (lane := of[k][1]) is not None), one.gain,
+        )
+        for one in relaxations(limits, named, found, margins)
+    )  # fmt: skip
 
 
 def rigid(problem: SorterProblem, solution: Solution, check: Fidelity | None = None) -> Measured:

@@ -7,9 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fencejax.design import DesignSpace, Evaluation, Limit, Optimum, conflict, shadow_prices
+from fencejax.design import (
+    Bounded,
+    DesignSpace,
+    Evaluation,
+    Limit,
+    Optimum,
+    Relaxation,
+    conflict,
+    relaxations,
+    shadow_prices,
+)
 from fencejax.printing import shown
-from fencejax.sorter import RELAXED
 
 from .amounts import changed, plain
 from .html_report import Part, Table
@@ -18,7 +27,6 @@ SHARE = 0.05
 """By which share of itself each number of a design is moved."""
 NOTHING = 1e-6
 """Of the larger of a number's bounds: below it the number is 0, of which a share is nothing."""
-_LITTLE = 1e-3
 
 
 class Rows(NamedTuple):
@@ -109,43 +117,24 @@ def tolerance_parts(
     return parts
 
 
-class _Priced(NamedTuple):
-    """A limit or a bound: what it is, relaxed by how much, what that is worth, and of how many
-    margins."""
-
-    name: str
-    bound: float
-    relaxed: float
-    unit: str
-    gain: float
-    deciding: str
-
-
-def _priced(space: DesignSpace, optimum: Optimum, rows: Sequence[Rows]) -> list[_Priced]:
+def _priced(space: DesignSpace, optimum: Optimum, rows: Sequence[Rows]) -> list[Relaxation]:
     """What decides, most first."""
     prices = shadow_prices(optimum) if optimum.feasible else conflict(optimum.last)
-    found, start = [], 0
+    limits, start = [], 0
     for row in rows:
-        rates = prices.margins[start : start + row.lanes]
+        own = range(start, start + row.lanes)
         start += row.lanes
-        step = RELAXED * (abs(row.bound) or row.unit_of_margin)
-        relaxed = row.bound + (step if row.at_most else -step)
-        gain = float(np.sum(rates)) * step / row.unit_of_margin
-        deciding = f"{int(np.sum(rates > 0))} of {row.lanes}"
-        found.append(_Priced(plain(row.name), row.bound, relaxed, row.unit, gain, deciding))
-    for index, variable in enumerate(space.variables):
-        ends = (("lower", prices.lower, variable.lower, -1), ("upper", prices.upper,
-                variable.upper, 1))  # fmt: skip
-        for side, rates, bound, sign in ends:
-            if rates[index] <= 0 or bound == 0:
-                continue
-            relaxed = bound + sign * RELAXED * abs(bound)
-            share = float(variable.share(relaxed))
-            gain = float(rates[index]) * (share - 1 if sign > 0 else -share)
-            name = f"{side} bound of {plain(variable.name)}"
-            found.append(_Priced(name, bound, relaxed, variable.unit, gain, ""))
-    most = max((one.gain for one in found), default=0.0)
-    return sorted((f for f in found if f.gain > _LITTLE * most), key=lambda f: -f.gain)
+        limits.append(
+            Bounded(plain(row.name), row.bound, row.unit, row.unit_of_margin, row.at_most, own)
+        )
+    variables = {plain(variable.name): variable for variable in space.variables}
+    return relaxations(limits, variables, prices, optimum.last.margins)
+
+
+def _deciding(one: Relaxation, rows: Sequence[Rows]) -> str:
+    """How many margins of a limit decide; nothing of a bound."""
+    lanes = {plain(row.name): row.lanes for row in rows}
+    return f"{len(one.margins)} of {lanes[one.name]}" if one.name in lanes else ""
 
 
 def _worth(optimum: Optimum, unit: str, gain: float) -> str:
@@ -174,7 +163,7 @@ def price_parts(
         return [_FREE]
     table = [
         [one.name, shown(one.bound, one.unit), shown(one.relaxed, one.unit),
-         _worth(optimum, unit, one.gain), one.deciding]
+         _worth(optimum, unit, one.gain), _deciding(one, rows)]
         for one in kept
     ]  # fmt: skip
     head = (

@@ -5,7 +5,15 @@ import numpy as np
 import pytest
 
 import fencejax as fj
-from fencejax.design import conflict, risk, shadow_prices
+from fencejax.design import (
+    Bounded,
+    DesignVariable,
+    ShadowPrices,
+    conflict,
+    relaxations,
+    risk,
+    shadow_prices,
+)
 
 
 def test_prices_are_the_slopes_of_the_least_objective():
@@ -61,3 +69,29 @@ def test_weights_count_as_often_as_a_value_comes(measure):
     left = risk.risk(np.repeat(values, counts), measure, 0.75, np.repeat(valid, counts))
     alike = risk.risk(np.where(valid, values, np.nan), measure, 0.75, valid, counts / 10)
     assert float(alike) == pytest.approx(float(left), rel=1e-12)
+
+
+def test_a_limit_is_worth_the_rates_of_the_margins_that_it_would_free():
+    """Two limits of two margins each; the second margin of the first is further away than a tenth
+    of its bound, so that it does not decide. The other limit is 0, and steps by its margins' unit.
+    """
+    limits = [
+        Bounded("stress", 40.0, "MPa", 20.0, True, (0, 1)),
+        Bounded("sorted", 0.0, "m", 0.5, False, (2, 3)),
+    ]
+    thickness = DesignVariable("thickness", 0.02, 0.08, "m", "linear")
+    ratio = DesignVariable("length_ratio", 0.0, 3.0, "1", "linear")
+    prices = ShadowPrices(
+        np.array([2.0, 7.0, 0.0, 5.0]), np.array([0.0, 9.0]), np.array([30.0, 0.0])
+    )
+    found = relaxations(
+        limits, {"h": thickness, "ratio": ratio}, prices, np.array([0.0, 0.25, 0.0, 0.0])
+    )
+    upper, sorted_, stress = found
+    assert (stress.name, stress.relaxed, stress.margins) == ("stress", 44.0, (0,))
+    assert stress.gain == pytest.approx(2.0 * 4 / 20)
+    assert (sorted_.name, sorted_.margins) == ("sorted", (3,))
+    assert (sorted_.relaxed, sorted_.gain) == pytest.approx((-0.05, 5.0 * 0.05 / 0.5))
+    # The bound of 0 is the number's own.
+    assert (upper.name, upper.relaxed) == ("upper bound of h", pytest.approx(0.088))
+    assert upper.gain == pytest.approx(30.0 * 0.008 / 0.06)

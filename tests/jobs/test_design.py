@@ -9,7 +9,8 @@ import pytest
 import report_pages
 
 import fencejax as fj
-from fencejax.sorter import RELAXED, Price
+from fencejax.design import RELAXED
+from fencejax.sorter import Price
 from optimize.design import main, words
 from optimize.design.configuration import DesignConfig, configure
 from optimize.design.tolerances import tolerances

@@ -1,0 +1,76 @@
+"""What limits and bounds are worth that give way by a tenth: shadow prices times that step."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from .lagrangian import Vector
+from .prices import ShadowPrices
+from .variables import DesignVariable
+
+RELAXED = 0.1
+"""By which share a limit or a bound is relaxed to say what it costs; of a limit that is 0, by that
+share of what its margin is measured in."""
+# What is worth less than this share of the most is worth nothing.
+_LITTLE = 1e-3
+
+
+class Bounded(NamedTuple):
+    """A limit: its `bound` [`unit`], which of the margins (m,) are its own, and what these are
+    measured in [`unit`]."""
+
+    name: str
+    bound: float
+    unit: str
+    unit_of_margin: float
+    at_most: bool
+    margins: Sequence[int]
+
+
+class Relaxation(NamedTuple):
+    """A limit or a bound, relaxed from `bound` to `relaxed` [`unit`]: its `gain` is by how much
+    what is priced falls then; `margins` are those of a limit that decide."""
+
+    name: str
+    bound: float
+    relaxed: float
+    unit: str
+    gain: float
+    margins: tuple[int, ...]
+
+
+def relaxations(
+    limits: Sequence[Bounded],
+    variables: Mapping[str, DesignVariable],
+    prices: ShadowPrices,
+    margins: Vector,
+) -> list[Relaxation]:
+    """What relaxing each limit and each bound of a number by `RELAXED` of itself is worth, most
+    first: its rate times the step, to the first order and one at a time.
+
+    `margins` (m,) are those of the design that the `prices` are of; `variables` are the numbers by
+    the names that a reader has for them, in the order of the shares z. A bound of 0 is the number's
+    own and is not relaxed.
+    """
+    found: list[Relaxation] = []
+    for limit in limits:
+        step = RELAXED * (abs(limit.bound) or limit.unit_of_margin)
+        # A search that was cut short may still weigh a margin that is further away than the limit
+        # would give way: that does not decide.
+        near = [k for k in limit.margins if margins[k] * limit.unit_of_margin <= step]
+        rate = sum(float(prices.margins[k]) for k in near)
+        relaxed = limit.bound + (step if limit.at_most else -step)
+        gain = rate * step / limit.unit_of_margin
+        deciding = tuple(k for k in near if prices.margins[k] > 0)
+        found.append(Relaxation(limit.name, limit.bound, relaxed, limit.unit, gain, deciding))
+    for index, (name, variable) in enumerate(variables.items()):
+        lower, upper, unit = variable.lower, variable.upper, variable.unit
+        if lower != 0:
+            below = lower - RELAXED * abs(lower)
+            gain = -float(prices.lower[index]) * float(variable.share(below))
+            found.append(Relaxation(f"lower bound of {name}", lower, below, unit, gain, ()))
+        if upper != 0:
+            above = upper + RELAXED * abs(upper)
+            gain = float(prices.upper[index]) * (float(variable.share(above)) - 1)
+            found.append(Relaxation(f"upper bound of {name}", upper, above, unit, gain, ()))
+    most = max((one.gain for one in found), default=0.0)
+    return sorted((one for one in found if one.gain > _LITTLE * most), key=lambda one: -one.gain)
