@@ -32,9 +32,9 @@ class CoDesignConfig:
     sorter: str = machine.sorter_field()
     set: tuple[str, ...] = machine.set_field()
     free: tuple[str, ...] = machine.free_field()
-    masses: tuple[float, ...] = flags.field((5.0, 20.0), "parcel masses [kg]")
+    masses: tuple[float, ...] = flags.field((5.0, 20.0), "parcel masses [kg]", above=0)
     offsets: tuple[float, ...] = flags.field(
-        (0.05, 0.20), "Delta s, from the border to the parcel [m]"
+        (0.05, 0.20), "Delta s, from the border to the parcel [m]", least=0
     )
     front: float = flags.field(0.1, "where the parcel's front is when the drive starts [m]")
     period: float = flags.field(
@@ -69,10 +69,12 @@ class CoDesignConfig:
     )
     limit: tuple[str, ...] = named.limit_field()
     reserve: float = flags.field(
-        0.01, "kept in hand of every sort's margin [1], for the difference to a finer fidelity"
+        0.01,
+        "kept in hand of every sort's margin [1], for the difference to a finer fidelity",
+        least=0,
     )
-    tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]")
-    feasibility: float = flags.field(1e-4, "violation of a margin that counts as none [1]")
+    tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]", above=0)
+    feasibility: float = flags.field(1e-4, "violation of a margin that counts as none [1]", above=0)
     budget: int = flags.field(200, "evaluations at most", least=1)
     starts: int = flags.field(
         6,
@@ -88,7 +90,7 @@ class CoDesignConfig:
         "reference", "fidelity at which both designs are looked at again", choices=flags.FIDELITIES
     )
     agreement: float = flags.field(
-        0.02, "largest relative error of the force that confirms the optimum [1]"
+        0.02, "largest relative error of the force that confirms the optimum [1]", above=0
     )
     plots: bool = flags.field(True, "draw the figures")
 

@@ -37,8 +37,9 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = CoDesignConfig() if config is None else config
-    config.out.mkdir(parents=True, exist_ok=True)
     joint = Joint(config)
+    joint.check()
+    config.out.mkdir(parents=True, exist_ok=True)
     journal = evaluations.journal(config, say)
     for line in machine.notes(config.machine):
         say(line)

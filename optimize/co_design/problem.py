@@ -54,6 +54,12 @@ class Joint:
         stiff = inflexible(getattr(fj.Fidelity, config.verify)())
         self._stiff = jax.jit(lambda z, encounters: self.sorts(z, encounters, stiff)[0])
 
+    def check(self) -> None:
+        """Raise `ValueError` for sorts that cannot be, before anything is compiled."""
+        config = self.config
+        course = Course("sorts", config.seconds, fj.Fidelity.fast(), machine=config.machine)
+        course.check(self.space.fence, self.space.drive, self.encounters)
+
     def sorts(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity):
         """Every quantity by name and the statuses, one number a sort."""
         fence, drive = self.space.apply(self.space.from_shares(z))

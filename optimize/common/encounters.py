@@ -147,6 +147,17 @@ class Course:
             family = machine.family(tuple(given), kind=kind, duration=self.duration)
         return family.scene(jnp.stack([jnp.asarray(value, float) for value in given.values()]))
 
+    def check(self, fence: fj.Fence, drive: fj.AbstractDrive, encounters: Encounter) -> None:
+        """Have the scene of every encounter made on the host, which compiles nothing.
+
+        Raises `ValueError` that names the encounter and its number where there is no such scene.
+        """
+        for lane in range(encounters.lanes):
+            try:
+                self.scene(fence, drive, Encounter(**encounters.named(lane)))
+            except ValueError as error:
+                raise ValueError(f"{encounters.text(lane)}: {error}") from error
+
     def _ratio(self, part: str, usual: float) -> float | None:
         """Static over kinetic friction of `"belt"` or `"fence"`; `None` without friction there."""
         if self.machine is None:

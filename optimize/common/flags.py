@@ -6,6 +6,7 @@ import dataclasses
 import difflib
 import functools
 import json
+import math
 import operator
 import os
 import re
@@ -53,14 +54,19 @@ def _memory() -> float:
 
 
 def check(configuration: Any) -> None:
-    """Raise `ValueError` where a field is not what `field` asks of it, or is a count of things for
-    which this machine has not the memory."""
+    """Raise `ValueError` where a field is not what `field` asks of it, is a number that is not
+    finite, or is a count of things for which this machine has not the memory."""
     for each in dataclasses.fields(configuration):
         value, asked = getattr(configuration, each.name), each.metadata
         unit = re.search(r"\[([^\]]+)\]", asked["help"])
         for one in value if isinstance(value, tuple) else (value,):
             if "choices" in asked:
                 one_of(each.name, one, tuple(asked["choices"]))
+            if isinstance(one, float) and not math.isfinite(one):
+                raise ValueError(
+                    f"Argument `{each.name}` must be finite [{unit[1] if unit else 1}], but is "
+                    f"{one:g}."
+                )
             for setting, (word, holds) in _CHECKED.items():
                 if setting in asked and not holds(one, asked[setting]):
                     ends = asked[setting] if setting == "between" else (asked[setting],)

@@ -39,7 +39,7 @@ class ConceptsConfig:
         metavar="CONCEPT",
     )  # fmt: skip
     rates: tuple[float, ...] = flags.field(
-        (2400.0, 3000.0, 3600.0), "parcels an hour", metavar="RATE"
+        (2400.0, 3000.0, 3600.0), "parcels an hour [1/h]", metavar="RATE", above=0
     )
     load: bool = flags.field(
         True, "minimise the largest acceleration in g, too, and not the peak force alone"
@@ -48,7 +48,9 @@ class ConceptsConfig:
         8, "control angles of a motion of any form, and values of a torque", least=3
     )
     reserve: float = flags.field(
-        0.01, "kept in hand of every sort's margin [1], for the difference to a finer fidelity"
+        0.01,
+        "kept in hand of every sort's margin [1], for the difference to a finer fidelity",
+        least=0,
     )
     tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]", above=0)
     feasibility: float = flags.field(
@@ -79,8 +81,6 @@ class ConceptsConfig:
                 raise ValueError(
                     f"Argument `{name}` must hold one at least, and none twice, but is {given}."
                 )
-        if not min(self.rates) > 0:
-            raise ValueError(f"Argument `rates` must be above 0 [1/h], but is {self.rates}.")
         found = [concept.name for concept in self.read]
         if len(set(found)) < len(found):
             raise ValueError(f"Argument `concepts` must not repeat a concept, but is {found}.")

@@ -28,7 +28,9 @@ class DesignConfig:
     set: tuple[str, ...] = machine.set_field()
     free: tuple[str, ...] = machine.free_field()
     reserve: float = flags.field(
-        0.01, "kept in hand of every sort's margin [1], for the difference to a finer fidelity"
+        0.01,
+        "kept in hand of every sort's margin [1], for the difference to a finer fidelity",
+        least=0,
     )
     tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]", above=0)
     feasibility: float = flags.field(

@@ -125,7 +125,7 @@ class IdentifyConfig:
                 f"Argument `set` must hold one set of numbers, or one for each of the "
                 f"{len(self.records)} records, but holds {len(self.set)}."
             )
-
+        self.scales()
         if len(self.delay) not in (1, len(self.records)) or AUTO in self.delay[1:]:
             raise ValueError(
                 f"Argument `delay` must be {AUTO}, or hold one time, or one for each of the "
@@ -168,7 +168,14 @@ class IdentifyConfig:
         if not self.noise:
             return None
         found = [assignments.values("noise", text, _PAIRS) for text in self.noise]
-        return {name: value for one in found for name, value in one.items()}
+        scales = {name: value for one in found for name, value in one.items()}
+        for name, value in scales.items():
+            if not 0 < value < np.inf:
+                raise ValueError(
+                    f"Argument `noise` must hold standard deviations above 0, but that of {name} "
+                    f"is {value:g} [{SIGNALS.get(name, '1')}]."
+                )
+        return scales
 
     def base(self, numbers: dict[str, float], duration: float) -> AnyScene:
         """A scene with the paper's numbers, or a sorter's, but for some that are known."""

@@ -57,13 +57,13 @@ class ParetoConfig:
         "impacts, sorts, or auto: sorts for cycle_time and drive_torque",
         choices=("auto", *KINDS),
     )
-    masses: tuple[float, ...] = flags.field((5.0, 10.0, 20.0), "parcel masses [kg]")
+    masses: tuple[float, ...] = flags.field((5.0, 10.0, 20.0), "parcel masses [kg]", above=0)
     distances: tuple[float, ...] = flags.field(
-        (0.85, 1.0), "of impacts: arc coordinates of the first touch [m]"
+        (0.85, 1.0), "of impacts: arc coordinates of the first touch [m]", least=0
     )
     drive_angle: float = flags.field(0.30, "of impacts: drive angle at the first touch [rad]")
     offsets: tuple[float, ...] = flags.field(
-        (0.05, 0.20), "of sorts: Delta s, from the border to the parcel [m]"
+        (0.05, 0.20), "of sorts: Delta s, from the border to the parcel [m]", least=0
     )
     front: float = flags.field(
         0.1, "of sorts: where the parcel's front is when the drive starts [m]"
@@ -76,17 +76,17 @@ class ParetoConfig:
     variables: tuple[str, ...] = flags.field(
         (), "what is designed; by default what bears on the two quantities", type=str, nargs="*"
     )
-    tip_limit: float = flags.field(0.10, "largest tip deflection [m]")
-    stress_limit: float = flags.field(40e6, "largest bending stress [Pa]")
+    tip_limit: float = flags.field(0.10, "largest tip deflection [m]", above=0)
+    stress_limit: float = flags.field(40e6, "largest bending stress [Pa]", above=0)
     tip_clearance: float = flags.field(
-        0.02, "of impacts: shortest distance from a loaded corner to the tip [m]"
+        0.02, "of impacts: shortest distance from a loaded corner to the tip [m]", above=0
     )
     crossing: float = flags.field(
         0.0, "how far the parcel's centre must get past the belt's edge [m]"
     )
     limit: tuple[str, ...] = named.limit_field()
     reserve: float = flags.field(
-        0.005, "kept in hand of every margin [1], for the difference to a finer fidelity"
+        0.005, "kept in hand of every margin [1], for the difference to a finer fidelity", least=0
     )
     points: int = flags.field(12, "points on the front", least=3)
     starts: int = flags.field(4, "starts of the search for the front's first end", least=1)
@@ -95,8 +95,8 @@ class ParetoConfig:
         "solve all points side by side instead of one after the other, each from its neighbour",
     )
     width: int = flags.field(4, "runs side by side, where there are several", least=1)
-    tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]")
-    feasibility: float = flags.field(1e-4, "violation of a margin that counts as none [1]")
+    tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]", above=0)
+    feasibility: float = flags.field(1e-4, "violation of a margin that counts as none [1]", above=0)
     budget: int = flags.field(80, "evaluations for each point at most", least=1)
     fidelity: str = flags.field(
         "standard", "fidelity of the optimisation", choices=flags.FIDELITIES
@@ -107,7 +107,7 @@ class ParetoConfig:
         choices=("none", *flags.FIDELITIES),
     )
     agreement: float = flags.field(
-        0.02, "largest relative error of the force that confirms a point [1]"
+        0.02, "largest relative error of the force that confirms a point [1]", above=0
     )
     plots: bool = flags.field(True, "draw the figures")
 

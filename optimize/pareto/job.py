@@ -83,8 +83,9 @@ def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = ParetoConfig() if config is None else config
-    config.out.mkdir(parents=True, exist_ok=True)
     tradeoff = Tradeoff(config)
+    tradeoff.check()
+    config.out.mkdir(parents=True, exist_ok=True)
     journal = evaluations.journal(config, say)
     for line in machine.notes(config.machine):
         say(line)

@@ -69,6 +69,11 @@ class Tradeoff:
         """The belt of all encounters."""
         return fj.Belt() if self.config.machine is None else self.config.machine.belt
 
+    def check(self) -> None:
+        """Raise `ValueError` for encounters that cannot be, before anything is compiled."""
+        course = self.course(fj.Fidelity.fast())
+        course.check(self.space.fence, self.space.drive, self.encounters)
+
     def course(self, fidelity: fj.Fidelity) -> Course:
         """How the encounters are run at a fidelity."""
         return Course(self.config.kind, self.config.length, fidelity, machine=self.config.machine)

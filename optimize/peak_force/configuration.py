@@ -20,12 +20,12 @@ class PeakForceConfig:
     set: tuple[str, ...] = machine.set_field()
     free: tuple[str, ...] = machine.free_field()
     distances: tuple[float, ...] = flags.field(
-        (0.8, 0.9, 1.0), "arc coordinates of the first touch [m]"
+        (0.8, 0.9, 1.0), "arc coordinates of the first touch [m]", least=0
     )
-    masses: tuple[float, ...] = flags.field((10.0, 15.0, 20.0), "parcel masses [kg]")
+    masses: tuple[float, ...] = flags.field((10.0, 15.0, 20.0), "parcel masses [kg]", above=0)
     drive_angle: float = flags.field(0.30, "drive angle at the first touch [rad]")
     duration: float = flags.field(
-        0.25, "length of each impact [s]; the parcel must be diverted within it"
+        0.25, "length of each impact [s]; the parcel must be diverted within it", above=0
     )
     drive: str = named.drive_field()
     taper: str = named.taper_field()
@@ -34,28 +34,32 @@ class PeakForceConfig:
         f"what is designed, of {', '.join(VARIABLES)}",
     )
     objective: str = named.objective_field()
-    tip_limit: float = flags.field(0.08, "largest tip deflection [m]")
+    tip_limit: float = flags.field(0.08, "largest tip deflection [m]", above=0)
     stress_limit: float = flags.field(
-        40e6, "largest bending stress [Pa]; 40 MPa stays below the yield of PA6, dry or not"
+        40e6,
+        "largest bending stress [Pa]; 40 MPa stays below the yield of PA6, dry or not",
+        above=0,
     )
     tip_clearance: float = flags.field(
-        0.02, "shortest distance from a loaded corner to the tip [m]"
+        0.02, "shortest distance from a loaded corner to the tip [m]", above=0
     )
     crossing: float = flags.field(
         0.0, "how far the parcel's centre must get past the belt's edge [m]"
     )
     limit: tuple[str, ...] = named.limit_field()
     reserve: float = flags.field(
-        0.005, "kept in hand of every margin [1], for the difference to the reference fidelity"
+        0.005,
+        "kept in hand of every margin [1], for the difference to the reference fidelity",
+        least=0,
     )
     method: str = flags.field(
         "sqp",
         "sequential quadratic programming (sqp), or optax' Adam on an augmented Lagrangian (adam)",
         choices=("sqp", "adam"),
     )
-    tolerance: float = flags.field(1e-3, "on stationarity and complementarity [1]")
-    feasibility: float = flags.field(1e-4, "violation of a margin that counts as none [1]")
-    penalty: float = flags.field(10.0, "penalty on violations at the start [1]")
+    tolerance: float = flags.field(1e-3, "on stationarity and complementarity [1]", above=0)
+    feasibility: float = flags.field(1e-4, "violation of a margin that counts as none [1]", above=0)
+    penalty: float = flags.field(10.0, "penalty on violations at the start [1]", above=0)
     budget: int = flags.field(120, "evaluations at most", least=1)
     fidelity: str = flags.field(
         "standard",
@@ -66,12 +70,15 @@ class PeakForceConfig:
         True, "run the paper's fences and the optimum at the reference fidelity"
     )
     agreement: float = flags.field(
-        0.01, "largest relative difference of the force at the reference that confirms it [1]"
+        0.01,
+        "largest relative difference of the force at the reference that confirms it [1]",
+        above=0,
     )
     sort_masses: tuple[float, ...] = flags.field(
         (10.0, 15.0, 20.0),
         "parcel masses of the whole sorts run as a check [kg]; none: no check",
         nargs="*",
+        above=0,
     )
     sort_front: float = flags.field(0.1, "where the parcel's front is when such a sort starts [m]")
     plots: bool = flags.field(True, "draw the figures")

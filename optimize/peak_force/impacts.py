@@ -63,6 +63,18 @@ class Impacts:
         )
 
 
+    def check(self, fence: fj.Fence, drive: fj.AbstractDrive) -> None:
+        """Have the scene of every lane made on the host, which compiles nothing.
+
+        Raises `ValueError` that names the lane and its number where there is no such scene.
+        """
+        for lane, (distance, mass) in enumerate(self.lanes):
+            try:
+                self.scene(fence, drive, distance, mass)
+            except ValueError as error:
+                raise ValueError(f"{self.text(lane)}: {error}") from error
+
+
 Measurement = dict[str, Array]
 """Values of the objective, the peak force and every limited quantity by name, one a lane; also
 `status`."""
@@ -129,6 +141,20 @@ def problem(
     return evaluate
 
 
+def whole_sort(
+    fence: fj.Fence, drive: fj.AbstractDrive, front: float, mass, duration: float,
+    machine: Machine | None = None,
+) -> fj.Scene:  # fmt: skip
+    """The whole sort of a parcel of a mass [kg]; `machine` as of `Impacts`."""
+    if machine is None:
+        return fj.scenes.whole_sort(
+            front=front, fence=fence, drive=drive, parcel=fj.Parcel(mass=mass), duration=duration
+        )
+    own = dataclasses.replace(machine, fence=fence, drive=drive)
+    family = own.family(("mass",), fixed={"front": front}, duration=duration)
+    return family.scene(jnp.asarray(mass)[None])
+
+
 def whole_sorts(
     fence: fj.Fence,
     drive: fj.AbstractDrive,
@@ -141,15 +167,7 @@ def whole_sorts(
     statuses, one a mass; a check without derivatives."""
 
     def one(mass):
-        if machine is None:
-            scene = fj.scenes.whole_sort(
-                front=front, fence=fence, drive=drive, parcel=fj.Parcel(mass=mass),
-                duration=duration,
-            )  # fmt: skip
-        else:
-            own = dataclasses.replace(machine, fence=fence, drive=drive)
-            family = own.family(("mass",), fixed={"front": front}, duration=duration)
-            scene = family.scene(jnp.asarray(mass)[None])
+        scene = whole_sort(fence, drive, front, mass, duration, machine)
         result = fj.simulate(scene, history=False)
         return {
             "crossing": objectives.CROSSING(result, scene),

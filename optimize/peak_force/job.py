@@ -125,6 +125,12 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
     impacts = batch.Impacts(
         config.distances, config.masses, config.drive_angle, config.duration, config.machine
     )
+    impacts.check(space.fence, space.drive)
+    for mass in config.sort_masses:
+        cycle = float(space.drive.cycle)
+        batch.whole_sort(
+            space.fence, space.drive, config.sort_front, mass, cycle, config.machine
+        )
     config.out.mkdir(parents=True, exist_ok=True)
     fidelity = getattr(fj.Fidelity, config.fidelity)()
     before = np.asarray(space.values_of(space.fence, space.drive))

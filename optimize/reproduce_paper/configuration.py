@@ -16,7 +16,9 @@ class PaperConfig:
     """Every number of the job; `python -m optimize.reproduce_paper --help` says what each is."""
 
     out: Path = flags.field(Path("out"), "folder for result.json and the figures")
-    distance: float = flags.field(1.08, "R_s, arc coordinate of the first touch in the impact [m]")
+    distance: float = flags.field(
+        1.08, "R_s, arc coordinate of the first touch in the impact [m]", least=0
+    )
     drive_angle: float = flags.field(0.30, "drive angle at the first touch in the impact [rad]")
     front: float = flags.field(0.1, "where the parcel's front is at t = 0 in the slide [m]")
     grid: int = flags.field(40, "points of the maps in each direction, for each fence", least=2)
@@ -27,10 +29,10 @@ class PaperConfig:
         61, "places at which the sensitivities are computed", least=2
     )
     masses: tuple[float, float] = flags.field(
-        (1.0, 30.0), "span of the parcel mass in the maps [kg]", **_SPAN
+        (1.0, 30.0), "span of the parcel mass in the maps [kg]", above=0, **_SPAN
     )
     distances: tuple[float, float] = flags.field(
-        (0.3, 1.19), "span of the place of the first touch in the maps [m]", **_SPAN
+        (0.3, 1.19), "span of the place of the first touch in the maps [m]", above=0, **_SPAN
     )
     chunk: int = flags.field(400, "impacts computed at a time", least=1)
     fidelity: str = flags.field("standard", "fidelity of the simulations", choices=flags.FIDELITIES)

@@ -64,25 +64,26 @@ class RobustConfig:
     fraction: float = flags.field(
         0.95, "share of parcels for which each limit must hold [1]", between=(0, 1)
     )
-    tip_limit: float = flags.field(0.08, "largest tip deflection [m]")
-    stress_limit: float = flags.field(40e6, "largest bending stress [Pa]")
+    tip_limit: float = flags.field(0.08, "largest tip deflection [m]", above=0)
+    stress_limit: float = flags.field(40e6, "largest bending stress [Pa]", above=0)
     crossing: float = flags.field(
         0.0, "how far the parcel's centre must get past the belt's edge [m]"
     )
     limit: tuple[str, ...] = named.limit_field()
     mass: Span = flags.field(
-        (0.2, 30.0), "span of the parcel mass [kg], even in its logarithm", **_SPAN
+        (0.2, 30.0), "span of the parcel mass [kg], even in its logarithm", above=0, **_SPAN
     )
     length: Span = flags.field(
-        (0.20, 0.60), "span of the parcel's side along the belt [m]", **_SPAN
+        (0.20, 0.60), "span of the parcel's side along the belt [m]", above=0, **_SPAN
     )
     breadth: Span = flags.field(
-        (0.15, 0.40), "span of the parcel's side across the belt [m]", **_SPAN
+        (0.15, 0.40), "span of the parcel's side across the belt [m]", above=0, **_SPAN
     )
     stiffness: Span = flags.field(
         (0.6e9, 5.0e9),
         "span of k_p [N/m^4], even in its logarithm; b_p goes with its power 0.6, so that "
         "the restitution stays",
+        above=0,
         **_SPAN,
     )
     offset: Span = flags.field(
@@ -98,13 +99,13 @@ class RobustConfig:
         **_SPAN,
     )
     belt_friction: Span = flags.field(
-        (0.5, 0.8), "span of the kinetic friction on the belt [1]", **_SPAN
+        (0.5, 0.8), "span of the kinetic friction on the belt [1]", least=0, **_SPAN
     )
     fence_friction: Span = flags.field(
-        (0.25, 0.45), "span of the kinetic friction on the fence [1]", **_SPAN
+        (0.25, 0.45), "span of the kinetic friction on the fence [1]", least=0, **_SPAN
     )
     distance: Span = flags.field(
-        (0.75, 1.05), "of impacts: span of the first touch's arc coordinate [m]", **_SPAN
+        (0.75, 1.05), "of impacts: span of the first touch's arc coordinate [m]", least=0, **_SPAN
     )
     drive_angle: Span = flags.field(
         (0.2, 0.4), "of impacts: span of the drive angle at the first touch [rad]", **_SPAN
@@ -124,12 +125,12 @@ class RobustConfig:
     batch: int = flags.field(128, "parcels of a batch", least=16)
     steps: int = flags.field(60, "stochastic steps", least=2)
     rate: float = flags.field(
-        0.03, "of the stochastic steps at the start, in shares of the ranges [1]"
+        0.03, "of the stochastic steps at the start, in shares of the ranges [1]", above=0
     )
     tolerance: float = flags.field(
-        5e-3, "of the sample's problem, on stationarity and complementarity [1]"
+        5e-3, "of the sample's problem, on stationarity and complementarity [1]", above=0
     )
-    feasibility: float = flags.field(1e-3, "violation of a margin that counts as none [1]")
+    feasibility: float = flags.field(1e-3, "violation of a margin that counts as none [1]", above=0)
     budget: int = flags.field(40, "evaluations of the sample's problem at most", least=1)
     fresh: int = flags.field(
         2000, "parcels of the fresh sample, at which both designs are judged", least=50
@@ -137,7 +138,7 @@ class RobustConfig:
     resamples: int = flags.field(1000, "of the bootstrap", least=50)
     confidence: float = flags.field(0.95, "of the intervals [1]", between=(0, 1))
     excluded_most: float = flags.field(
-        0.01, "largest share of fresh parcels whose numbers are bad [1]"
+        0.01, "largest share of fresh parcels whose numbers are bad [1]", least=0
     )
     chunk: int = flags.field(64, "parcels in one vectorised call", least=1)
     duration: float = flags.field(
@@ -147,7 +148,7 @@ class RobustConfig:
     check_fidelity: str = flags.field(
         "standard", "fidelity of the fresh sample", choices=flags.FIDELITIES
     )
-    seed: int = flags.field(0, "of all samples")
+    seed: int = flags.field(0, "of all samples", least=0)
     plots: bool = flags.field(True, "draw the figures")
 
     def __post_init__(self):
@@ -162,13 +163,12 @@ class RobustConfig:
                 "Argument `scenes` must be 'sorts' where a sorter file is given, but is "
                 f"{self.scenes!r}."
             )
-        positive = ("mass", "length", "breadth", "stiffness")
-        for name in (*positive, *LINEAR):
+        for name in (*LOGARITHMIC, *LINEAR):
             low, high = getattr(self, name)
-            if not low <= high or (name in positive and low <= 0):
+            if not low <= high:
                 raise ValueError(
-                    f"Argument `{name}` must be two numbers, the second at least the first"
-                    f"{' and both above 0' if name in positive else ''}, but is {low:g}, {high:g}."
+                    f"Argument `{name}` must be two numbers, the second at least the first, but is "
+                    f"{low:g}, {high:g}."
                 )
 
     @property

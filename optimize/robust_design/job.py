@@ -63,8 +63,9 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = RobustConfig() if config is None else config
-    config.out.mkdir(parents=True, exist_ok=True)
     population = Population(config)
+    population.check()
+    config.out.mkdir(parents=True, exist_ok=True)
     journal = evaluations.journal(config, say)
     for line in machine.notes(config.machine):
         say(line)

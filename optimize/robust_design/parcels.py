@@ -39,6 +39,17 @@ def draw(config: RobustConfig, count: int, stream: int) -> Encounter:
     return Encounter(**columns).wide()
 
 
+def ends(config: RobustConfig) -> Encounter:
+    """The encounters with every number at the lower and at the upper end of its span; of a sorter
+    file, its first parcel."""
+    if config.machine is not None:
+        found = Encounter.of(config.machine)
+        return Encounter(*(np.asarray(part)[:1] for part in found))
+    return Encounter(**{
+        name: np.array(getattr(config, name)) for name in (*LOGARITHMIC, *LINEAR)
+    }).wide()  # fmt: skip
+
+
 def _of_sorter(config: RobustConfig, count: int, stream: int) -> Encounter:
     """`count` parcels of a sorter file, drawn anew from its distributions."""
     sizes = (f"parcels.count={count}", f"parcels.seed={1000 * config.seed + stream}")

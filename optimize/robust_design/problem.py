@@ -13,6 +13,7 @@ from fencejax.results import refined
 
 from ..common.encounters import Course, Encounter, inflexible
 from .configuration import RobustConfig
+from .parcels import ends
 
 
 class Population:
@@ -33,6 +34,13 @@ class Population:
         ]
         stiff = inflexible(ladder[0])
         self._stiff = jax.jit(lambda z, encounters: self._lanes(z, encounters, stiff))
+
+    def check(self) -> None:
+        """Raise `ValueError` where there is no encounter at an end of the spans, or none of the
+        sorter's first parcel, before anything is compiled."""
+        config = self.config
+        course = Course(config.scenes, config.seconds, fj.Fidelity.fast(), machine=config.machine)
+        course.check(self.space.fence, self.space.drive, ends(config))
 
     def _lanes(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity):
         """The quantities by name and the statuses, one number a parcel."""

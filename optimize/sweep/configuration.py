@@ -42,7 +42,7 @@ class SweepConfig:
     count: int = flags.field(
         4096, "points of a Latin hypercube or, a power of two, of a Sobol sequence", least=1
     )
-    seed: int = flags.field(0, "of their random numbers")
+    seed: int = flags.field(0, "of their random numbers", least=0)
     sorter: str = machine.sorter_field()
     set: tuple[str, ...] = machine.set_field()
     fence: str = flags.field(
@@ -58,7 +58,7 @@ class SweepConfig:
     gradient: str = flags.field(
         "none", "output whose derivatives in all variables are kept too, or none"
     )
-    duration: float = flags.field(0.0, "length of each scene [s]; 0: the scene's own")
+    duration: float = flags.field(0.0, "length of each scene [s]; 0: the scene's own", least=0)
     fidelity: str = flags.field("standard", "fidelity of the simulations", choices=flags.FIDELITIES)
     refine: bool = flags.field(
         True, "compute lanes whose status doubts the numbers again, at finer fidelities"
