@@ -49,6 +49,7 @@ from .friction_laws import (
     AbstractFriction as AbstractFriction,
     Friction as Friction,
     FrictionScales as FrictionScales,
+    on_cover as on_cover,
 )
 from .material import (
     Material as Material,

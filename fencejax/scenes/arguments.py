@@ -17,9 +17,9 @@ from ..parts import (
     Belt,
     Border,
     Fence,
-    Friction,
     HarmonicDrive,
     Parcel,
+    on_cover,
     turned,
 )
 
@@ -55,7 +55,7 @@ def fence_friction_of(
 ) -> AbstractFriction | None:
     if friction is None:
         return None
-    friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
+    friction = on_cover() if friction == "default" else friction
     example = "fence_friction=fj.Friction(kinetic=0.35, static=0.5)"
     return _check.part("fence_friction", friction, AbstractFriction, example)
 

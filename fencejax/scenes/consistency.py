@@ -11,7 +11,7 @@ from jaxtyping import Array
 from .._check import Bounds
 from ..parts import AbstractTorqueDrive
 from .scene import NormalScene, Scene
-from .start import AsGiven, AtTouch, BetweenBorderAndFence, OnBelt
+from .start import AsGiven, AtTouch, BetweenBorderAndFence
 
 _ROUNDING = 1e-6
 
@@ -42,9 +42,6 @@ def _numbers_of(start: Any) -> list[tuple[Array, Bounds]]:
         *places, turn = start.motion[:3]
         numbers = [(q, length) for q in places] + [(turn, angle)]
         return numbers + [(v, speed) for v in start.motion[3:]]
-    if isinstance(start, OnBelt):
-        offset = Bounds("m", least=0, size=1.0)
-        return [(start.front, length), (start.offset, offset), (start.angle, angle)]
     if isinstance(start, AtTouch):
         numbers = [] if start.parcel_angle is None else [(start.parcel_angle, angle)]
         return numbers + [(v, speed) for v in start.velocity or ()]

@@ -114,14 +114,6 @@ def free_motion(
     )
 
 
-def _on_belt(front: ArrayLike, offset: ArrayLike, angle: ArrayLike) -> OnBelt:
-    return OnBelt(
-        _check.scalar("front", front, size=1.0, unit="m"),
-        _check.scalar("offset", offset, least=0, size=1.0, unit="m"),
-        _check.scalar("angle", angle, size=10.0, unit="rad"),
-    )
-
-
 def whole_sort(
     *,
     front: ArrayLike = 0.1,
@@ -176,7 +168,7 @@ def whole_sort(
     if drive is None:
         drive, duration = HarmonicDrive(), CYCLE_TIME if duration is None else duration
     drive = drive_of(drive, fence)
-    start = _on_belt(front, offset, angle)
+    start = OnBelt(front, offset, angle)
     border = border_of(border)
     parcel = parcel_of(parcel)
     surfaces = surfaces_of(surfaces)
@@ -221,7 +213,7 @@ def passive_sort(
     border: Border | None | Default = "default",
     border_corners: tuple[int, ...] = (1, 2),
     surface_corners: tuple[int, ...] = (1, 2, 3, 4),
-    duration: float = 1.36,
+    duration: float = CYCLE_TIME,
 ) -> Scene:
     """A sort without a fence: the parcel rides with the belt into still surfaces, such as a
     deflector, which push it aside. `Result.peak_surface_force` is their largest force.
@@ -242,7 +234,7 @@ def passive_sort(
     (True, 1)
     """
     surfaces = surfaces_of(surfaces)
-    start = _on_belt(front, offset, angle)
+    start = OnBelt(front, offset, angle)
     parcel = parcel_of(parcel)
     corners = corners_of("surface_corners", surface_corners)
     if not traced(parcel, start, surfaces):
@@ -260,7 +252,7 @@ def passive_sort(
         border,
         (),
         () if border is None else corners_of("border_corners", border_corners),
-        duration_of(duration, 1.36),
+        duration_of(duration, CYCLE_TIME),
         False,
         surfaces,
         corners if surfaces else (),

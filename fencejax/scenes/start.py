@@ -1,12 +1,15 @@
 """How a scene begins: the time on the drive's clock, and where the parcel is and how it moves."""
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike
 
+from .. import _check
+from .._check import Bounds
 from ..parts import (
     AbstractDrive,
     AbstractTorqueDrive,
@@ -91,6 +94,16 @@ class OnBelt(AbstractStart):
     front: Array
     offset: Array
     angle: Array
+
+    bounds: ClassVar[dict[str, Bounds]] = {
+        "front": Bounds("m", size=1.0),
+        "offset": Bounds("m", least=0, size=1.0),
+        "angle": Bounds("rad", size=10.0),
+    }
+
+    def __init__(self, front: ArrayLike, offset: ArrayLike, angle: ArrayLike):
+        """**Arguments:** `front` [m]; `offset` [m], at least 0; `angle` [rad]."""
+        _check.fields(self, front=front, offset=offset, angle=angle)
 
     def body(self, parcel, belt, pose):
         del pose

@@ -22,6 +22,7 @@ from ..parts import (
     Fence,
     Motor,
     Parcel,
+    on_cover,
 )
 from ..printing import Readable, as_table, shown
 from ..scenes import OnBelt, Scene, numbers as scene_numbers
@@ -291,9 +292,7 @@ def read(tables: Table, folder: Path) -> Machine:
     drive = reading.drive(tables.get("drive", {}), found)
     belt = reading.belt(tables.get("belt", {}), found)
     border = reading.border(tables.get("border", {}), found)
-    friction = reading.friction(
-        "fence_friction", tables.get("fence_friction", {"kinetic": 0.35, "static": 0.5}), found
-    )
+    friction = reading.friction("fence_friction", tables.get("fence_friction", on_cover()), found)
     motor = _motor(tables.get("motor", {}), found)
     parcels = parcel_table.read(tables.get("parcels", {}), folder, found)
     period = tables.get("period")

@@ -6,7 +6,7 @@ from typing import Any
 
 import equinox as eqx
 
-from ..parts import AbstractFriction, Belt, Border, Fence, Friction, Motor
+from ..parts import AbstractFriction, Belt, Border, Fence, Motor, on_cover
 from ..scenes import DERIVED, PATHS, names
 from . import parcels
 from .amounts import amount, nearest
@@ -94,7 +94,7 @@ def replaced(tables: Table, name: str, new: Any) -> dict[str, Any]:
 def _usual(path: tuple[str, ...]) -> AbstractFriction | None:
     """What a table has that is left out, where its numbers have no usual ones of their own."""
     if path == ("fence_friction",):
-        return Friction(0.35, 0.5)
+        return on_cover()
     owner = {"belt": Belt, "border": Border}.get(path[0])
     return owner().friction if owner is not None and path[1:] == ("friction",) else None
 

@@ -13,14 +13,11 @@ from .. import _check, _text, printing
 from .._check import Bounds
 from ..parts import Parcel
 from ..printing import Readable, shown
+from ..scenes import OnBelt
 from .amounts import amount, refuse_unknown
 from .reading import Reading, Table
 
-PLACES: Mapping[str, Bounds] = {
-    "front": Bounds("m", size=1.0),
-    "offset": Bounds("m", least=0, size=1.0),
-    "angle": Bounds("rad", size=10.0),
-}
+PLACES: Mapping[str, Bounds] = OnBelt.bounds
 """Where a parcel is when the drive starts: see `fencejax.scenes.whole_sort`."""
 FIELDS: Mapping[str, Bounds] = {**Parcel.bounds, **PLACES}
 """Every number of a parcel and its place."""

@@ -21,10 +21,10 @@ from ..parts import (
     Belt,
     Border,
     Fence,
-    Friction,
     HarmonicDrive,
     Motor,
     Parcel,
+    on_cover,
 )
 from ..scenes import (
     NUMBERS,
@@ -129,7 +129,7 @@ class SceneFamily:
         self.drive = HarmonicDrive() if drive is None else drive
         self.parcel = Parcel() if parcel is None else parcel
         self.belt = Belt() if belt == "default" else belt
-        self.friction = Friction(0.35, 0.5) if fence_friction == "default" else fence_friction
+        self.friction = on_cover() if fence_friction == "default" else fence_friction
         self.border = (Border() if border == "default" else border) if self._bordered else None
         self.motor = motor
         self.options = dict({} if options is None else options)

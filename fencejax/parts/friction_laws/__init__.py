@@ -11,7 +11,10 @@ from .abstract import (
     AbstractFriction as AbstractFriction,
     FrictionScales as FrictionScales,
 )
-from .coulomb import Friction as Friction
+from .coulomb import (
+    Friction as Friction,
+    on_cover as on_cover,
+)
 from .stribeck import Stribeck as Stribeck
 
 FRICTIONS: Mapping[str, type[AbstractFriction]] = {"coulomb": Friction, "stribeck": Stribeck}

@@ -42,3 +42,9 @@ class Friction(AbstractFriction):
         del speed
         jump = jnp.abs(self.static - self.kinetic)
         return FrictionScales(self.kinetic, jump, jnp.maximum(self.static, self.kinetic))
+
+
+def on_cover() -> Friction:
+    """Of a parcel on the cover of the fence, the border and a deflector, where nothing else is
+    said: kinetic 0.35, static 0.5."""
+    return Friction(kinetic=0.35, static=0.5)

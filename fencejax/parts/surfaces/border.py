@@ -5,7 +5,7 @@ from typing import Literal
 import jax.numpy as jnp
 
 from ... import _check
-from ..friction_laws import AbstractFriction, Friction
+from ..friction_laws import AbstractFriction, on_cover
 from .abstract import AbstractSurface, SurfacePoint
 
 
@@ -23,7 +23,7 @@ class Border(AbstractSurface):
 
     def __init__(self, friction: AbstractFriction | None | Literal["default"] = "default"):
         """**Arguments:** `friction`: default kinetic 0.35, static 0.5; `None` for none."""
-        friction = Friction(kinetic=0.35, static=0.5) if friction == "default" else friction
+        friction = on_cover() if friction == "default" else friction
         if friction is not None:
             example = "friction=fj.Friction(kinetic=0.35, static=0.5)"
             friction = _check.part("friction", friction, AbstractFriction, example)
