@@ -82,7 +82,7 @@ def simulate(
       are `None` and cost nothing, also in compiling a derivative. `history` then counts only if it
       is named.
     - `measures`: measures of one's own, beside those of `fencejax.results.MEASURES`: fields of the
-      result by their names.
+      result by their names, which are no other field's.
     - `refine`: where the status doubts the numbers (`Status.numerical`), compute them again at the
       next finer rung of `Fidelity.ladder`, up to the last one; `Result.rung` says at which they
       are. Outside transformations alone: `fencejax.simulate_many` does so for batches.
@@ -98,9 +98,11 @@ def simulate(
     or jump: `fencejax.curvature` tells over which distance a Hessian holds.
 
     Raises `TypeError` for arguments of the wrong kind and for second derivatives with
-    `Fidelity.gradient = "reverse"`, `ValueError` for names in `only` that are
-    none of `Result`'s fields and for a fidelity that the scene or JAX's settings do not allow and,
-    with `throw=True`, `RuntimeError` with the status' text.
+    `Fidelity.gradient = "reverse"`; `ValueError` for names in `only` that are none of `Result`'s
+    fields, for `measures` with the name of another field of `Result` or of each other, where two
+    accumulators or two traces that are not the same have one name, and for a fidelity that the
+    scene or JAX's settings do not allow; and, with `throw=True`, `RuntimeError` with the status'
+    text.
 
     >>> print(fj.simulate(fj.scenes.oblique_impact(distance=1.0)))
                 status  successful
@@ -139,13 +141,7 @@ def simulate(
             "Argument `fidelity.precision` is 'float64', but JAX is set to single precision. Write "
             'jax.config.update("jax_enable_x64", True) first.'
         )
-    own = tuple(measures)
-    for measure in own:
-        if not isinstance(measure, Measure) or measure.name in (*MEASURES, *_PARTS, "status"):
-            raise ValueError(
-                "Argument `measures` must hold `fencejax.Measure`s with names of their own, but "
-                f"holds {measure!r}."
-            )
+    own = _own(measures)
     if only is not None:
         only = _check.several(only)
         for name in only:
@@ -162,6 +158,27 @@ def simulate(
     if throw:
         raise_for(result)
     return result
+
+
+def _own(measures: Sequence[Measure]) -> tuple[Measure, ...]:
+    """Measures whose names a result can have for them."""
+    names = set()
+    for measure in measures:
+        if not isinstance(measure, Measure):
+            raise ValueError(
+                f"Argument `measures` must hold `fencejax.Measure`s, but holds {measure!r}."
+            )
+        name = measure.name
+        taken = name in MEASURES or hasattr(Result, name) or name in Result.__dataclass_fields__
+        if taken or name in names or name.startswith("_"):
+            why = "twice" if name in names else "which a result has for something else"
+            why = "which begins with an underscore" if name.startswith("_") else why
+            raise ValueError(
+                "Argument `measures` must hold measures with names of their own, but holds "
+                f"{name!r}, {why}. Name it otherwise."
+            )
+        names.add(name)
+    return tuple(measures)
 
 
 # What a result holds beside its measures.

@@ -13,15 +13,19 @@ from typing import Any
 import jax
 import numpy as np
 
+from .._identity import edition, refused, text
 from .program import Numbers
 
-_FORMAT = 2
+_FORMAT = 3
 
 
 def _address(point, data: Any) -> str:
-    """A digest of a point and its data, bit by bit."""
-    digest = hashlib.sha256()
-    for leaf in (point, *jax.tree.leaves(data)):
+    """A digest of a point and its data: of every number, bit by bit, and of where in the data it
+    stands."""
+    leaves, structure = jax.tree.flatten(data)
+    known = refused("data", lambda: text(structure))
+    digest = hashlib.sha256(known.encode())
+    for leaf in (point, *leaves):
         array = np.ascontiguousarray(leaf, dtype=float)
         digest.update(str(array.shape).encode() + array.tobytes())
     return digest.hexdigest()[:32]
@@ -34,7 +38,8 @@ class Journal:
     function of its evaluations: run again with the same journal it takes the same way, without
     computing what is known, and goes on where it was interrupted. Lines that a kill, a full disk or
     a defect has torn count as not made, and are left in the file; the others are kept. Several runs
-    of one problem with different data may share a journal.
+    of one problem with different data may share a journal. Another version or source of fencejax
+    may find other numbers: it does not take over a journal.
 
     >>> journal = fj.Journal("evaluations.jsonl")
     >>> problem = fj.Program(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)))
@@ -51,13 +56,17 @@ class Journal:
         - `key`: what else decides the numbers (fidelity, scenes, bounds), as text. A file with
           another key is of another problem.
 
-        Raises `ValueError` for a file of another problem or of another kind, and `OSError` where it
-        cannot be read or written.
+        Raises `ValueError` for a file of another problem, of another version or source of fencejax
+        or of another kind, and `OSError` where it cannot be read or written.
         """
         self.path, self.recalled, self.torn = Path(path), 0, 0
         self._known: dict[str, list[np.ndarray]] = {}
         self._lock = threading.Lock()
-        header = {"fencejax journal": _FORMAT, "key": hashlib.sha256(key.encode()).hexdigest()}
+        header = {
+            "fencejax journal": _FORMAT,
+            "fencejax": edition(),
+            "key": hashlib.sha256(key.encode()).hexdigest(),
+        }
         with self._said():
             self.path.parent.mkdir(parents=True, exist_ok=True)
             raw = self.path.read_bytes() if self.path.exists() else b""
@@ -80,12 +89,19 @@ class Journal:
         try:
             found = json.loads(first)
             kind, key = found["fencejax journal"], found["key"]
+            by = found.get("fencejax", "an earlier one")
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError(
                 f"Argument `path` must name a journal of evaluations, but {self.path} is none. "
                 "Name another file or folder, or remove this one."
             ) from error
-        if kind != _FORMAT or key != header["key"]:
+        if kind != _FORMAT or by != header["fencejax"]:
+            raise ValueError(
+                f"Argument `path` must name a journal of this fencejax ({header['fencejax']}), but "
+                f"{self.path} was written by another one ({by}), whose numbers may be others. Name "
+                "another file or folder, or remove this one."
+            )
+        if key != header["key"]:
             raise ValueError(
                 f"Argument `path` must name a journal of the same problem, but {self.path} was "
                 "written with other settings. Name another file or folder, or remove this one."

@@ -164,11 +164,20 @@ def measures(quantities: Iterable[Quantity]) -> tuple[Measure, ...]:
     """The measures of their own that some quantities read, each once, for
     `fencejax.simulate(measures=...)`.
 
+    Raises `ValueError` where two that are not the same have one name.
+
     >>> damage = fj.shock.damage_boundary(60.0, 2.0)
     >>> [measure.name for measure in fj.objectives.measures([damage])]
     ['pulse_impulse']
     """
-    found = {m.name: m for quantity in quantities for m in quantity.measures}
+    found: dict[str, Measure] = {}
+    for quantity in quantities:
+        for measure in quantity.measures:
+            if found.setdefault(measure.name, measure) != measure:
+                raise ValueError(
+                    "Argument `quantities` must read measures of different names, but two that "
+                    f"are not the same are named {measure.name!r}. Name one of them otherwise."
+                )
     return tuple(found.values())
 
 

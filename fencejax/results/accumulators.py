@@ -51,6 +51,8 @@ class Step(NamedTuple):
 class Accumulator:
     """A running state, by name.
 
+    - `name`: no other accumulator of a simulation has it, this package's included; `simulate`
+      raises `ValueError` where two that are not the same have one name.
     - `start(nothing, body)`: the state before the first sample, from a sample of zeros and the
       parcel's motion at the start; every leaf is floating-point.
     - `update(state, step)`: the state after a `Step`.
@@ -74,7 +76,8 @@ class Course(NamedTuple):
 @dataclasses.dataclass(frozen=True)
 class Trace:
     """A signal that is kept at every sample, for a measure that its whole course has to be known
-    for; the measure is read from a `Course`. In place of an accumulator."""
+    for; the measure is read from a `Course`. In place of an accumulator. No other trace of a
+    simulation has its `name`; `simulate` raises `ValueError` where two that are not the same do."""
 
     name: str
     signal: Callable[[Sample], Any]

@@ -27,6 +27,8 @@ _JUDGED = (
     RESOLUTION,
 )  # fmt: skip
 
+_RIVALS = rivals(0.0)
+
 
 class Record(NamedTuple):
     """Running results: the last sample, the length of the last step [s] (`None` where all are
@@ -136,19 +138,25 @@ def running(
 ) -> tuple[Accumulator, ...]:
     """The accumulators behind some measures, the ledger if its `energy` is wanted, what tells the
     error of the peak force's derivatives, by steps of a tolerance, unless `slopes` is `None`, and
-    the status, each once."""
+    the status, each once.
+
+    Raises `ValueError` where two have one name.
+    """
     found: dict[str, Accumulator] = {}
 
     def add(accumulator: Accumulator):
         for needed in accumulator.needs:
             add(needed)
-        found.setdefault(accumulator.name, accumulator)
+        _one_of_a_name(accumulator, found.setdefault(accumulator.name, accumulator))
 
     for accumulator in _JUDGED:
         add(accumulator)
     for measure in measures:
         if isinstance(measure.accumulator, Accumulator):
             add(measure.accumulator)
+    for reserved in (SLOPES, _RIVALS):
+        # They are read by their names alone, wanted or not.
+        _one_of_a_name(reserved, found.get(reserved.name, reserved))
     if energy:
         add(accumulators.WORK)
         add(accumulators.ORIGIN)
@@ -159,9 +167,24 @@ def running(
 
 
 def traced(measures: tuple[Measure, ...]) -> tuple[Trace, ...]:
-    """The traces behind some measures, each once."""
-    found = (measure.accumulator for measure in measures)
-    return tuple({each.name: each for each in found if isinstance(each, Trace)}.values())
+    """The traces behind some measures, each once.
+
+    Raises `ValueError` where two have one name.
+    """
+    found: dict[str, Trace] = {}
+    for measure in measures:
+        if isinstance(trace := measure.accumulator, Trace):
+            _one_of_a_name(trace, found.setdefault(trace.name, trace))
+    return tuple(found.values())
+
+
+def _one_of_a_name(given: Accumulator | Trace, known: Accumulator | Trace) -> None:
+    if given != known:
+        raise ValueError(
+            f"Argument `measures` must be read from {type(given).__name__}s of different names, "
+            f"but two that are not the same are named {given.name!r}. Name one's own otherwise, "
+            "and make what several measures read once for all of them."
+        )
 
 
 class SceneRecorder(AbstractRecorder):

@@ -12,6 +12,7 @@ import numpy as np
 
 from .. import _check, printing
 from .._check import Bounds
+from .._identity import refused, text
 from ..design import Quantity, risk
 from ..parts import (
     AbstractDrive,
@@ -161,17 +162,15 @@ class Machine(Readable):
 
     @property
     def signature(self) -> str:
-        """All numbers and choices but the parcels', as text: what tells machines apart."""
-        parts = (self.belt, self.fence, self.drive, self.fence_friction, self.border, self.motor)
-        leaves, structure = jax.tree.flatten((parts, self.materials))
-        rest = (dict(self.free), dict(self.choices), self.duration)
-        bounds = [
-            (row.name, row.quantity.name, row.sense, dict(row.chosen), bound)
-            for row, bound in self.bounds
-        ]
-        objective = (self.objective.quantity.name, self.objective.over, self.objective.level)
-        numbers = [np.asarray(leaf).tolist() for leaf in leaves]
-        return repr([str(structure), numbers, rest, bounds, objective])
+        """What tells machines apart, as text: all numbers and choices but the title, of the parcels
+        the corners and which of their numbers are given. Those numbers are a problem's data.
+
+        Raises `ValueError` for a part or a limit that cannot be told from others.
+        """
+        fields = (field.name for field in dataclasses.fields(self))
+        parts = {name: getattr(self, name) for name in fields if name not in ("title", "parcels")}
+        parts["parcels"] = tuple(self.parcels.columns), self.parcels.corners
+        return refused("sorter", lambda: text(parts))
 
     @property
     def drive_varies(self) -> bool:

@@ -1,9 +1,11 @@
 """Journals: what is torn costs itself alone, what is not a journal is refused in one line."""
 
+import copy
 import errno
 import json
 import os
 
+import equinox as eqx
 import numpy as np
 import pytest
 
@@ -106,14 +108,54 @@ def test_foreign_files_are_refused_and_kept(path, content):
     assert path.read_bytes() == content
 
 
-def test_other_problems_and_formats_are_refused(written):
+def test_other_problems_are_refused(written):
     with pytest.raises(ValueError, match="written with other settings"):
         Journal(written, "b")
+
+
+@pytest.mark.parametrize(
+    ("change", "by"),
+    [
+        ({"fencejax": "0.0.1, source 0123456789ab"}, "0.0.1, source 0123456789ab"),
+        ({"fencejax": None}, "an earlier one"),
+        ({"fencejax journal": 99}, None),
+    ],
+)
+def test_journals_of_another_fencejax_are_refused_in_one_line_and_kept(written, change, by):
     first, *rest = written.read_text().split("\n")
-    newer = json.dumps(json.loads(first) | {"fencejax journal": 99})
-    written.write_text("\n".join([newer, *rest]))
-    with pytest.raises(ValueError, match="written with other settings"):
+    by = by or json.loads(first)["fencejax"]
+    header = json.loads(first) | change
+    header = {name: value for name, value in header.items() if value is not None}
+    written.write_text("\n".join([json.dumps(header), *rest]))
+    before = written.read_bytes()
+    with pytest.raises(ValueError, match=rf"by another one \({by}\).* or remove this one") as no:
         Journal(written, "a")
+    assert "\n" not in str(no.value)
+    assert written.read_bytes() == before
+
+
+class Labelled(eqx.Module):
+    value: float
+    label: str = eqx.field(static=True, default="a")
+
+
+@pytest.mark.parametrize(
+    ("data", "other"),
+    [
+        ({"length": np.array([0.3])}, {"breadth": np.array([0.3])}),
+        ((np.ones(2), np.ones(3)), (np.ones((2, 1)), np.ones(3))),
+        (((1.0, 2.0), 3.0), (1.0, (2.0, 3.0))),
+        ((1.0, None), (None, 1.0)),
+        (Labelled(1.0), Labelled(1.0, "b")),
+        ([1.0], [float(np.nextafter(1.0, 2.0))]),
+    ],
+)
+def test_evaluations_at_other_data_are_not_known(path, data, other):
+    journal = Journal(path, "a")
+    journal.add([0, 0.0], data, numbers(0.0))
+    assert journal.find([0, 0.0], other) is None
+    assert journal.find([1, 0.0], data) is None
+    assert Journal(path, "a").find([0.0, 0.0], copy.deepcopy(data)) is not None
 
 
 def test_what_cannot_be_opened_is_said_in_one_line(tmp_path, path):

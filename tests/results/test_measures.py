@@ -1,5 +1,6 @@
 """The table of measures: what a row is in, a row of one's own, and what the measures mean."""
 
+import dataclasses
 import functools
 
 import jax
@@ -56,6 +57,75 @@ def test_a_measure_of_ones_own():
         fj.simulate(scene, measures=[MEASURES["peak_force"]])
     with pytest.raises(AttributeError, match="has no field `peak_acceleration`"):
         _ = fj.simulate(scene, history=False).peak_acceleration
+
+
+def largest(name, accumulator=None, factor=1.0):
+    """A measure by its name."""
+    if accumulator is None:
+        accumulator = accumulators.peak_of(f"own {name}", lambda s: s.fence_force)
+    return Measure(name, "N", "", "at least 0", accumulator, lambda state: factor * state.value)
+
+
+TAKEN = [
+    *MEASURES, *(field.name for field in dataclasses.fields(fj.Result)), "_private",
+    *(name for name in dir(fj.Result) if not name.startswith("_")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", dict.fromkeys(TAKEN))
+def test_measures_are_refused_a_name_that_a_result_has(name):
+    text = f"names of their own, but holds '{name}'.*Name it otherwise"
+    with pytest.raises(ValueError, match=text) as refused:
+        fj.simulate(fj.scenes.rigid_wall(), measures=[largest(name)], only=name)
+    assert "\n" not in str(refused.value)
+
+
+def test_two_measures_of_one_name_are_refused():
+    with pytest.raises(ValueError, match="names of their own, but holds 'push', twice"):
+        fj.simulate(fj.scenes.rigid_wall(), measures=[largest("push"), largest("push")])
+    quantities = [fj.objectives.of_measure(largest("push", factor=f)) for f in (1.0, 2.0)]
+    with pytest.raises(ValueError, match="two that are not the same are named 'push'"):
+        fj.objectives.measures(quantities)
+    assert len(fj.objectives.measures([quantities[0]] * 2)) == 1
+
+
+def of_speed(name):
+    return accumulators.peak_of(name, lambda s: jnp.abs(s.body.y_rate))
+
+
+def spin_trace(name):
+    return accumulators.Trace(name, lambda s: s.body.spin)
+
+
+@pytest.mark.parametrize(
+    ("own", "others"),
+    [
+        # Those of the status, of a measure, of a gradient's error, and another of one's own.
+        *((of_speed(name), ()) for name in ("force", "impulse", "slopes", "rivals", "work")),
+        (of_speed("own"), [largest("other", of_speed("own"))]),
+        (
+            accumulators.Accumulator(
+                "outer", lambda nothing, body: nothing.time, lambda state, step: state,
+                needs=(of_speed("force"),),
+            ), (),
+        ),
+        (spin_trace("own"), [largest("other", spin_trace("own"))]),
+    ],
+)  # fmt: skip
+def test_two_accumulators_of_one_name_are_refused(own, others):
+    scene = fj.scenes.rigid_wall(duration=0.02)
+    with pytest.raises(ValueError, match="of different names, but two .* are named"):
+        fj.simulate(scene, measures=[largest("own", own), *others])
+
+
+def test_one_accumulator_serves_several_measures():
+    own = of_speed("own")
+    measures = [
+        largest("push", accumulators.FORCE), largest("speed", own), largest("double", own, 2.0)
+    ]  # fmt: skip
+    result = fj.simulate(fj.scenes.rigid_wall(duration=0.02), measures=measures, history=False)
+    assert float(result.push) == float(result.peak_force)
+    assert float(result.double) == 2 * float(result.speed) > 0
 
 
 @functools.cache

@@ -345,8 +345,10 @@ def test_refused_by_the_constructors(build, error, text):
 
 
 def test_numbers_that_are_all_but_nought_pass():
-    fj.Parcel(center_x=1e-300, damping=1e-300)
-    fj.scenes.oblique_impact(velocity=(2.0, -1e-300, 0.0))
+    parcel = fj.Parcel(center_x=1e-300, damping=1e-300)
+    assert (float(parcel.center_x), float(parcel.damping)) == (1e-300, 1e-300)
+    scene = fj.scenes.oblique_impact(velocity=(2.0, -1e-300, 0.0))
+    assert [float(part) for part in scene.start.velocity] == [2.0, -1e-300, 0.0]
 
 
 class Hasty(fj.HarmonicDrive):

@@ -352,8 +352,30 @@ def test_configurations_that_cannot_be(changes, text):
         SensitivityConfig(**changes).check()
 
 
-@pytest.mark.parametrize("scene", ["whole_sort", "rigid_wall", "along_fence", "border_and_fence"])
-def test_every_scene_has_defaults(scene):
-    SensitivityConfig(
+# What every scene with a fence, and every one with a corner on it, varies by default.
+OF_FENCE = {
+    "thickness", "length_ratio", "youngs_modulus", "density", "damping_ratio", "mass", "stiffness",
+    "damping", "belt_speed", "belt_kinetic_friction", "fence_kinetic_friction", "top_speed",
+}  # fmt: skip
+OF_CORNER = OF_FENCE | {"distance", "drive_angle"}
+TOUCHING = ("distance=0.8 m", "distance=1 m"), ("distance", 0.5, 1.1)
+
+
+@pytest.mark.parametrize(
+    ("scene", "varied", "places", "line"),
+    [
+        ("whole_sort", OF_FENCE | {"offset"}, ("the scene as it is",), None),
+        ("rigid_wall", {"mass", "stiffness", "damping", "speed"}, ("the scene as it is",), None),
+        ("along_fence", OF_CORNER, *TOUCHING),
+        ("border_and_fence", OF_CORNER, *TOUCHING),
+    ],
+)
+def test_every_scene_has_defaults(scene, varied, places, line):
+    config = SensitivityConfig(
         scene=scene, outputs=("peak_force",), duration=0.0 if scene == "whole_sort" else 0.1
-    ).check()
+    )
+    config.check()
+    made = config.base()
+    assert {variable.name for variable in config.inputs(made)} == varied
+    assert tuple(config.places(made)) == places
+    assert config.line(made) == line
