@@ -89,7 +89,8 @@ def arctan(x: Array) -> Array:
 arctan.defjvps(lambda dot, _, x: dot / (1 + x * x))
 
 
-# Below it by its series, of which the next term is 2e-13, as a difference would lose digits.
+# Below it by its series, as a difference would lose digits. The next term of the mean is
+# z^12 / (13 6!), 1e-16, and that of its derivative over z twelve times 1 / (13 6!) z^10, 1e-13.
 _SHORT = 0.1
 
 

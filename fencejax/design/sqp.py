@@ -36,6 +36,13 @@ from .first_order import Evaluate
 from .lagrangian import Evaluation, Multipliers, Residual, Vector, residual
 from .sqp_model import LocalModel, span
 
+# Where a run ends, or starts again: a radius or a step [in shares] so small that it changes a force
+# by less than what a simulation leaves unbalanced; so many steps that together lower the merit by
+# less than the tolerance; so many one after the other to points that could not be evaluated; so
+# many that each lower it by little. These counts, and how many points' slopes are kept, decide when
+# a search ends, not where: what it ends with is judged by the conditions of Karush, Kuhn and
+# Tucker. The points kept are several times as many as there are variables, so that those on every
+# side of a kink are among them.
 _SMALLEST = 1e-9
 _PATIENCE = 12
 _BARREN = 30

@@ -205,3 +205,53 @@ def test_calibration(bench_directory, kind):
     (bench_directory / f"error_{kind}.json").write_text(json.dumps(table, indent=1) + "\n")
     coverage = {name: row["coverage of fresh scenes"] for name, row in table.items()}
     assert min(coverage.values()) >= 0.95, coverage
+
+
+NUMBERS = (
+    "fence.thickness", "fence.flexible_length", "fence.material.youngs_modulus",
+    "fence.material.density", "parcel.mass", "parcel.stiffness", "belt.speed",
+)  # fmt: skip
+
+
+@pytest.mark.bench
+@pytest.mark.parametrize("measure", ["peak_force", "tip_deflection"])
+def test_calibration_of_gradients(bench_directory, measure):
+    """Writes `error_gradients_MEASURE.json`: over 200 impacts the largest share of its estimate
+    that 98 % of the gradients' components, and of their norms, are off by, from which the factor
+    in `fencejax/results/error.py` comes; and the coverage of 100 fresh impacts."""
+    parts = impacts(3, 200, 0.12), impacts(11, 100, 0.12)
+    scenes = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
+    old = np.arange(300) < 200
+    values = jax.vmap(lambda s: jnp.stack(fj.scene_numbers.read(s, NUMBERS)))(scenes)
+
+    def of(scene, x, fidelity):
+        moved = fj.scene_numbers.replace(scene, NUMBERS, list(x))
+        return getattr(run(moved, fidelity, False, measure), measure)
+
+    def judged(scene):
+        return run(scene, REFERENCE, False, measure).status
+
+    each = lambda f: jax.jit(jax.vmap(f))  # noqa: E731
+    exact = np.asarray(each(jax.grad(lambda x, s: of(s, x, REFERENCE)))(values, scenes))
+    good = np.asarray(each(judged)(scenes)) < fj.Status.STEP_TOO_COARSE
+    table = {}
+    for label, fidelity in (("fast", FAST), ("standard", STANDARD)):
+        def estimate(x, scene, fidelity=fidelity):
+            function = lambda x, f: of(scene, x, f)  # noqa: E731
+            return fj.estimate_gradient_error(function, x, fidelity=fidelity)
+
+        found = each(estimate)(values, scenes)
+        gradient, errors = np.asarray(found.gradient), np.asarray(found.gradient_error)
+        fine = good & np.all(np.isfinite(exact) & np.isfinite(gradient), axis=1)
+        off, scale = np.abs(gradient - exact), np.asarray(values)
+        norm = lambda g, scale=scale: np.sqrt(np.sum((scale * g) ** 2, axis=1))  # noqa: E731
+        for kind, share in (("component", off / errors), ("norm", norm(off) / norm(errors))):
+            table[f"{label} {kind}"] = {
+                "error over estimate, 98 %": float(np.quantile(share[fine & old], 0.98)),
+                "coverage of fresh scenes": float(np.mean(share[fine & ~old] <= 1)),
+                "error over estimate, median": float(np.median(share[fine])),
+            }
+    file = bench_directory / f"error_gradients_{measure}.json"
+    file.write_text(json.dumps(table, indent=1) + "\n")
+    coverage = {name: row["coverage of fresh scenes"] for name, row in table.items()}
+    assert min(coverage.values()) >= 0.95, coverage
