@@ -60,6 +60,8 @@ from .sample import (
 )
 from .slopes import SlopeEvidence as SlopeEvidence
 from .status import (
+    DEEPEST as DEEPEST,
+    LARGEST_BEND as LARGEST_BEND,
     NUMERICAL as NUMERICAL,
     Status as Status,
     counted as counted,

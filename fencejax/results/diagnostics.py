@@ -23,7 +23,7 @@ from .resolution import LAGGING, Resolution, cutoff, modes_lag
 from .result import Result
 from .sample import Sample
 from .slopes import SlopeEvidence, relative_error
-from .status import NUMERICAL, Status, worst
+from .status import DEEPEST, LARGEST_BEND, NUMERICAL, Status, worst
 
 # How far off a peak force may be under a good status [1].
 _PROMISED = 0.025
@@ -215,7 +215,7 @@ def of_record(
     scene = jax.lax.stop_gradient(scene)
     parcel = scene.parcel
     side = jnp.minimum(parcel.length, parcel.breadth)
-    checks = [(Status.DEEP_PENETRATION, seen.deepest > side / 2)]
+    checks = [(Status.DEEP_PENETRATION, seen.deepest > DEEPEST * side)]
     still = seen.border.value
     if seen.surface is not None:
         still = jnp.maximum(still, seen.surface.value)
@@ -262,7 +262,7 @@ def of_record(
         late = fast * mechanics.fidelity.step > _SLIPPING
         checks.append((Status.STEP_TOO_COARSE, late & (jnp.abs(seen.last.slip) > 0)))
     if scene.fence is not None:
-        limit = scene.fence.flexible_length / 4
+        limit = LARGEST_BEND * scene.fence.flexible_length
         checks.append((Status.LARGE_DEFLECTION, seen.tip.value > limit))
         # It runs away: finite still, but its derivatives may be so no more.
         checks.append((Status.NON_FINITE, seen.tip.value > _RUNAWAY * limit))
@@ -299,14 +299,14 @@ def of_normal_record(
         (Status.NEVER_TOUCHED, seen.force.value <= 0),
         (Status.IN_CONTACT_AT_END, seen.last.fence_force > 0),
         (Status.PEAK_AT_END, _peaks_at_end(seen, fidelity)),
-        (Status.DEEP_PENETRATION, seen.deepest > side / 2),
+        (Status.DEEP_PENETRATION, seen.deepest > DEEPEST * side),
         (Status.STEP_TOO_COARSE, seen.unbalance > 1e-3 * seen.force.value + 1e-9),
         (Status.INCONSISTENT, ~consistent(scene)),
         (Status.NON_FINITE, ~jnp.isfinite(seen.last.body.y + seen.force.value)),
         *unresolved(link, fidelity, seen, unmet),
     ]
     if scene.fence is not None:
-        limit = scene.fence.flexible_length / 4
+        limit = LARGEST_BEND * scene.fence.flexible_length
         checks.append((Status.LARGE_DEFLECTION, seen.tip.value > limit))
     return worst(checks, seen.last.body.y)
 

@@ -96,6 +96,10 @@ NUMERICAL = frozenset({
     Status.STEP_TOO_COARSE, Status.LIMIT_REACHED,
 })  # fmt: skip
 """The statuses that doubt the numbers and not the design."""
+LARGEST_BEND, DEEPEST = 0.25, 0.5
+"""Up to where the model holds: the tip's deflection over the flexible link's length [1], and how
+far a corner is pressed in over the parcel's shorter side [1]. Beyond are `LARGE_DEFLECTION` and
+`DEEP_PENETRATION`."""
 
 
 def counted(statuses: ArrayLike) -> dict[str, int]:

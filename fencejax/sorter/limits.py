@@ -27,6 +27,7 @@ from ..design import (
     sorting,
 )
 from ..parts import AbstractDrive, AbstractTorqueDrive, DataSheet, Motor, Parcel
+from ..results import DEEPEST, LARGEST_BEND
 from .amounts import amount, nearest, refuse_unknown
 
 _SENSES = {"at_most": "at most", "at_least": "at least"}
@@ -221,8 +222,8 @@ _ROWS = (
         asked=True, of=_clear,
     ),
     # The range of the model, as `Status.LARGE_DEFLECTION` and `Status.DEEP_PENETRATION` have it.
-    LimitRow("deflection_share", DEFLECTION_SHARE, usual=lambda *_: 0.25),
-    LimitRow("indentation_share", INDENTATION_SHARE, usual=lambda *_: 0.5),
+    LimitRow("deflection_share", DEFLECTION_SHARE, usual=lambda *_: LARGEST_BEND),
+    LimitRow("indentation_share", INDENTATION_SHARE, usual=lambda *_: DEEPEST),
 )  # fmt: skip
 LIMIT_ROWS: Mapping[str, LimitRow] = {row.name: row for row in _ROWS}
 """Every row by name."""
