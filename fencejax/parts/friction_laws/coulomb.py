@@ -46,5 +46,9 @@ class Friction(AbstractFriction):
 
 def on_cover() -> Friction:
     """Of a parcel on the cover of the fence, the border and a deflector, where nothing else is
-    said: kinetic 0.35, static 0.5."""
+    said: kinetic 0.35, static 0.5.
+
+    >>> fj.friction_laws.on_cover()
+    Friction(kinetic=0.35, static=0.5)
+    """
     return Friction(kinetic=0.35, static=0.5)
