@@ -85,7 +85,7 @@ def _riding_in(scene: Scene) -> tuple[AbstractDrive, Belt, Array, Array]:
 
 
 def constant_push(scene: Scene, past: ArrayLike = 0.0) -> Array:
-    """N [N] of the steady push that would do: of a point mass, across the belt, from the moment the
+    """N [N] of the steady push that would do: of a point mass, across the belt, from when the
     drive starts until the parcel has passed the fence's tip.
 
     The fence pushes with N and rubs with mu_2 N along itself, in all F = N sqrt(1 + mu_2^2) in one

@@ -8,7 +8,7 @@ it (`tests/robustness/search.py`).
 
 The friction of a contact is held against the same share of the largest normal force. It asks for
 short steps where sliding comes to rest: the peak force hardly minds what these bring, its
-derivatives do, as the moment of rest moves with the parameters. Where the shortest steps still miss
+derivatives do, as the time of rest moves with the parameters. Where the shortest steps still miss
 it, they are taken; only what normal forces miss makes the status `STEP_TOO_COARSE`. So it is with
 the belt's friction, where the parcel lets go of it or its slip turns while the fence is touched: a
 share of that friction itself. And so it is where a force begins to end at the fence's tip.

@@ -89,7 +89,7 @@ def mean_where(value: tuple[Array, Array], level: tuple[Array, Array]) -> Array:
     (a, b), (low, high) = value, level
     apart = (low > 0) != (high > 0)
     share = jnp.where(apart, low, 0.0) / jnp.where(apart, low - high, 1.0)
-    # The part before, and the part after, the moment at which the level is 0.
+    # The part before, and the part after, the instant at which the level is 0.
     first = share * (a + 0.5 * share * (b - a))
     whole = 0.5 * (a + b)
     part = jnp.where(low > 0, first, whole - first)
@@ -328,7 +328,7 @@ def _update_impulse(impulse: Array, step: Step) -> Array:
 
     There it falls to zero after a share s of the step and stays: N h s / 2. The trapezoidal rule
     would count N h / 2 wherever in the step that is. Its error, between 0 and h^2 |N'| / 8, is
-    small; but the derivative of that error in the moment of parting, h |N'| (1 - 2 s) / 2, is of
+    small; but the derivative of that error in the instant of parting, h |N'| (1 - 2 s) / 2, is of
     the first order and changes its sign from step to step.
     """
     before, now = step.before.fence_force, step.now.fence_force

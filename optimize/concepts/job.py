@@ -4,7 +4,7 @@
 
 A blow is softened by a fence that bends, a rigid link before it, a cover, a shaft that gives way, a
 clutch that slips, or a motion of another form. Each of them, and some together, is designed with
-its drive and the moment that it starts for the least peak force, and for the least acceleration in
+its drive and the time when it starts for the least peak force, and for the least acceleration in
 g, over the same parcels, within the same limits, at several rates. Every point is looked at again
 at the reference fidelity; what breaks limits says which of them fight.
 

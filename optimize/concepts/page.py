@@ -64,7 +64,7 @@ def _means() -> Table:
     ]  # fmt: skip
     return Table(
         ["means", "what it is", "what is free"], rows, "What a concept may hold",
-        "Of every concept the drive and the moment that it starts are free.",
+        "Of every concept the drive and the time at which it starts are free.",
     )  # fmt: skip
 
 

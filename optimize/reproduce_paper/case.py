@@ -53,7 +53,7 @@ class Case(eqx.Module):
 
     def approach_speed(self, distance: Array) -> Array:
         """v_n = v sin(alpha_w) + R alphadot_w [m/s], the normal approach speed at R = `distance`
-        [m] at the moment of the first touch."""
+        [m] at the instant of the first touch."""
         rate = self.drive.motion(self.drive.time_at(self.drive_angle)).speed
         return fj.Belt().speed * jnp.sin(self.drive_angle) + distance * rate
 

@@ -52,7 +52,7 @@ def test_parcel_rides_into_the_first_touch(quick):
         one = lane(outcome.impact, index)
         first, _ = first_and_last(one)
         drive = fj.HarmonicDrive()
-        # Within two steps of 0.5 ms of the moment at which the drive is at 0.30 rad; till then the
+        # Within two steps of 0.5 ms of the instant at which the drive is at 0.30 rad; till then the
         # parcel has moved with the belt alone.
         assert one.time[first] == pytest.approx(float(drive.time_at(0.30)), abs=1e-3)
         ridden = one.x[first - 2] - one.x[0]

@@ -89,7 +89,7 @@ def test_free_wall_is_the_library(fence, peak):
     assert error.max() < 5e-3 * peak
     assert error[~passing].max() < 1e-3 * peak
     assert float(library(fence).peak_force) == pytest.approx(peak, rel=1e-3)
-    # At the moment of the border's touch the two begin to press within a step of each other.
+    # At the instant of the border's touch the two begin to press within a step of each other.
     np.testing.assert_allclose(ours.border_normal[on], samples.border_normal[on], atol=0.05)
     np.testing.assert_allclose(ours.tip[on], samples.tip[on], atol=3e-5)
     np.testing.assert_allclose(ours.phi[on], samples.phi[on], atol=3e-5)

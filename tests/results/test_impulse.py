@@ -1,4 +1,4 @@
-"""The fence's impulse: its value, and derivatives that do not ripple with the moment of parting."""
+"""The fence's impulse: its value, and derivatives that do not ripple with the time of parting."""
 
 import jax
 import jax.numpy as jnp
@@ -60,7 +60,7 @@ def test_against_the_similarity_of_impacts_on_a_wall(fidelity, off, apart):
     """I = m v (1 + e(b_p v^0.2 / k_p^0.6)), so that the elasticities are 1, 1 + 0.2 s, -0.6 s, s.
 
     By the trapezoidal rule alone they are off by 3.6e-3, 3.5e-4 and 6.9e-3: the first order in the
-    step, h |N'| times what the moment of parting changes.
+    step, h |N'| times what the instant of parting changes.
     """
     value, slopes = on_the_wall(fidelity)
     expected = 1 + np.array([restitution(speed) for speed in SPEEDS[::7]])
@@ -76,7 +76,7 @@ def test_elasticities_along_the_fence_do_not_ripple():
     By the trapezoidal rule alone those in R are off by 27e-3 in places, those in h_1 by 14e-3. What
     is left comes from steps that are chosen anew from place to place, above all by which step the
     parcel parts: one that misses a share `step_tolerance` of the force there moves the derivatives
-    in the moment of parting, which R moves most, at one place in a hundred by more than 4e-3.
+    in the instant of parting, which R moves most, at one place in a hundred by more than 4e-3.
     """
     fence = fj.Fence()
 
