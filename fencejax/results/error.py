@@ -14,9 +14,12 @@ from .error_estimate import ErrorEstimate
 from .measures import ESTIMATED, MEASURES
 from .result import Result
 
-# Chosen on 120 impacts, peak force and tip deflection in seven variables; see
-# `fencejax.results.measures` for the factors of values.
-_GRADIENT_SAFETY = 2.5
+# With it 95 % of the components and norms of gradients of 200 random impacts are within their
+# estimates, in seven numbers, at `fast` (`test_calibration_of_gradients` in
+# tests/results/test_error_estimate.py); at `standard` more are. Errors that are controlled step by
+# step go with the tolerance in the mean, and by jumps in each scene. The factors of values are in
+# `fencejax.results.measures`.
+_GRADIENT_SAFETY = 8.0
 # Share of a value by which the geometries other than the paper's chords are off in a bad case. No
 # spread shows it: chords take three times as long in a batch.
 _GEOMETRY = 5e-4
@@ -135,10 +138,10 @@ def estimate_gradient_error(
 
     As in `ErrorEstimate`, with g the gradient, component by component,
 
-    e = 2.5 (|g - g_A| + |g_A - g_B| / 2),
+    e = 8 (|g - g_A| + |g_A - g_B| / 2),
 
-    which covers the true error in 95 % of random impacts or more, in each component and in the
-    norm.
+    a cautious bound: several times the true error in most scenes, so that it covers that in nearly
+    all, in each component and in the norm.
 
     Three gradients, the second and third of half the steps: about twice the cost of one. Works
     inside `jax.jit` and `jax.vmap`.

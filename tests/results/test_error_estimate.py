@@ -216,9 +216,9 @@ NUMBERS = (
 @pytest.mark.bench
 @pytest.mark.parametrize("measure", ["peak_force", "tip_deflection"])
 def test_calibration_of_gradients(bench_directory, measure):
-    """Writes `error_gradients_MEASURE.json`: over 200 impacts the largest share of its estimate
-    that 98 % of the gradients' components, and of their norms, are off by, from which the factor
-    in `fencejax/results/error.py` comes; and the coverage of 100 fresh impacts."""
+    """Writes `error_gradients_MEASURE.json`: by which share of its estimate 95 % of the gradients'
+    components, and of their norms, are off over 200 impacts with a good status, from which the
+    factor in `fencejax/results/error.py` comes; and the coverage of 100 fresh impacts."""
     parts = impacts(3, 200, 0.12), impacts(11, 100, 0.12)
     scenes = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
     old = np.arange(300) < 200
@@ -228,12 +228,18 @@ def test_calibration_of_gradients(bench_directory, measure):
         moved = fj.scene_numbers.replace(scene, NUMBERS, list(x))
         return getattr(run(moved, fidelity, False, measure), measure)
 
-    def judged(scene):
-        return run(scene, REFERENCE, False, measure).status
+    def judged(x, scene, fidelity):
+        """The gradient, and whether its status is good."""
+
+        def both(x):
+            moved = fj.scene_numbers.replace(scene, NUMBERS, list(x))
+            result = run(moved, fidelity, False, measure)
+            return getattr(result, measure), fj.holds(result)
+
+        return jax.grad(both, has_aux=True)(x)
 
     each = lambda f: jax.jit(jax.vmap(f))  # noqa: E731
-    exact = np.asarray(each(jax.grad(lambda x, s: of(s, x, REFERENCE)))(values, scenes))
-    good = np.asarray(each(judged)(scenes)) < fj.Status.STEP_TOO_COARSE
+    exact, good = map(np.asarray, each(lambda x, s: judged(x, s, REFERENCE))(values, scenes))
     table = {}
     for label, fidelity in (("fast", FAST), ("standard", STANDARD)):
         def estimate(x, scene, fidelity=fidelity):
@@ -242,11 +248,14 @@ def test_calibration_of_gradients(bench_directory, measure):
 
         found = each(estimate)(values, scenes)
         gradient, errors = np.asarray(found.gradient), np.asarray(found.gradient_error)
-        fine = good & np.all(np.isfinite(exact) & np.isfinite(gradient), axis=1)
+        _, sound = map(np.asarray, each(lambda x, s, f=fidelity: judged(x, s, f))(values, scenes))
+        fine = good & sound & np.all(np.isfinite(exact) & np.isfinite(gradient), axis=1)
         off, scale = np.abs(gradient - exact), np.asarray(values)
         norm = lambda g, scale=scale: np.sqrt(np.sum((scale * g) ** 2, axis=1))  # noqa: E731
         for kind, share in (("component", off / errors), ("norm", norm(off) / norm(errors))):
             table[f"{label} {kind}"] = {
+                "impacts": int(np.sum(fine)),
+                "error over estimate, 95 %": float(np.quantile(share[fine & old], 0.95)),
                 "error over estimate, 98 %": float(np.quantile(share[fine & old], 0.98)),
                 "coverage of fresh scenes": float(np.mean(share[fine & ~old] <= 1)),
                 "error over estimate, median": float(np.median(share[fine])),
@@ -254,4 +263,5 @@ def test_calibration_of_gradients(bench_directory, measure):
     file = bench_directory / f"error_gradients_{measure}.json"
     file.write_text(json.dumps(table, indent=1) + "\n")
     coverage = {name: row["coverage of fresh scenes"] for name, row in table.items()}
-    assert min(coverage.values()) >= 0.95, coverage
+    # 95 %, less what 95 scenes or more leave to chance: two standard deviations.
+    assert min(coverage.values()) >= 0.9, coverage
