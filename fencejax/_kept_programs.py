@@ -148,14 +148,14 @@ class Store:
         self, what: tuple[Any, ...], structure: Any, leaves: list[_Abstract], kind: str = "program"
     ) -> Path | None:
         """Where a program is, or is to be; `None` where it is not to be kept."""
-        source = _source()
-        if source is None or jax.default_backend() != "cpu" or jax.config.jax_default_device:  # pyright: ignore
+        code = _source()
+        if code is None or jax.default_backend() != "cpu" or jax.config.jax_default_device:  # pyright: ignore
             return None
         known = traced_settings()
         if known is None:
             return None
         settings = [*known, os.environ.get("XLA_FLAGS", "")]
-        made = json.dumps([source, settings, _written(what), _text(structure), leaves])
+        made = json.dumps([code, settings, _written(what), _text(structure), leaves])
         return self.folder / f"{hashlib.sha256(made.encode()).hexdigest()}.{kind}"
 
     def load(self, place: Path) -> Program | None:

@@ -252,7 +252,7 @@ class Fidelity(Readable):
                 return self.modes
             return max(self.modes, min(least, 2 * self.elements))
 
-        numbers = jax.tree.leaves(scene) or [jnp.zeros(())]
+        numbers = jax.tree.leaves(scene) or [float]
         single = (self.precision or str(jnp.result_type(*numbers))) == "float32"
 
         if self.step <= last.step:

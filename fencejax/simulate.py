@@ -169,10 +169,14 @@ def _own(measures: Sequence[Measure]) -> tuple[Measure, ...]:
                 f"Argument `measures` must hold `fencejax.Measure`s, but holds {measure!r}."
             )
         name = measure.name
-        taken = name in MEASURES or hasattr(Result, name) or name in Result.__dataclass_fields__
-        if taken or name in names or name.startswith("_"):
-            why = "twice" if name in names else "which a result has for something else"
-            why = "which begins with an underscore" if name.startswith("_") else why
+        why = ""
+        if name.startswith("_"):
+            why = "which begins with an underscore"
+        elif name in names:
+            why = "twice"
+        elif name in MEASURES or hasattr(Result, name) or name in Result.__dataclass_fields__:
+            why = "which a result has for something else"
+        if why:
             raise ValueError(
                 "Argument `measures` must hold measures with names of their own, but holds "
                 f"{name!r}, {why}. Name it otherwise."

@@ -10,11 +10,8 @@ from ..printing import Readable, Table, shown
 from .evaluator import Record
 from .lagrangian import Evaluation, Multipliers, Residual, Vector
 from .objectives import Limit
-from .prices import ShadowPrices, prices
+from .prices import NEGLIGIBLE, ShadowPrices, prices
 from .variables import DesignSpace
-
-# A price that is less than this share of the largest is none.
-_LITTLE = 1e-3
 
 
 class Stop(enum.Enum):
@@ -105,8 +102,7 @@ class Optimum(Readable):
         unit: str = "1",
     ) -> Table:  # fmt: skip
         """What was found, as a table that prints itself: why the search ended, the worst case
-        before and after, and which limits and bounds it is held by, with
-        their prices.
+        before and after, and which limits and bounds it is held by, with their prices.
 
         **Arguments:**
 
@@ -158,7 +154,7 @@ class Optimum(Readable):
               for rate, name in zip(found.upper, titles, strict=True)),
         ]  # fmt: skip
         most = max((rate for rate, *_ in rates), default=0.0)
-        told = sorted((r for r in rates if r[0] > _LITTLE * most), key=lambda r: -r[0])
+        told = sorted((r for r in rates if r[0] > NEGLIGIBLE * most), key=lambda r: -r[0])
         if not told:
             return [("", "no limit and no bound decides")]
         return [

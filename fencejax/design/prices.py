@@ -8,6 +8,8 @@ from .lagrangian import Evaluation, Multipliers, Vector, slope
 
 # A share this near to 0 or 1 is on its bound; and the step in which a conflict is looked at.
 _ON_BOUND, _STEP = 1e-3, 0.05
+NEGLIGIBLE = 1e-3
+"""A price that is less than this share of the largest is none."""
 
 
 class ShadowPrices(NamedTuple):

@@ -4,14 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from .lagrangian import Vector
-from .prices import ShadowPrices
+from .prices import NEGLIGIBLE, ShadowPrices
 from .variables import DesignVariable
 
 RELAXED = 0.1
 """By which share a limit or a bound is relaxed to say what it costs; of a limit that is 0, by that
 share of what its margin is measured in."""
-# What is worth less than this share of the most is worth nothing.
-_LITTLE = 1e-3
 
 
 class Bounded(NamedTuple):
@@ -73,4 +71,5 @@ def relaxations(
             gain = float(prices.upper[index]) * (float(variable.share(above)) - 1)
             found.append(Relaxation(f"upper bound of {name}", upper, above, unit, gain, ()))
     most = max((one.gain for one in found), default=0.0)
-    return sorted((one for one in found if one.gain > _LITTLE * most), key=lambda one: -one.gain)
+    worth = (one for one in found if one.gain > NEGLIGIBLE * most)
+    return sorted(worth, key=lambda one: -one.gain)

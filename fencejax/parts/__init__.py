@@ -49,6 +49,7 @@ from .friction_laws import (
     AbstractFriction as AbstractFriction,
     Friction as Friction,
     FrictionScales as FrictionScales,
+    friction_of as friction_of,
     on_cover as on_cover,
 )
 from .material import (

@@ -11,8 +11,8 @@ class Ledger(Part):
 
     residual = changes + dissipated + contact - work. With `Fidelity(longest_stride=1)` it vanishes
     at the order of the step. By default a fence that rings freely is followed in longer strides, up
-    to 2 ms, at whose ends alone the work of its drive is sampled: there some 1e-3 of the work may
-    be left, whatever the step.
+    to 2 ms, at whose ends alone the work of its drive is sampled: a small share of that work is
+    left then, whatever the step.
 
     >>> energy = fj.simulate(fj.scenes.rigid_wall()).energy
     >>> print(f"{energy.contact_loss:.1f} J of 44.1 J are lost in the contact")

@@ -11,7 +11,6 @@ from jaxtyping import Array, ArrayLike
 from .. import _check
 from ..parts import (
     AbstractDrive,
-    AbstractFriction,
     AbstractSurface,
     AbstractTorqueDrive,
     Belt,
@@ -19,7 +18,6 @@ from ..parts import (
     Fence,
     HarmonicDrive,
     Parcel,
-    on_cover,
     turned,
 )
 
@@ -48,16 +46,6 @@ def corners_with(corner: int, corners: tuple[int, ...] | None) -> tuple[int, ...
             f"the fence, but is {corners!r}. Write fence_corners={tuple(sorted((*found, corner)))}."
         )
     return found
-
-
-def fence_friction_of(
-    friction: AbstractFriction | None | Default,
-) -> AbstractFriction | None:
-    if friction is None:
-        return None
-    friction = on_cover() if friction == "default" else friction
-    example = "fence_friction=fj.Friction(kinetic=0.35, static=0.5)"
-    return _check.part("fence_friction", friction, AbstractFriction, example)
 
 
 def fence_of(fence: Fence | None) -> Fence:

@@ -17,6 +17,7 @@ from ..parts import (
     HarmonicDrive,
     Motor,
     Parcel,
+    friction_of,
 )
 from .arguments import (
     Default,
@@ -29,7 +30,6 @@ from .arguments import (
     cycle_of,
     drive_of,
     duration_of,
-    fence_friction_of,
     fence_of,
     parcel_of,
     surfaces_of,
@@ -190,7 +190,7 @@ def whole_sort(
         belt_of(belt),
         fence,
         drive,
-        fence_friction_of(fence_friction),
+        friction_of("fence_friction", fence_friction),
         border,
         corners_of("fence_corners", fence_corners),
         () if border is None else corners_of("border_corners", border_corners),

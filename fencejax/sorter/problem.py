@@ -202,9 +202,9 @@ class SorterProblem:
         """The numbers of every parcel's sort by path, with the candidate's, each of shape (P,)."""
         parcels = self.machine.parcels
         columns = {path: v for path, v in parcels.columns.items() if path in self._names}
+        material = _whole(candidate.material).material
         numbers = {
-            **{f"fence.material.{name}": getattr(_whole(candidate.material).material, name)
-               for name in _MATERIAL},
+            **{f"fence.material.{name}": getattr(material, name) for name in _MATERIAL},
             **{scene_path(path): value for path, value in candidate.numbers.items()},
         }  # fmt: skip
         return {

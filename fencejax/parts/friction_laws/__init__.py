@@ -13,6 +13,7 @@ from .abstract import (
 )
 from .coulomb import (
     Friction as Friction,
+    friction_of as friction_of,
     on_cover as on_cover,
 )
 from .stribeck import Stribeck as Stribeck

@@ -1,6 +1,6 @@
 """Static and kinetic friction after Coulomb."""
 
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
@@ -52,3 +52,21 @@ def on_cover() -> Friction:
     Friction(kinetic=0.35, static=0.5)
     """
     return Friction(kinetic=0.35, static=0.5)
+
+
+def friction_of(
+    name: str, friction: AbstractFriction | None | Literal["default"]
+) -> AbstractFriction | None:
+    """The friction that is given as an argument of some name: that of covers for `"default"`,
+    `None` for none.
+
+    Raises `TypeError` where it is no law of friction.
+
+    >>> fj.friction_laws.friction_of("friction", "default")
+    Friction(kinetic=0.35, static=0.5)
+    """
+    friction = on_cover() if friction == "default" else friction
+    if friction is None:
+        return None
+    example = f"{name}=fj.Friction(kinetic=0.35, static=0.5)"
+    return _check.part(name, friction, AbstractFriction, example)

@@ -4,8 +4,7 @@ from typing import Literal
 
 import jax.numpy as jnp
 
-from ... import _check
-from ..friction_laws import AbstractFriction, on_cover
+from ..friction_laws import AbstractFriction, friction_of
 from .abstract import AbstractSurface, SurfacePoint
 
 
@@ -23,11 +22,7 @@ class Border(AbstractSurface):
 
     def __init__(self, friction: AbstractFriction | None | Literal["default"] = "default"):
         """**Arguments:** `friction`: default kinetic 0.35, static 0.5; `None` for none."""
-        friction = on_cover() if friction == "default" else friction
-        if friction is not None:
-            example = "friction=fj.Friction(kinetic=0.35, static=0.5)"
-            friction = _check.part("friction", friction, AbstractFriction, example)
-        self.friction = friction
+        self.friction = friction_of("friction", friction)
 
     def at(self, x, y):
         return SurfacePoint(-y, x, (jnp.zeros_like(x), jnp.ones_like(x)), None)

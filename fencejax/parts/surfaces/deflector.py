@@ -7,7 +7,7 @@ from jaxtyping import Array, ArrayLike
 
 from ... import _check
 from ..._check import Bounds
-from ..friction_laws import AbstractFriction, on_cover
+from ..friction_laws import AbstractFriction, friction_of
 from .abstract import AbstractSurface, SurfacePoint
 
 
@@ -59,11 +59,7 @@ class Deflector(AbstractSurface):
         - `friction`: default kinetic 0.35, static 0.5, as of the fence; `None` for none.
         """
         _check.fields(self, angle=angle, length=length, hinge_x=hinge_x, hinge_y=hinge_y)
-        friction = on_cover() if friction == "default" else friction
-        if friction is not None:
-            example = "friction=fj.Friction(kinetic=0.35, static=0.5)"
-            friction = _check.part("friction", friction, AbstractFriction, example)
-        self.friction = friction
+        self.friction = friction_of("friction", friction)
 
     def at(self, x, y):
         x, y = x - self.hinge_x, y - self.hinge_y
