@@ -38,14 +38,27 @@ beta the sliding gains
 with z = sqrt(w^2 + eps^2) - w and q^2 = beta (beta + J). beta is that of friction unsmoothed,
 beta (beta + J) = J (w_1 - w_0) + beta (w_1 - w_0) - J max(-w_0, 0).
 
+A corner that slides at the start and has turned round leaves later than it comes to rest: while it
+is near rest, smoothed friction is still in part what it was before. By that it has gained
+
+    D = integral of J u / (beta + J u) dw from 0 to b,  of which  b J u(b) / (beta + J u(b))
+
+is counted already, as friction at the step's end acts from theta on. What is left, E, is added, and
+theta is that of the speed b - E. Where a step ends within ten eps of rest, the derivative of b
+would lack it by J u / beta without, and the next step, in which friction goes on to turn, begin
+with that. Where beta is 0, which holds a corner, E is none. With friction of other corners in J,
+the corner's own has its share of E.
+
 How far the parcel goes meanwhile is in `corner_way`, and the means of frictions that the formulas
 above are made of in `sliding_corner`.
 """
 
+import functools
 import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -77,10 +90,11 @@ class _Rest(NamedTuple):
     by_back: Array
 
 
-def _rest(corner: Corner, jump: Array) -> _Rest:
-    """theta, for what friction's `jump` changes the sliding by in a whole step, J [m/s]."""
+def _rest(corner: Corner, jump: Array, late: Array | float = 0.0) -> _Rest:
+    """theta, for what friction's `jump` changes the sliding by in a whole step, J [m/s], and where
+    the corner leaves faster by E for friction that turns `late` [m/s]."""
     fast = jnp.abs(corner.start.speed)
-    back = jnp.maximum(-jnp.sign(corner.start.speed) * corner.after, 0.0)
+    back = jnp.maximum(-jnp.sign(corner.start.speed) * corner.after, 0.0) - late
     root = jnp.sqrt((jump - fast + back) ** 2 + 4 * fast * back + corner.eps**2)
     whole = jump + fast + back + root
     until = 2 * fast / whole
@@ -104,12 +118,19 @@ def _from_sliding(corner: Corner, on: Counted, others: Array | float = 0.0) -> C
     here, here_slope = 0.5 * on.share, 0.5 * on.slope
     drop = jnp.maximum(sign * _change(corner, on), 0.0)
     jump = jnp.maximum(gain * drop + sign * others, 0.0)
-    until, by_jump, by_back = _rest(corner, jump)
+    falls = jnp.where((drop > 0) & (jump > 0), sign * (there.slope - here_slope), 0.0)
+    late, later = jax.jvp(
+        functools.partial(_late, fast, eps),
+        (jnp.maximum(-sign * after, 0.0), 2 * gain * there.mu, jump),
+        (jnp.where(sign * after < 0, -sign, 0.0), 2 * gain * there.mu_slope, gain * falls),
+    )
+    until, by_jump, by_back = _rest(corner, jump, late)
     twice = 2 * (until * here + (1 - until) * there.share)
-    falls = (drop > 0) & (jump > 0)
-    by_drop = gain * by_jump * jnp.where(falls, sign * (there.slope - here_slope), 0.0)
     slope = 2 * (until * here_slope + (1 - until) * there.slope)
-    slope = slope - 2 * sign * drop * (by_drop - sign * by_back)
+    by_after = by_jump * gain * falls - by_back * (sign + later)
+    slope = slope - 2 * sign * drop * by_after
+    per = sign * jnp.where(gain > 0, 2 / jnp.where(gain > 0, gain, 1.0), 0.0)
+    twice, slope = twice - per * late, slope - per * later
     # None of it where the corner slides on, nor where it hardly slows down.
     near = onward * onward + eps * eps
     slowed = jnp.maximum(1 - onward / jnp.where(fast > 0, fast, 1.0), 0.0)
@@ -123,6 +144,29 @@ def _from_sliding(corner: Corner, on: Counted, others: Array | float = 0.0) -> C
     return Counted(
         some * (twice - corner.start.share - corner.share), some * (slope - corner.slope)
     )
+
+
+def _late(fast: Array, eps: float, back: Array, own: Array, jump: Array) -> Array:
+    """E [m/s] of a corner that slides as `fast` at the start and leaves at the speed `back`, b.
+    Friction that turns changes the sliding by `own` in a whole step, unsmoothed, and with that of
+    others by `jump`, smoothed as at b."""
+    least = 1e-3 * eps
+    ending = jnp.sqrt(back * back + eps * eps)
+    still = 0.5 * (1 - back / ending)
+    jump = jump + own * still
+    excess = fast + back - jump
+    root = jnp.sqrt(excess * excess + 4 * jump * back + least * least)
+    pull = jnp.maximum(0.5 * (excess + root), least)
+    both = pull + jump
+    apart = 2 * eps * back / (eps + back + ending)
+    mean = jnp.sqrt(pull * both)
+    angle = arctan(mean * apart / (pull * eps + both * eps * eps / (ending + back)))
+    gained = 0.5 * (apart + jump * eps / mean * angle) / both
+    onward = pull + jump * still
+    left = own * (gained - back * still / onward)
+    # The step's equation takes a small speed that is added for a later turn: to the first order, so
+    # much more is.
+    return left * (1 + jump * still / onward)
 
 
 class _Held(NamedTuple):
