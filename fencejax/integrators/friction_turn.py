@@ -146,6 +146,17 @@ def _from_sliding(corner: Corner, on: Counted, others: Array | float = 0.0) -> C
     )
 
 
+def _passed(
+    eps: float, pull: Array, jump: Array, between: tuple[Array | float, Array], apart: Array
+) -> Array:
+    """2 G / J, for z `between` z_0 and z_1, which are `apart` [m/s]; beta is the `pull` [m/s]."""
+    z0, z1 = between
+    both = pull + jump
+    mean = jnp.sqrt(pull * both)
+    angle = arctan(mean * eps * apart / (pull * eps * eps + both * z0 * z1))
+    return (apart + jump * eps / mean * angle) / both
+
+
 def _late(fast: Array, eps: float, back: Array, own: Array, jump: Array) -> Array:
     """E [m/s] of a corner that slides as `fast` at the start and leaves at the speed `back`, b.
     Friction that turns changes the sliding by `own` in a whole step, unsmoothed, and with that of
@@ -157,11 +168,8 @@ def _late(fast: Array, eps: float, back: Array, own: Array, jump: Array) -> Arra
     excess = fast + back - jump
     root = jnp.sqrt(excess * excess + 4 * jump * back + least * least)
     pull = jnp.maximum(0.5 * (excess + root), least)
-    both = pull + jump
     apart = 2 * eps * back / (eps + back + ending)
-    mean = jnp.sqrt(pull * both)
-    angle = arctan(mean * apart / (pull * eps + both * eps * eps / (ending + back)))
-    gained = 0.5 * (apart + jump * eps / mean * angle) / both
+    gained = 0.5 * _passed(eps, pull, jump, (eps, eps * eps / (ending + back)), apart)
     onward = pull + jump * still
     left = own * (gained - back * still / onward)
     # The step's equation takes a small speed that is added for a later turn: to the first order, so
@@ -190,13 +198,10 @@ def _from_hold(corner: Corner) -> _Held:
     on = jnp.maximum(fast - jnp.maximum(slow, 0.0), least)
     root = jnp.sqrt((jump - back - on) ** 2 + 4 * on * jump + least * least)
     pull = jnp.maximum(0.5 * (root - jump + back + on), least)
-    both = pull + jump
     ending = jnp.sqrt(fast * fast + eps * eps)
     z0, z1 = jnp.sqrt(slow * slow + eps * eps) - slow, ending - fast
     apart = jnp.maximum(z0 - z1, 0.0)
-    mean = jnp.sqrt(pull * both)
-    angle = arctan(mean * eps * apart / (pull * eps * eps + both * z0 * z1))
-    added = (apart + jump * eps / mean * angle) / both
+    added = _passed(eps, pull, jump, (z0, z1), apart)
     still = 0.5 * z1 / ending * jump
     slope = still / (pull + still) - 0.5 * jump * added / root
     slope = jnp.where((apart > 0) & (gain > 0), slope / jnp.where(gain > 0, gain, 1.0), 0.0)
