@@ -229,17 +229,17 @@ class Fidelity(Readable):
         """This fidelity and two finer ones, for numbers in doubt (`Status.numerical`) of a scene or
         a batch of scenes; without one, of scenes as precise as JAX is told to be.
 
-        The second has at least eight modes, an eighth of the tolerance, half the step and an eighth
-        of a millisecond at most, and half of the friction's smoothing. Where its step is a quarter
-        of this one's or less, it may be halved once less: what judges whether friction is resolved
-        minds steps that are short beside its smoothing. The third has the halvings of the second,
-        the modes and the smoothing of `reference`, an eighth of the second one's tolerance and
-        steps of a tenth of a millisecond at most, or the fixed step of `reference` where this one's
-        steps do not follow their error. Both keep this one's geometry, so
-        that what is refined is the same model: the paper's chords are within 5e-4 of the arc, and
-        their derivatives cost ten times as much. They keep its longest stride, too, over which
-        nothing touches or parts: the 60,000 steps of a whole sort would else cost as much as all
-        others together. In single precision the ladder ends before what that does not resolve.
+        The second has at least eight modes, a fifth of the tolerance, half the step and a quarter
+        of a millisecond at most, and half of the friction's smoothing. The third has the modes and
+        the smoothing of `reference`, a fiftieth of the tolerance and steps of a tenth of a
+        millisecond at most; they may be halved once less, as what judges whether friction is
+        resolved minds steps that are short beside its smoothing. Where this one's steps do not
+        follow their error, these are an eighth of a millisecond at most and those of `reference`.
+        Both keep this one's geometry, so that what is refined is the same model: the paper's chords
+        are within 5e-4 of the arc, and their derivatives cost ten times as much. They keep its
+        longest stride, too, over which nothing touches or parts: the 60,000 steps of a whole sort
+        would else cost as much as all others together. In single precision the ladder ends before
+        what that does not resolve.
 
         What has the step of `reference` or a shorter one has one finer rung: twice the modes, half
         the step and half of the smoothing.
@@ -264,22 +264,20 @@ class Fidelity(Readable):
             )
             return (self,) if single else (self, beyond)
 
-        step = min(self.step / 2, 1.25e-4)
+        tolerance = self.step_tolerance
+        follows = tolerance is not None
         finer = self.replace(
             modes=with_modes(8),
-            step=step,
-            halvings=max(self.halvings - 1, 0) if 4 * step <= self.step else self.halvings,
-            step_tolerance=None if self.step_tolerance is None else self.step_tolerance / 8,
+            step=min(self.step / 2, 2.5e-4 if follows else 1.25e-4),
+            step_tolerance=tolerance / 5 if follows else None,
             slip_speed=self.slip_speed / 2,
             static_speed=self.static_speed / 2,
         )
-        tolerance, step = None, last.step
-        if finer.step_tolerance is not None:
-            tolerance, step = finer.step_tolerance / 8, 1e-4
         finest = self.replace(
             modes=with_modes(last.mode_count),
-            step=min(finer.step, step),
-            step_tolerance=tolerance,
+            step=min(finer.step, 1e-4 if follows else last.step),
+            halvings=max(self.halvings - 1, 0),
+            step_tolerance=tolerance / 50 if follows else None,
             slip_speed=min(finer.slip_speed, last.slip_speed),
             static_speed=min(finer.static_speed, last.static_speed),
         )
@@ -299,10 +297,10 @@ class Fidelity(Readable):
 
     @classmethod
     def fast(cls, **changes) -> "Fidelity":
-        """A tolerance of 0.2 %, steps of 0.5 ms at most, four modes: for searches. Its worst
+        """A tolerance of 0.1 %, steps of 0.5 ms at most, four modes: for searches. Its worst
         gradients are those of parcels whose friction turns round near the peak.
         """
-        settings = dict(step_tolerance=2e-3, gradient_tolerance=0.2, stride_tolerance=5e-3)
+        settings = dict(step_tolerance=1e-3, gradient_tolerance=0.2, stride_tolerance=5e-3)
         return cls(**{**settings, **changes})
 
     @classmethod

@@ -31,7 +31,7 @@ PROMISES = {
 }
 # Impacts of two maxima of the force 0.4 and 0.6 % apart, less than three tolerances, whose
 # derivatives have nothing to do with each other: which counts is in doubt, though it is right.
-TIED = {"coarse": [23, 25], "fast": [23]}
+TIED = {"coarse": [23, 25]}
 
 
 def measured(fidelity):
