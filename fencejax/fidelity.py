@@ -232,9 +232,10 @@ class Fidelity(Readable):
         The second has at least eight modes, a fifth of the tolerance, half the step and a quarter
         of a millisecond at most, and half of the friction's smoothing. The third has the modes and
         the smoothing of `reference`, a fiftieth of the tolerance and steps of a tenth of a
-        millisecond at most; they may be halved once less, as what judges whether friction is
-        resolved minds steps that are short beside its smoothing. Where this one's steps do not
-        follow their error, these are an eighth of a millisecond at most and those of `reference`.
+        millisecond at most. Where those are a quarter of this one's or less, they may be halved
+        once less: what judges whether friction is resolved minds steps that are short beside its
+        smoothing. Where this one's steps do not follow their error, the second has steps of an
+        eighth of a millisecond at most, and the third those of `reference`.
         Both keep this one's geometry, so that what is refined is the same model: the paper's chords
         are within 5e-4 of the arc, and their derivatives cost ten times as much. They keep its
         longest stride, too, over which nothing touches or parts: the 60,000 steps of a whole sort
@@ -273,10 +274,11 @@ class Fidelity(Readable):
             slip_speed=self.slip_speed / 2,
             static_speed=self.static_speed / 2,
         )
+        step = min(finer.step, 1e-4 if follows else last.step)
         finest = self.replace(
             modes=with_modes(last.mode_count),
-            step=min(finer.step, 1e-4 if follows else last.step),
-            halvings=max(self.halvings - 1, 0),
+            step=step,
+            halvings=max(self.halvings - 1, 0) if 4 * step <= self.step else self.halvings,
             step_tolerance=tolerance / 50 if follows else None,
             slip_speed=min(finer.slip_speed, last.slip_speed),
             static_speed=min(finer.static_speed, last.static_speed),

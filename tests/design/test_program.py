@@ -149,3 +149,10 @@ def test_ladder_settles_a_doubtful_sort():
     found = Program(problem, ladder[:2])(np.ones(1))
     assert found.status <= Status.LEFT_OVER_TIP
     np.testing.assert_array_equal(found.rungs, [1])
+
+
+@pytest.mark.parametrize("step", [4e-3, 1e-3, 5e-4, 1e-4, 3e-5])
+def test_no_rung_has_longer_shortest_steps_than_the_one_before(step):
+    rungs = fj.Fidelity.standard(step=step).ladder()
+    shortest = [rung.step / 2**rung.halvings for rung in rungs]
+    assert shortest == sorted(shortest, reverse=True)
