@@ -160,7 +160,7 @@ TRIALS = {
     "whole sorts": Trial(
         whole_sorts,
         KINDS["sort"].scene,
-        ("_BLOWS", "_ONE_BLOW", "_TWO_BLOWS", "_HELD", "_EDGE", "_DRIFTED"),
+        ("_BLOWS", "_ONE_BLOW", "_TWO_BLOWS", "_MULTIPLIED", "_HELD", "_EDGE", "_DRIFTED"),
     ),
     "a clutch": Trial(clutches, on_clutch, ("_SLIPPING",)),
 }  # fmt: skip
