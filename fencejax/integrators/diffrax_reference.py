@@ -76,7 +76,7 @@ def at_state(
         shares = tuple(lean.share for lean in _leans(forces))
     if link.second_order is not None:
         shapes = tuple(
-            link.followed(shape, vibration.amplitude).rubbed(mechanics.drag(what.sliding))
+            link.followed(shape, vibration.amplitude).with_friction(mechanics.drag(what.sliding))
             for shape, (what, *_) in zip(shapes, forces.fence, strict=True)
         )
     still = tuple(jnp.zeros_like(place) for place in places)

@@ -46,9 +46,9 @@ def monotone(friction: AbstractFriction, sliding: Array, smoothing: Smoothing) -
     return (scales.largest <= (1 + level) * scales.sliding).astype(sliding.dtype)
 
 
-def _holds(stiff: Array, level: Array) -> Array:
+def _sticks(stiffness: Array, level: Array) -> Array:
     """1.0 where friction of a stiffness [1] holds a corner, 0.0 where it leaves it free."""
-    return (stiff > _STIFF + level * (_SMALL - _STIFF)).astype(stiff.dtype)
+    return (stiffness > _STIFF + level * (_SMALL - _STIFF)).astype(stiffness.dtype)
 
 
 class BeltLag(NamedTuple):
@@ -66,17 +66,17 @@ def belt_lag(mechanics: Mechanics, body: Body, step: Array) -> BeltLag | None:
         return None
     force, (grip, bend) = mechanics.belt.force(body, mechanics.fidelity.smoothing)
     slope = belt_slope(grip, bend, mechanics.belt.slip(body).squared)
-    stiff = 0.5 * step * slope / mechanics.mass
-    weight = _BELT_LAG * jnp.maximum(stiff - _STIFF, 0.0) / jnp.maximum(stiff, _STIFF)
+    stiffness = 0.5 * step * slope / mechanics.mass
+    weight = _BELT_LAG * jnp.maximum(stiffness - _STIFF, 0.0) / jnp.maximum(stiffness, _STIFF)
     return BeltLag(weight, mechanics.acceleration(*force[:3]))
 
 
-def count(mechanics: Mechanics) -> int:
+def corner_count(mechanics: Mechanics) -> int:
     """Number of corners with friction."""
     return sum(friction is not None for friction in mechanics.frictions)
 
 
-def weights(mechanics: Mechanics, forces: Forces, step: Array) -> tuple[Array, ...]:
+def sticking_weights(mechanics: Mechanics, forces: Forces, step: Array) -> tuple[Array, ...]:
     """Whether friction holds [1], of each contact that has any."""
     found = []
     for meeting, friction in zip(forces.meetings, mechanics.frictions, strict=True):
@@ -85,17 +85,17 @@ def weights(mechanics: Mechanics, forces: Forces, step: Array) -> tuple[Array, .
             assert response is not None
             slope = -what.normal * response.sliding * mechanics.lightness(parts)
             level = monotone(friction, what.sliding, mechanics.fidelity.smoothing)
-            found.append(_holds(0.5 * step * slope, level))
+            found.append(_sticks(0.5 * step * slope, level))
     return tuple(found)
 
 
-def spread(mechanics: Mechanics, sticking: tuple[Array, ...]) -> list[Array | float]:
+def by_contact(mechanics: Mechanics, sticking: tuple[Array, ...]) -> list[Array | float]:
     """The weights by contact, 0 where there is no friction."""
-    left = iter(sticking)
-    return [0.0 if f is None else next(left) for f in mechanics.frictions]
+    remaining = iter(sticking)
+    return [0.0 if f is None else next(remaining) for f in mechanics.frictions]
 
 
-def held(
+def sticking_acceleration(
     mechanics: Mechanics,
     forces: Forces,
     sticking: tuple[Array, ...],
@@ -108,7 +108,7 @@ def held(
     if not sticking:
         return None
     total = [jnp.zeros_like(forces.acceleration.x)] * 3
-    of_contacts = spread(mechanics, sticking)
+    of_contacts = by_contact(mechanics, sticking)
     for k, (meeting, weight, friction) in enumerate(
         zip(forces.meetings, of_contacts, mechanics.frictions, strict=True)
     ):
@@ -123,42 +123,42 @@ def held(
     return mechanics.acceleration(*total)
 
 
-def carried(
+def carried_over(
     mechanics: Mechanics,
     forces: Forces,
-    held_before: tuple[Array, ...],
+    sticking_before: tuple[Array, ...],
     sticking: tuple[Array, ...],
 ) -> tuple[Acceleration, Acceleration | None]:
     """The acceleration that the next step begins with, and what of it is by frictions that hold, by
-    the weights `sticking` now and `held_before`.
+    the weights `sticking` now and `sticking_before`.
 
     That step counts these frictions by their values at its end; only the first guess of its way
     goes with those at its start. Where a corner has just come to rest, to within some eps, these
     have a thousand times the slope with the sliding speed that those of a held corner have. So
     what holds from now on is carried on as `steady`.
     """
-    holds = held(mechanics, forces, sticking)
-    if holds is None:
+    sticking_part = sticking_acceleration(mechanics, forces, sticking)
+    if sticking_part is None:
         return forces.acceleration, None
-    newly = tuple(now * (1 - was) for now, was in zip(sticking, held_before, strict=True))
-    steady = held(mechanics, forces, newly, steady=True)
-    moving = held(mechanics, forces, newly)
+    newly_sticking = tuple(now * (1 - was) for now, was in zip(sticking, sticking_before, strict=True))
+    steady = sticking_acceleration(mechanics, forces, newly_sticking, steady=True)
+    varying = sticking_acceleration(mechanics, forces, newly_sticking)
     assert steady is not None
-    assert moving is not None
-    less = [a - b for a, b in zip(steady, moving, strict=True)]
-    begin, holds = (
-        Acceleration(*map(jnp.add, each, less)) for each in (forces.acceleration, holds)
+    assert varying is not None
+    correction = [a - b for a, b in zip(steady, varying, strict=True)]
+    begin, sticking_part = (
+        Acceleration(*map(jnp.add, each, correction)) for each in (forces.acceleration, sticking_part)
     )
-    return begin, holds
+    return begin, sticking_part
 
 
-def slides(
+def sliding_velocities(
     mechanics: Mechanics, forces: Forces, sticking: tuple[Array, ...]
 ) -> tuple[Array, Array, Array]:
     """The velocities of the parcel by which corners slide that friction held by the weights
     `sticking`: without these they are at rest."""
     x = y = angle = jnp.zeros_like(forces.acceleration.x)
-    of_contacts = spread(mechanics, sticking)
+    of_contacts = by_contact(mechanics, sticking)
     for (what, parts, _, _), weight, friction in zip(
         forces.meetings, of_contacts, mechanics.frictions, strict=True
     ):

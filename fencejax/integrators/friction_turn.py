@@ -224,7 +224,7 @@ def turns(
     how they were pressed there."""
     corners: dict[int, Corner] = {}
     smoothing = mechanics.fidelity.smoothing
-    weights = friction_tangent.spread(mechanics, sticking)
+    weights = friction_tangent.by_contact(mechanics, sticking)
     for k, (meeting, friction, first, start) in enumerate(
         zip(forces.meetings, mechanics.frictions, pressed, starts, strict=True)
     ):

@@ -68,17 +68,17 @@ class HingeEnd(eqx.Module):
             angle, rate = angle - give * load, rate - give_rate * load
         return angle, rate
 
-    def every(self, loads: tuple[Array, ...]) -> tuple[Array, ...]:
-        """The contact forces with the clutch's load, -L [N m], if there is one."""
+    def with_clutch(self, loads: tuple[Array, ...]) -> tuple[Array, ...]:
+        """The contact forces, followed by the clutch's load -L [N m], if there is a clutch."""
         clutch = self.hinge.clutch
         if clutch is None or self.before is None:
             return loads
-        held = clutch.stiffness * clutch.slip(self.before)
+        stuck = clutch.stiffness * clutch.slip(self.before)
         give, give_rate = self.turns[-1]
         own = jnp.maximum(1 + clutch.moment(give, give_rate), _OWN)
-        moment = held * own + clutch.moment(*self.twist(loads))
+        moment = stuck * own + clutch.moment(*self.twist(loads))
         excess = moment - jnp.clip(moment, -clutch.limit, clutch.limit)
-        return (*loads, excess / own - held)
+        return (*loads, excess / own - stuck)
 
     def clutch(self, loads: tuple[Array, ...]) -> ClutchState | None:
         """The clutch at the end under all loads, its own the last."""

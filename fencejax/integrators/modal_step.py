@@ -48,7 +48,7 @@ class _End(eqx.Module):
     mechanics: Mechanics
     body: Body
     acceleration: Acceleration
-    held: Acceleration | None
+    sticking_acceleration: Acceleration | None
     belt_lag: friction_tangent.BeltLag | None
     sticking: tuple[Array, ...]
     pressed: tuple[Array | None, ...]
@@ -94,27 +94,29 @@ class _End(eqx.Module):
         loads the fence, the friction there.
         """
         h, mechanics = self.stride.length, self.mechanics
-        rates, normals, rubs = self.split(unknowns)
+        rates, normals, frictions = self.split(unknowns)
         points = self.points(unknowns)
         forces = self.forces(unknowns, points)
         begin, end = self.acceleration, forces.acceleration
-        holds = friction_tangent.held(mechanics, forces, self.sticking, self.pressed)
-        changed = None
-        if holds is not None and self.held is not None:
-            changed = [b - a for a, b in zip(self.held, holds, strict=True)]
-            begin = [a - f for a, f in zip(begin, self.held, strict=True)]
-            end = Acceleration(*map(jnp.add, end, holds))
-        on_belt = 1.0
+        at_start, sticking_change = self.sticking_acceleration, None
+        at_end = friction_tangent.sticking_acceleration(
+            mechanics, forces, self.sticking, self.pressed
+        )
+        if at_end is not None and at_start is not None:
+            sticking_change = [b - a for a, b in zip(at_start, at_end, strict=True)]
+            begin = [a - f for a, f in zip(begin, at_start, strict=True)]
+            end = Acceleration(*map(jnp.add, end, at_end))
+        belt_weight = 1.0
         if self.belt_lag is not None and forces.belt is not None:
             lag, was = self.belt_lag
-            on_belt = 1 + lag
+            belt_weight = 1 + lag
             now = mechanics.acceleration(*forces.belt[:3])
             begin = [a - lag * f for a, f in zip(begin, was, strict=True)]
             end = Acceleration(*(a + lag * f for a, f in zip(end, now, strict=True)))
         turns = friction_turn.turns(
             mechanics, forces, self.sticking, self.pressed, self.starts, h
         )
-        way = friction_turn.way(mechanics, forces, turns, changed, h)
+        extra_motion = friction_turn.extra_motion(mechanics, forces, turns, sticking_change, h)
         end = friction_turn.turned(mechanics, forces, turns, end)
         residual = [
             v1 - v0 - 0.5 * h * (a0 + a1)
@@ -122,11 +124,11 @@ class _End(eqx.Module):
         ]
         scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
         shares = friction_turn.shares(forces, turns)
-        drags = newton_matrix.drags(
+        slopes = newton_matrix.friction_slopes(
             mechanics, forces, h, self.sticking, self.pressed, turns
         )
         block = newton_matrix.rate_matrix(
-            mechanics, forces, h, bool(normals), shares, drags, on_belt
+            mechanics, forces, h, bool(normals), shares, slopes, belt_weight
         )
         matrix = [[float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)]
         drifts = self.drifts(points)
@@ -136,19 +138,19 @@ class _End(eqx.Module):
             assert law is not None
             assert response is not None
             residual.append(normal - law)
-            press = response.gap * h / 3 + response.gap_rate
-            row = [press * parts.normal[j] for j in range(3)]
-            for other in range(len(normals + rubs)):
+            stiffness = response.gap * h / 3 + response.gap_rate
+            row = [stiffness * parts.normal[j] for j in range(3)]
+            for other in range(len(normals + frictions)):
                 give, give_rate = self.fence.compliance(k, other, normal)
                 row.append(float(k == other) + response.gap * give + response.gap_rate * give_rate)
             matrix.append(row)
             for i in range(3):
                 along = parts.normal[i] + shares[k] * parts.tangent[i]
-                for drag, drift, other in zip(drags, drifts, forces.fence, strict=False):
+                for drag, drift, other in zip(slopes, drifts, forces.fence, strict=False):
                     along = along + drag * drift[k] * other.touch.tangent[i]
                 matrix[i].append(-scales[i] * along)
-        if rubs:
-            newton_matrix.add_frictions(matrix, residual, forces, rubs, scales, drags, drifts)
+        if frictions:
+            newton_matrix.add_frictions(matrix, residual, forces, frictions, scales, slopes, drifts)
         unbalance = mechanics.mass * jnp.maximum(jnp.abs(residual[0]), jnp.abs(residual[1]))
         turning = mechanics.inertia * jnp.abs(residual[2]) / mechanics.size
         unbalance = 2 * self.stride.rate * jnp.maximum(unbalance, turning)
@@ -156,9 +158,9 @@ class _End(eqx.Module):
         for defect in residual[3:]:
             unbalance = jnp.maximum(unbalance, jnp.abs(defect))
         size = unbalance / (force_tolerance(scale.dtype) * scale)
-        sticking = friction_tangent.weights(mechanics, forces, h)
-        carried = friction_tangent.carried(mechanics, forces, self.sticking, sticking)
-        extra = (forces, unbalance, sticking, carried, way, drifts)
+        sticking = friction_tangent.sticking_weights(mechanics, forces, h)
+        carried = friction_tangent.carried_over(mechanics, forces, self.sticking, sticking)
+        extra = (forces, unbalance, sticking, carried, extra_motion, drifts)
         return tuple(residual), matrix, size, extra
 
     def drifts(self, points: tuple[FencePoint, ...]) -> list[list[Array]]:
@@ -190,7 +192,7 @@ class _End(eqx.Module):
         if not self.sticking:
             return guess
         forces = self.forces(guess, self.points(guess))
-        slides = friction_tangent.slides(self.mechanics, forces, self.sticking)
+        slides = friction_tangent.sliding_velocities(self.mechanics, forces, self.sticking)
         rates = (v - w for v, w in zip(guess[:3], slides, strict=True))
         return (*rates, *guess[3:])
 
@@ -245,32 +247,34 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         if leans:
             loaded = tuple(map(mechanics.loaded, places, leans))
         shapes = tuple(map(mechanics.link.shape, loaded))
-        shares, drags, holds = tuple(lean.share for lean in leans), (), ()
+        shares = tuple(lean.share for lean in leans)
+        friction_forces = sticking_before = ()
         if mechanics.link.second_order is not None:
-            drags = tuple(
+            friction_forces = tuple(
                 n * mechanics.drag(w) for n, w in zip(expected, memory.sliding, strict=True)
             )
-            holds = tuple(friction_tangent.spread(mechanics, memory.sticking))
+            sticking_before = tuple(friction_tangent.by_contact(mechanics, memory.sticking))
         fence = FenceEnd(
-            mechanics.link, stride, drive, memory.fence, loads, shapes, shares, expected, drags,
-            holds,
+            mechanics.link, stride, drive, memory.fence, loads, shapes, shares, expected,
+            friction_forces, sticking_before,
         )  # fmt: skip
     guess = tuple(
         rate + h * (a + 0.5 * ratio * (a - before))
         for rate, a, before in zip(body[3:], start, memory.before, strict=True)
     )
     if fence is not None and fence.flexible:
-        guess = guess + expected + fence.drags
+        guess = guess + expected + fence.friction_forces
     frame = mechanics.frame(drive, places, loaded, memory.gone)
     predicted = body.angle + h * (body.spin + 0.5 * h * start.angle)
     arms = mechanics.arms(predicted)
     equations = _End(
-        mechanics, body, start, memory.held, friction_tangent.belt_lag(mechanics, memory.body, h),
-        memory.sticking, (*memory.normals, *memory.normals_still),
+        mechanics, body, start, memory.sticking_acceleration,
+        friction_tangent.belt_lag(mechanics, memory.body, h), memory.sticking,
+        (*memory.normals, *memory.normals_still),
         starts(mechanics, memory.sliding), predicted, arms, frame, fence, stride,
     )  # fmt: skip
     guess = equations.at_rest(jax.lax.stop_gradient(guess))
-    root, (forces, unbalance, sticking, (acceleration, held), way) = newton.solve(
+    root, (forces, unbalance, sticking, carried, extra_motion) = newton.solve(
         _End.evaluate,
         _End.shorten,
         equations,
@@ -279,13 +283,14 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         lambda extra: (extra[0].outcome(), *extra[1:-1]),
         mechanics.fidelity.gradient == "forward",
     )
+    acceleration, sticking_acceleration = carried
     after = equations.body_at(root[:3])
     normals = tuple(meeting.contact.normal for meeting in forces.fence)
-    frictions = holding = ()
-    if fence is not None and fence.drags:
+    frictions = sticking_now = ()
+    if fence is not None and fence.friction_forces:
         frictions = tuple(mechanics.drag(meeting.contact.sliding) for meeting in forces.fence)
-        holding = friction_tangent.spread(mechanics, sticking)
-    state = None if fence is None else fence.state(normals, frictions, holding)
+        sticking_now = friction_tangent.by_contact(mechanics, sticking)
+    state = None if fence is None else fence.state(normals, frictions, sticking_now)
     size = None
     if memory.step_size is not None:
         jump = equations.force_jump(guess, root, forces)
@@ -303,7 +308,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             )
             was = memory.fence
             if fence is not None and was is not None and frictions:
-                was = fence.begun(was, normals, frictions)
+                was = fence.state_before(was, normals, frictions)
             unforeseen = tuple(
                 normal * (meeting.touch.lean.share - lean.share)
                 for normal, meeting, lean in zip(normals, forces.fence, leans, strict=False)
@@ -325,7 +330,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         )
     memory = Memory(
         body=after,
-        way=way,
+        extra_motion=extra_motion,
         acceleration=acceleration,
         before=memory.acceleration,
         fence=None if state is None else state.kept(),
@@ -340,7 +345,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
                 forces.still, mechanics.frictions[len(forces.fence) :], strict=True
             )
         ),
-        held=held,
+        sticking_acceleration=sticking_acceleration,
         sticking=sticking,
         gone=tuple(
             mechanics.gone(g, p, t) for g, p, t in zip(memory.gone, feet, touches, strict=True)

@@ -41,7 +41,8 @@ class FenceState(NamedTuple):
     its modal forces, the shapes where it is loaded, the contact loads as the modes left out carry
     them (lagged force r [N] and its rate [N/s]), their residual mode under each, the `shares` [1]
     of the contact forces that bend it (empty where they do so whole), its cover under each
-    (empty without one), and its clutch (`None` without one)."""
+    (empty without one), its clutch (`None` without one), and the part of the modal forces by
+    friction at sticking corners, `sticking_load`."""
 
     drive: DriveMotion | None
     vibration: Vibration
@@ -53,7 +54,7 @@ class FenceState(NamedTuple):
     shares: tuple[Array, ...] = ()
     pads: tuple[PadState, ...] = ()
     clutch: ClutchState | None = None
-    held: Blocks | None = None
+    sticking_load: Blocks | None = None
 
     @classmethod
     def unloaded(cls, link: FlexibleLink, vibration: Vibration, places: int) -> "FenceState":
@@ -76,9 +77,9 @@ class FenceState(NamedTuple):
         """What the next step needs to know."""
         rates = self.lagged_rate if self.residual else ()
         force = self.modal_force
-        if self.held is not None:
-            force = tuple(f - held for f, held in zip(force, self.held, strict=True))
+        if self.sticking_load is not None:
+            force = tuple(f - load for f, load in zip(force, self.sticking_load, strict=True))
         return self._replace(
             drive=None, modal_force=force, shapes=(), lagged=(), lagged_rate=rates, shares=(),
-            held=None,
+            sticking_load=None,
         )  # fmt: skip

@@ -264,13 +264,13 @@ class FlexibleLink(eqx.Module):
         normal, friction = following(self.second_order, chords)
         at = tuple(zip(self.deflection, shape.deflection, shape.slope, strict=True))
         more = tuple(normal.load(chords, *each) for each in at)
-        rubs = tuple(friction.load(chords, *each) for each in at)
+        added = tuple(friction.load(chords, *each) for each in at)
         if self.hinge is not None:
             turn, arm = blocks(self.hinge.turn), normal.arm - shape.place
             more = tuple(f + arm * a for f, a in zip(more, turn, strict=True))
-            rubs = tuple(f + friction.arm * a for f, a in zip(rubs, turn, strict=True))
+            added = tuple(f + friction.arm * a for f, a in zip(added, turn, strict=True))
         load = tuple(phi + f for phi, f in zip(shape.load, more, strict=True))
-        return shape._replace(load=load, following=normal, rubbing=(friction, rubs))
+        return shape._replace(load=load, following=normal, friction=(friction, added))
 
     def _element(self, place):
         """Element [0, n) and local coordinate in [0, 1] of an arc coordinate sigma:

@@ -18,7 +18,7 @@ class Shape(NamedTuple):
     (`None` where it is straight). A link that yields in shear has that in the residual mode and at
     the tip, and `of_modes` [m/N] what of it is theirs, `()` if none is. A normal force that follows
     the bent fence is `following`, and its `load` that by its virtual work; so has friction
-    `rubbing`, per newton of its own."""
+    `friction`, per newton of its own."""
 
     deflection: Blocks
     slope: Blocks
@@ -31,7 +31,7 @@ class Shape(NamedTuple):
     rest: Rest | None = None
     of_modes: Array | tuple[()] | None = None
     following: Following | None = None
-    rubbing: tuple[Following, Blocks] | None = None
+    friction: tuple[Following, Blocks] | None = None
 
     @property
     def left_out(self) -> Array | None:
@@ -45,14 +45,14 @@ class Shape(NamedTuple):
         """Of a unit load about the hinge [m]."""
         return self.place if self.following is None else self.following.arm
 
-    def rubbed(self, ratio: Array) -> "Shape":
+    def with_friction(self, ratio: Array) -> "Shape":
         """With friction of a `ratio` [1] to the normal force, which loads the fence with it."""
-        if self.following is None or self.rubbing is None:
+        if self.following is None or self.friction is None:
             return self
-        more, load = self.rubbing
+        more, load = self.friction
         what = (a + ratio * b for a, b in zip(self.following, more, strict=True))
         load = tuple(a + ratio * b for a, b in zip(self.load, load, strict=True))
-        return self._replace(following=Following(*what), load=load, rubbing=None)
+        return self._replace(following=Following(*what), load=load, friction=None)
 
     def from_line(self, bending: Array, rate: Array, slope: Array) -> tuple[Array, Array, Array]:
         """Deflection [m] from the rigid link's line, its rate [m/s] and slope, by that of the
