@@ -350,7 +350,9 @@ class FenceEnd(eqx.Module):
         all_loads = normals
         if frictions:
             all_loads = all_loads + tuple(mu * n for mu, n in zip(frictions, normals, strict=True))
-            shapes = tuple(shape.with_friction(mu) for shape, mu in zip(shapes, frictions, strict=True))
+            shapes = tuple(
+                shape.with_friction(mu) for shape, mu in zip(shapes, frictions, strict=True)
+            )
             no_load = tuple(jnp.zeros_like(f) for f in self.inertia)
             sticking_load = self._with_friction(no_load, all_loads[len(normals) :], sticking)
         all_loads = self._with_clutch(all_loads)

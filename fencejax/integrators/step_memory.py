@@ -1,4 +1,4 @@
-"""What a step hands on to the next one."""
+"""The state that a step hands on to the next one."""
 
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ class Memory(NamedTuple):
 
     - `body`: the position at which the forces at the sample are computed;
     - `extra_motion` (x, y [m], angle [rad]): what friction on corners that come to rest within the
-      step adds to the parcel's displacement (`friction_turn.extra_motion`); `None` without friction;
+      step adds to the parcel's displacement (`friction_turn`), `None` without friction;
     - `acceleration`, at the sample, and `before`, one step back;
     - `fence`: the vibration, its modal forces, the rates of the loads that the modes left out carry
       and their residual mode, and nothing else;
