@@ -39,23 +39,23 @@ def corner_of(before, after, static=MU, law=None):
 
 
 def from_sliding(corner, others=0.0):
-    return friction_turn._from_sliding(corner, sliding_corner.straight(corner), others)
+    return friction_turn._from_sliding(corner, sliding_corner.linear_mean(corner), others)
 
 
-def counted(corner, held):
+def counted(corner, sticking):
     """Twice the mean friction that the step's equation counts, and its slope with the speed at the
     end; friction that held the corner counts by the end alone."""
-    added = friction_turn._from_hold(corner) if held else from_sliding(corner)
-    twice = 2 * corner.share if held else corner.start.share + corner.share
-    return twice + added.share, (1 + held) * corner.slope + added.slope
+    added = friction_turn._from_rest(corner) if sticking else from_sliding(corner)
+    twice = 2 * corner.share if sticking else corner.start.share + corner.share
+    return twice + added.share, (1 + sticking) * corner.slope + added.slope
 
 
-def end(before, held, static=MU, pull=PULL):
+def end(before, sticking, static=MU, pull=PULL):
     """The sliding speed at which the step's equation holds."""
 
     @jax.jit
     def residual(after):
-        mean, _ = counted(corner_of(before, after, static), held)
+        mean, _ = counted(corner_of(before, after, static), sticking)
         return after - before - pull - 0.5 * GAIN * mean
 
     return brentq(lambda w: float(residual(jnp.asarray(w))), -1.0, 1.0, xtol=1e-13)
@@ -85,15 +85,15 @@ def motion(before, pull, static=MU, pressed=STILL):
 
 
 @pytest.mark.parametrize(
-    ("before", "held"),
+    ("before", "sticking"),
     [(0.04, False), (0.03, False), (0.01, False), (2e-3, False), (1e-4, True), (-1e-4, True)],
 )
-def test_a_corner_ends_as_smoothed_friction_has_it(before, held):
+def test_a_corner_ends_as_smoothed_friction_has_it(before, sticking):
     # What is left out is what friction does within some eps of rest.
-    assert end(before, held) == pytest.approx(exact(before), abs=2 * EPS)
+    assert end(before, sticking) == pytest.approx(exact(before), abs=2 * EPS)
     # And so in the derivative, which the trapezoidal rule has as 1.
     step = 1e-5
-    slope = (end(before + step, held) - end(before - step, held)) / (2 * step)
+    slope = (end(before + step, sticking) - end(before - step, sticking)) / (2 * step)
     true = (exact(before + step) - exact(before - step)) / (2 * step)
     assert slope == pytest.approx(true, abs=0.1)
 
@@ -125,7 +125,7 @@ def further(before, after, pull, static=MU, pressed=STILL):
     mean = jnp.asarray((after - before - pull) / GAIN)
     pressed = tuple(map(jnp.asarray, pressed))
     corner = corner_of(before, after, static)
-    early = corner_way.comes_to_rest(corner, sliding_corner.straight(corner), mean, pressed)
+    early = corner_way.comes_to_rest(corner, sliding_corner.linear_mean(corner), mean, pressed)
     return cubic, GAIN * float(early)
 
 
@@ -203,10 +203,10 @@ def test_a_corner_turns_round_as_smoothed_friction_has_it_where_the_force_grows(
 def settled(before, pull):
     """The speed and the way at the end of a step that a corner is held from, as the step has them:
     by its cubic with the friction of its end, and how much further the corner goes."""
-    after = end(before, held=True, pull=pull)
+    after = end(before, sticking=True, pull=pull)
     corner = corner_of(before, after, MU)
     cubic = (2 * before + after) / 3 + (pull + GAIN * float(corner.share)) / 6
-    more = corner_way.settles(corner, friction_turn._from_hold(corner).gained)
+    more = corner_way.settles(corner, friction_turn._from_rest(corner).gained)
     return after, cubic + GAIN * float(more)
 
 
@@ -249,7 +249,7 @@ def pair_of(before, after):
         for k, (b, a) in enumerate(zip(before, after, strict=True))
     }
     changes = {
-        k: friction_turn._change(corner, sliding_corner.straight(corner))
+        k: friction_turn._change(corner, sliding_corner.linear_mean(corner))
         for k, corner in corners.items()
     }
     forces = SimpleNamespace(meetings=[SimpleNamespace(touch=k) for k in corners])
@@ -257,7 +257,7 @@ def pair_of(before, after):
         lightness=lambda one, other=None: GAINS[one] if other is None else ACROSS[one, other]
     )
     coupled = friction_turn._coupled(mechanics, forces, corners, changes)
-    others = friction_turn._by_others(coupled, changes, friction_turn._together)
+    others = friction_turn._by_others(coupled, changes, friction_turn._acts_with)
     return list(corners.values()), [others[k] for k in corners]
 
 
@@ -330,7 +330,7 @@ def test_a_corner_that_slides_on_has_nothing_added():
 def test_a_corner_passes_static_friction_as_fast_as_it_does(before, pull):
     """What is left out is what friction does within some eps of rest and that the speed is not
     straight while static friction falls: (mu_s - mu_k) w_s of it lasts w_s / (pull - mu_s GAIN)."""
-    found = end(before, held=False, static=STATIC, pull=pull)
+    found = end(before, sticking=False, static=STATIC, pull=pull)
     lasts = SMOOTHING.static_speed / (-pull - STATIC * GAIN)
     bound = 2 * EPS + GAIN * (STATIC - MU) * lasts
     assert found == pytest.approx(exact(before, pull, STATIC), abs=bound)
@@ -367,7 +367,7 @@ def test_a_corner_that_slides_on_has_the_friction_of_its_speed(before, change, l
     leaves roundings of what static friction adds near rest: 1e-16 x 0.2 w_s / (1e-4 eps)."""
     corner = corner_of(before, before + change, law=law)
     ends = corner.start.share + corner.share
-    twice, _ = counted(corner, held=False)
+    twice, _ = counted(corner, sticking=False)
     assert twice == pytest.approx(float(ends), abs=(change / EPS) ** 2 + 1e-11)
 
 
