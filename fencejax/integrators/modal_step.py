@@ -3,11 +3,11 @@
 Forces are taken to vary linearly over the step. The modes then advance exactly, whatever their
 frequency, and the parcel's motion is a cubic. Unknown at the step's end are the parcel's three
 velocities and one normal force a corner at the fence; everything else follows from these. Newton's
-method finds them, and their derivative comes from the converged equations.
+method finds them, and their derivatives come from the converged equations.
 
 The foot of each corner on the fence is tracked: one Newton step on (C - U).t = 0 from the place
 that the sliding speed predicts. The gap is stationary at the foot, so that the error of that place
-enters it squared. The error of a step is of the third order, that of a solution of the second.
+enters the gap squared. The error of a step is of the third order, that of a solution of the second.
 """
 
 import equinox as eqx
@@ -36,14 +36,15 @@ from .step_size import Clock, Stride, next_step_size
 
 
 def _rotated(arm, turn):
-    """An arm turned on by a small angle, to the second order (it is of the third in the step)."""
+    """An arm turned by a small angle, to the second order (the angle is of the third in the
+    step)."""
     x, y = arm
     half = 1 - 0.5 * turn * turn
     return half * x - turn * y, half * y + turn * x
 
 
 class _End(eqx.Module):
-    """What the equations at the end of a step are made of."""
+    """The equations of a step for the unknowns at its end."""
 
     mechanics: Mechanics
     body: Body
@@ -60,7 +61,8 @@ class _End(eqx.Module):
     stride: Stride
 
     def body_at(self, rates) -> Body:
-        """The parcel at the end with the velocities `rates`, its acceleration linear between."""
+        """The parcel at the end with the velocities `rates`, for an acceleration linear over the
+        step."""
         h = self.stride.length
         moved = (
             q + h * (2 * v0 + v1) / 3 + h * h * a0 / 6
@@ -71,7 +73,8 @@ class _End(eqx.Module):
         return Body(*moved, *rates)
 
     def split(self, unknowns) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...]]:
-        """The velocities, the normal forces and, where it loads the fence, the friction there."""
+        """The velocities, the normal forces at the fence and, where friction loads it, the
+        friction."""
         end = 3 + len(self.mechanics.fence_corners)
         return unknowns[:3], unknowns[3:end], unknowns[end:]
 
@@ -87,11 +90,12 @@ class _End(eqx.Module):
         return self.mechanics.forces(after, arms, self.frame, points, normals or None)
 
     def evaluate(self, unknowns):
-        """Residual of the step's equations, their derivative at frozen directions and arms, the
-        largest unbalanced force against what is tolerated, and the forces with that unbalance [N].
+        """Residual of the step's equations; its derivative at fixed directions and arms; the
+        largest unbalanced force over the tolerated one; and the forces with that unbalance [N], and
+        the state to carry over.
 
-        Unknown are three velocities, a normal force a corner at a flexible fence and, where it
-        loads the fence, the friction there.
+        The unknowns are three velocities, one normal force a corner at a flexible fence and, where
+        friction loads the fence, the friction there.
         """
         h, mechanics = self.stride.length, self.mechanics
         rates, normals, frictions = self.split(unknowns)
@@ -164,16 +168,17 @@ class _End(eqx.Module):
         return tuple(residual), matrix, size, extra
 
     def drifts(self, points: tuple[FencePoint, ...]) -> list[list[Array]]:
-        """How fast each corner slides for each force as the fence moves along itself [m/s/N];
-        empty where no friction minds."""
+        """The sliding speed of each corner by each force, as the fence moves along itself [m/s/N];
+        empty for a rigid fence or one without friction."""
         if self.fence is None or not self.fence.flexible or self.mechanics.fence_friction is None:
             return []
         loads = range(len(self.fence.loadings))
         return [[self.fence.drift(k, j, p.slope) for j in loads] for k, p in enumerate(points)]
 
     def force_jump(self, guess, root, forces: Forces) -> Array:
-        """How far the forces are from those of the guess, relative to their size [1]: each normal
-        force to itself and a twentieth of the size of all, the parcel's motion to that size."""
+        """The largest difference of the forces from those of the guess [1]: of each normal force
+        relative to itself and a twentieth of the size of all forces, and of the force that the
+        parcel's motion corresponds to, relative to that size."""
         mechanics, scale = self.mechanics, self.mechanics.force_scale(forces)
         x, y, turn = (jnp.abs(a - b) for a, b in zip(guess[:3], root[:3], strict=True))
         turn = mechanics.inertia * turn / mechanics.size
@@ -184,10 +189,11 @@ class _End(eqx.Module):
         return jax.lax.stop_gradient(off)
 
     def at_rest(self, guess):
-        """The guess with the corners that friction held at rest.
+        """The guess with the sticking corners at rest.
 
-        From there Newton's method finds the root at rest, if there is one: under a static friction
-        above the kinetic one the equations have another beside it, which slides.
+        From there Newton's method finds the root with the corners at rest, if there is one. With a
+        static friction above the kinetic one the equations have a second root, with sliding
+        corners.
         """
         if not self.sticking:
             return guess
@@ -197,13 +203,14 @@ class _End(eqx.Module):
         return (*rates, *guess[3:])
 
     def shorten(self, extra, change, last):
-        """Share of a Newton step that stops a reversal of sliding, or of slip on the belt, at rest.
+        """Share of a Newton step that stops at rest where the sliding of a corner, or the slip on
+        the belt, would reverse.
 
-        The friction force there is a smoothed jump, convex on either side: from rest Newton's
-        method climbs to the root without overshooting, from beyond it would jump to and fro. It
-        would so too on the slope between static and kinetic friction, which bends both ways: a step
-        back by more than half the `last` one goes where the secant through the two points has its
-        root.
+        The friction force is a smoothed jump there, convex on either side: from rest Newton's
+        method goes to the root without overshooting; from beyond it would alternate between the two
+        sides. It would do so on the fall from static to kinetic friction too, which has an
+        inflection: a step back by more than half the `last` one goes where the secant through the
+        two points has its root.
         """
         share = friction_tangent.reversal(self.mechanics, extra[0], change, extra[-1])
         mass, inertia = self.mechanics.mass, self.mechanics.inertia
@@ -219,8 +226,8 @@ class _End(eqx.Module):
 def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: Array):
     """Advance from sample `begin` to sample `end`, counted in the clock's steps.
 
-    Returns the new memory, the scene's state there, the length of the step [s] and the largest
-    force [N] that the solved equations leave unbalanced.
+    Returns the new memory, the scene's state at `end`, the length of the step [s] and the largest
+    force [N] by which the solved equations are out of balance.
     """
     stride = clock.stride(end - begin)
     h = stride.length
@@ -309,7 +316,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             was = memory.fence
             if fence is not None and was is not None and frictions:
                 was = fence.state_before(was, normals, frictions)
-            unforeseen = tuple(
+            prediction_errors = tuple(
                 normal * (meeting.touch.lean.share - lean.share)
                 for normal, meeting, lean in zip(normals, forces.fence, leans, strict=False)
             )
@@ -317,7 +324,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             unsolved = unbalance > 2 * force_tolerance(scale.dtype) * scale
             size = controlled(
                 pair, tolerance, clock, control, size, end, stride, now, fence, was, state,
-                unsolved, mechanics.belt_defect(body, after), unforeseen,
+                unsolved, mechanics.belt_defect(body, after), prediction_errors,
             )  # fmt: skip
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)

@@ -9,9 +9,9 @@ from .step_size import Stride
 
 
 class PadEnd(NamedTuple):
-    """A cover at the end of a step that it began in the state `before`.
+    """A cover at the end of a step, with the state `before` at its start.
 
-    Its settled strain e_s is taken to run straight over the step. e + tau edot = e_s is then solved
+    Its settled strain e_s is taken as linear over the step. e + tau edot = e_s is then solved
     exactly, and stably for any tau:
 
         edot_1 = exp(-h / tau) edot_0 + (1 - exp(-h / tau)) (e_s1 - e_s0) / h.
