@@ -70,7 +70,8 @@ class Bend(NamedTuple):
         length of the last step, whose `span` this is."""
         length = span.length
         first = span.ratio * length
-        rates = jax.lax.stop_gradient((_quotient(now - before, first), _quotient(new - now, length)))
+        rates = _quotient(now - before, first), _quotient(new - now, length)
+        rates = jax.lax.stop_gradient(rates)
         return cls(_quotient(second, 2 * length**2), first, length, *rates)
 
     def vertex(self) -> Array:
