@@ -1,4 +1,4 @@
-"""The fence at an instant: its vibration, the loads on it, and what the modes left out carry."""
+"""The fence at an instant: its vibration, the loads on it, and those on the modes left out."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,8 @@ from .vibration import Vibration
 
 
 def bending_loads(shares: tuple[Array, ...], normals: tuple[Array, ...]) -> tuple[Array, ...]:
-    """What of the contact forces [N] bends the fence [N]: their `shares` [1]; without any, all."""
+    """The parts of the contact forces [N] that bend the fence, `shares` [1] of them; by default
+    all."""
     if not shares:
         return normals
     return tuple(share * n for share, n in zip(shares, normals, strict=True))
@@ -58,7 +59,7 @@ class FenceState(NamedTuple):
 
     @classmethod
     def unloaded(cls, link: FlexibleLink, vibration: Vibration, places: int) -> "FenceState":
-        """What a first step needs to know of a fence without a load at any of its `places`."""
+        """The state for a first step, without a load at any of the `places`."""
         zero = jnp.zeros_like(link.mass_scale)
         rates = (zero,) * places if link.corrected else ()
         residual = tuple(ResidualMode(zero, zero) for _ in rates)
@@ -70,11 +71,11 @@ class FenceState(NamedTuple):
         return cls(None, vibration, still, (), (), rates, residual, (), pads, clutch)
 
     def loads(self, forces: Forces) -> tuple[Array, ...]:
-        """What of the contact forces bends the fence [N]."""
+        """The parts of the contact forces that bend the fence [N]."""
         return bending_loads(self.shares, tuple(meeting.contact.normal for meeting in forces.fence))
 
     def kept(self) -> "FenceState":
-        """What the next step needs to know."""
+        """The part of the state that the next step needs."""
         rates = self.lagged_rate if self.residual else ()
         force = self.modal_force
         if self.sticking_load is not None:
