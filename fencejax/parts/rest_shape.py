@@ -1,4 +1,4 @@
-"""The line of a flexible link that is curved when nothing loads it."""
+"""The line of a flexible link that is curved without load."""
 
 from typing import ClassVar, NamedTuple
 
@@ -11,8 +11,8 @@ from ..printing import Part
 
 
 class RestLine(NamedTuple):
-    """A rest shape at one place: w_0 [m] and its slope w_0' [rad], and how far it brings the point
-    back to the hinge [m] and down [m], the integrals of w_0'^2 / 2 and of w_0'^3 / 6."""
+    """A rest shape at one place: w_0 [m], its slope w_0' [rad], and the displacements of the point
+    towards the hinge [m] and down [m], the integrals of w_0'^2 / 2 and of w_0'^3 / 6."""
 
     deflection: Array
     slope: Array
@@ -59,7 +59,7 @@ class RestShape(Part):
     def __init__(self, tip: ArrayLike = 0.0, middle: ArrayLike = 0.0):
         """**Arguments:**
 
-        - `tip`: d_3 [m], how far the tip is from the rigid link's line.
+        - `tip`: d_3 [m], the distance of the tip from the rigid link's line.
         - `middle`: d_2 [m], the control point at two thirds of the link.
 
         A `fencejax.Fence` raises `ValueError` where the slope would be above 0.5.
