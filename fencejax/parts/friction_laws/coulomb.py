@@ -14,8 +14,8 @@ class Friction(AbstractFriction):
     """Coulomb friction with a static and a kinetic coefficient, smoothed where it jumps at rest:
     mu(w) = mu_k + (mu_s - mu_k) exp(-(w / w_s)^2), w_s the `static_speed` of the fidelity.
 
-    Paper: (2.21)-(2.24). There what is at rest is a case of its own, held by the other forces; this
-    law tends to it as w_s and eps fall.
+    Paper: (2.21)-(2.24). There friction at rest is a case of its own, in balance with the other
+    forces; this law tends to it as w_s and eps fall.
 
     >>> fj.Friction(kinetic=0.35, static=0.5)
     Friction(kinetic=0.35, static=0.5)
