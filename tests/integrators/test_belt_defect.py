@@ -223,7 +223,7 @@ def test_gradient_where_friction_falls_faster_than_a_step():
     np.testing.assert_allclose(course.slopes, course.secant, rtol=2e-3)
 
 
-def test_what_the_shortest_steps_miss_of_a_let_go_is_told():
+def test_the_estimate_includes_a_let_go_within_the_shortest_step():
     """Twice as much static friction, under a hard contact: friction falls within the shortest step,
     slopes are those of teeth, and the gradient's error tells a third at least of how far they are
     from the secant. A line across a jump is off by a quarter of it at least where one looks."""
@@ -232,7 +232,7 @@ def test_what_the_shortest_steps_miss_of_a_let_go_is_told():
     size = np.maximum(np.abs(course.secant), course.forces)
     off = np.abs(course.slopes - course.secant) / size
     assert np.max(off) > 0.1
-    assert np.all(course.told > off / 3)
+    assert np.all(course.estimated > off / 3)
     assert np.all(course.status == fj.Status.STEP_TOO_COARSE)
 
 
@@ -268,7 +268,7 @@ STOPS = LETS_GO | {
 }  # fmt: skip
 
 
-def test_a_peak_where_a_corner_stops_is_a_kink_and_is_told():
+def test_a_peak_where_a_corner_stops_is_a_kink_and_is_estimated():
     """The force rises until friction turns round and falls after it. Its derivative there lies
     between those before and after, whichever of which the samples happen to see."""
     course = over_belt_speeds(STOPS, 0.0, 2e-3, 11)

@@ -116,8 +116,8 @@ def test_rigid_fence_is_the_wall():
     # Without modes the very same equations; and where it meets the rigid link.
     wall = fj.simulate(fj.scenes.rigid_wall(duration=0.1), history=False)
     for distance, fidelity in ((1.0, fj.Fidelity(modes=0)), (0.3, fj.Fidelity())):
-        held = fj.scenes.normal_impact(distance=distance, duration=0.1)
-        result = fj.simulate(held, fidelity=fidelity, history=False)
+        on_fence = fj.scenes.normal_impact(distance=distance, duration=0.1)
+        result = fj.simulate(on_fence, fidelity=fidelity, history=False)
         assert float(result.peak_force) == pytest.approx(float(wall.peak_force), rel=1e-9)
         assert float(result.tip_deflection) == 0
 

@@ -132,8 +132,8 @@ def test_shear_compliance(taper, exact):
     mode, slope = jax.jvp(
         lambda p: whole.shape(p).residual_mode[0], (jnp.asarray(PLACE),), (jnp.asarray(1.0),)
     )
-    _, told = whole.shape(jnp.asarray(PLACE)).residual_mode
-    assert float(told) == pytest.approx(float(slope), rel=1e-6)
+    _, given_slope = whole.shape(jnp.asarray(PLACE)).residual_mode
+    assert float(given_slope) == pytest.approx(float(slope), rel=1e-6)
     # Infinitely stiff, it is not there; the share of shear is a small one.
     stiff = make(2, fence(taper, shear=fj.Shear(coefficient=1e12)))
     now = stiff.shape(jnp.asarray(PLACE))

@@ -72,5 +72,5 @@ def solve(impact, speed, place, cover, horizon):
     ).fun  # fmt: skip
     thickness, modulus, length, _ = cover
     end = found.y[:, -1]
-    held = -4 / pi**2 * modulus * length * impact.width * thickness * log(cos(pi / 2 * end[-2]))
-    return peak, held, end[-1]
+    stored = -4 / pi**2 * modulus * length * impact.width * thickness * log(cos(pi / 2 * end[-2]))
+    return peak, stored, end[-1]

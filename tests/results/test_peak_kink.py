@@ -101,6 +101,6 @@ def test_a_cubic_has_no_kink(times):
 
     # N_p is a cubic: the product of the distances from three samples, half a step from the second.
     before, after = times[2] - times[1], times[3] - times[2]
-    own, far = (before, after) if 0.1 > times[2] else (after, before)
-    expected = 0.5 * far * (own + 0.5 * far) * 0.5 * far
+    opposite, near = (before, after) if 0.1 > times[2] else (after, before)
+    expected = 0.5 * near * (opposite + 0.5 * near) * 0.5 * near
     np.testing.assert_allclose(abs(derivative(quartic)), expected, rtol=1e-12)

@@ -152,11 +152,11 @@ def looked_at(name, numbers, outcome, lane):
 
 def shares(off, *limits):
     """Of errors: median, 99 %, largest, and how many are above the `limits`."""
-    told = {
+    row = {
         "median": float(np.median(off)), "99 %": float(np.quantile(off, 0.99)),
         "largest": float(np.max(off)),
     }
-    return told | {f"above {100 * limit:g} %": int(np.sum(off > limit)) for limit in limits}
+    return row | {f"above {100 * limit:g} %": int(np.sum(off > limit)) for limit in limits}
 
 
 @functools.cache
@@ -212,8 +212,8 @@ def main():
     for name in given.fidelities:
         report[name] = {}
         for half in HALVES:
-            told = report[name][half] = tally(name, half, given)
-            print(name, half, json.dumps(told, indent=1), f"{time.perf_counter() - began:.0f} s")
+            row = report[name][half] = tally(name, half, given)
+            print(name, half, json.dumps(row, indent=1), f"{time.perf_counter() - began:.0f} s")
             given.out.write_text(json.dumps(report, indent=1) + "\n")
 
 

@@ -121,13 +121,13 @@ def _against(truth, x, found, of, kind, where, batch=_BATCH):
 
 
 class Errors(NamedTuple):
-    """Of each lane the error, relative to the peak force, or of the gradient to its norm or to the
-    peak if that is more; -1 where the status is not good, the truth's neither, or nothing is
-    touched. `told` are those that are so by the truth and not by a first one, and `apart` is how
-    far the two differ at most."""
+    """The error of each lane, relative to the peak force, or of the gradient to its norm or to the
+    peak if that is larger; -1 where the status is not good, nor that of the truth, or nothing is
+    touched. `exact_lanes` are judged by the truth and not by a first one, and `apart` is the
+    largest difference between the two."""
 
     errors: np.ndarray
-    told: np.ndarray
+    exact_lanes: np.ndarray
     apart: float = 0.0
 
 
@@ -136,25 +136,25 @@ def errors(fidelity, truth, x, of, kind="impact", first=None, least: np.ndarray 
     finds to be above `least`, (lanes,) or a number."""
     found = run(fidelity, kind, of, x)
     status, lanes = found[0], len(found[0])
-    off, told = np.full(lanes, -1.0), np.ones(lanes, bool)
+    off, exact_lanes = np.full(lanes, -1.0), np.ones(lanes, bool)
     # What is refused needs no truth.
     some = (status <= fj.Status.LEFT_OVER_TIP) & (status != fj.Status.NEVER_TOUCHED)
     where = np.flatnonzero(some)
     if not where.size:
-        return Errors(off, told)
+        return Errors(off, exact_lanes)
     if first is None:
         off[where] = _against(truth, x, found, of, kind, where, min(_BATCH, lanes))
-        return Errors(off, told)
+        return Errors(off, exact_lanes)
     off[where] = _against(first, x, found, of, kind, where)
-    told = ~some
+    exact_lanes = ~some
     worth = np.flatnonzero(off > np.maximum(least, 0.0))
     worth = worth[np.argsort(-off[worth])][: max(1, round(_JUDGED * lanes))]
     if not worth.size:
-        return Errors(off, told)
+        return Errors(off, exact_lanes)
     exact = _against(truth, x, found, of, kind, worth, _FEWER)
     apart = float(np.max(np.where(exact >= 0, np.abs(exact - off[worth]), 0.0)))
-    off[worth], told[worth] = exact, True
-    return Errors(off, told, apart)
+    off[worth], exact_lanes[worth] = exact, True
+    return Errors(off, exact_lanes, apart)
 
 
 def bred(rng, population, fitness):
@@ -204,15 +204,15 @@ def search(
         return {name: float(each[0]) for name, each in designs(population[[lane]]).items()}
 
     def so_far():
-        worst = numbers(int(np.argmax(np.where(told, fitness, -1.0))))
+        worst = numbers(int(np.argmax(np.where(exact_lanes, fitness, -1.0))))
         return Found(good, course, worst, apart, unsure)
 
     def largest(least):
         """Of what the truth tells, and is sure of where it is above `least`; how many it is not."""
         left_out = 0
         while True:
-            best = int(np.argmax(np.where(told, fitness, -1.0)))
-            most = float(fitness[best]) if told[best] else -1.0
+            best = int(np.argmax(np.where(exact_lanes, fitness, -1.0)))
+            most = float(fitness[best]) if exact_lanes[best] else -1.0
             if not certain or most <= max(least, 0.0):
                 return most, left_out
             if sure(fidelity, truth, numbers(best), of, kind, most):
@@ -220,17 +220,18 @@ def search(
             fitness[best], left_out = -1.0, left_out + 1
 
     population = rng.random((lanes, searched.count(bounds)))
-    fitness, told, apart = judged(population)
+    fitness, exact_lanes, apart = judged(population)
     good = float(np.mean(fitness >= 0))
     most, unsure = largest(-1.0)
     course = [most]
     tell(so_far())
     for _ in range(generations):
         children = bred(rng, population, fitness)
-        found, by_truth, off = judged(children, fitness)
+        found, now_exact, off = judged(children, fitness)
         better = found > fitness
         population = np.where(better[:, None], children, population)
-        fitness, told = np.where(better, found, fitness), np.where(better, by_truth, told)
+        fitness = np.where(better, found, fitness)
+        exact_lanes = np.where(better, now_exact, exact_lanes)
         apart = max(apart, off)
         most, left_out = largest(course[-1])
         unsure += left_out
@@ -282,12 +283,12 @@ def _table():
     """The record as a table: the largest error found under a good status, by kind and rung."""
     found = json.loads(RECORD.read_text())
     rows, most, judged = {}, {}, 0
-    for key, told in found.items():
+    for key, finding in found.items():
         kind, bounds, of, name = key.split(" | ")
         column = f"{of}, `{name}`" if name in RUNGS else f"{of}, tolerance {name}"
-        lanes = told["lanes"] * (1 + told["generations"])
-        unsure = "" if told["sure"] else ", truth unsure"
-        error = float(f"{100 * told['error, found']:.2g}")
+        lanes = finding["lanes"] * (1 + finding["generations"])
+        unsure = "" if finding["sure"] else ", truth unsure"
+        error = float(f"{100 * finding['error, found']:.2g}")
         rows.setdefault(f"{kind}, {bounds}", {})[column] = f"{error:g} % of {lanes:,}{unsure}"
         of_which = f"{'sorts, ' if kind.startswith('sort') else ''}{bounds}, {column}"
         for which in (of_which, f"{kind}, {bounds}, {column}"):

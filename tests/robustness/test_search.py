@@ -34,5 +34,5 @@ def test_secants_of_the_truth_judge_a_gradient():
     x = kind.numbers(np.full((1, kind.count("realistic")), 0.5), "realistic")
     truth = truths.fixed(COARSE, 1.25e-5)
     assert gradient_off(COARSE, truth, x, "normal impact") < 0.01
-    rough = COARSE.replace(step=8e-3, step_tolerance=None)
-    assert gradient_off(rough, truth, x, "normal impact") > 0.03
+    too_coarse = COARSE.replace(step=8e-3, step_tolerance=None)
+    assert gradient_off(too_coarse, truth, x, "normal impact") > 0.03

@@ -248,11 +248,11 @@ def kept(found, truth, name):
     """Of each lane: whether the promise is kept, and whether that can be told."""
     _, peak, slopes = found
     true_status, true, true_slopes = truth
-    told = (true_status <= fj.Status.LEFT_OVER_TIP) & (true > 0)
+    certain = (true_status <= fj.Status.LEFT_OVER_TIP) & (true > 0)
     size = np.where(true > 0, true, 1.0)
     of_value, of_gradient = PROMISE[name]
     value = np.abs(peak / size - 1) <= of_value
-    return value & (gradient_error(slopes, true_slopes, size) <= of_gradient), told
+    return value & (gradient_error(slopes, true_slopes, size) <= of_gradient), certain
 
 
 def truth_of():
@@ -271,8 +271,8 @@ def tried(trial, scenes, seed, name):
     each = np.eye(len(constants))[:, None] * (np.array(FACTORS)[:, None] - 1) + 1
     factors = np.concatenate([np.ones((1, len(constants))), each.reshape(-1, len(constants))])
     fidelity = getattr(fj.Fidelity, name)(**given.changes)
-    told = statuses_of(trial, fidelity)
-    statuses = in_chunks(lambda some: told(some, factors), numbers, _LANES)
+    certain = statuses_of(trial, fidelity)
+    statuses = in_chunks(lambda some: certain(some, factors), numbers, _LANES)
     good = statuses <= fj.Status.LEFT_OVER_TIP
     changes = good[:, 1:] != good[:, :1]
     # The others need no truth.
@@ -283,9 +283,9 @@ def tried(trial, scenes, seed, name):
         found, truth = (
             in_chunks(peaks_of(trial, f), x, _FEWER) for f in (fidelity, truth_of())
         )
-        keeps, told = kept(found, truth, name)
+        keeps, certain = kept(found, truth, name)
         shape = len(some), len(constants), len(FACTORS)
-        changed = changes[some].reshape(shape) & told[:, None, None]
+        changed = changes[some].reshape(shape) & certain[:, None, None]
         for k, constant in enumerate(constants):
             cells[constant] = [
                 (int(np.sum(by & ~keeps)), int(np.sum(by & keeps))) for by in changed[:, k].T

@@ -14,7 +14,7 @@ def peak(name, fidelity):
     return fj.Status(int(result.status)), float(result.peak_force) / found["peak_force"] - 1
 
 
-def test_a_corner_is_not_held_on_while_it_is_pressed_harder():
+def test_a_corner_does_not_stick_longer_under_a_growing_force():
     """A light parcel's corner is held at the tip of a thin fence, let go and struck: 2.8 % off as
     long as the friction counted at a step's end held it on, and no tolerance told."""
     status, off = peak("a corner is held at the tip", fj.Fidelity.standard())
