@@ -310,7 +310,7 @@ def main(arguments: list[str]) -> int:
     for row in bad:
         print(f"GROWN {row.text}")
     if not same:
-        told = ", ".join(_OF_ANY_VERSION)
+        kinds = ", ".join(_OF_ANY_VERSION)
         print(f"The record is of {record['versions']}, this is {versions()}: {told} are judged.")
     if bad:
         print("What is meant to grow is put on record by python tests/gate.py --record.")

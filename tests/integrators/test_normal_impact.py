@@ -1,4 +1,4 @@
-"""A parcel against the fence held still, along its normal.
+"""A parcel against a fence whose root is at rest, along its normal.
 
     m yddot = -N,  M qddot + B qdot + K q = p N,  D = y - p.q,
     N = max(0, b m^0.4 Ddot D^2 + k D^4) for D > 0

@@ -184,8 +184,8 @@ def test_force_is_continuous_as_a_wall_turns():
 
 
 def test_a_corner_that_a_scene_leaves_out_is_reported():
-    """The corner before or after is not there to touch: told where it lies lower, under the fence,
-    or its side under the tip."""
+    """The corner before or after cannot touch the fence: reported where it lies lower, under the
+    fence, or its side under the tip."""
 
     def missed(along, inside, theta, follows):
         pose = parcel_at((along, inside), 0.0, theta)

@@ -3,7 +3,7 @@
 Momentum: v1 - v0 = h / 2 (a0 + a1 + s1 f1 - s0 f0 + lag (b1 - b0)) in every step, with f the
 acceleration by the friction of the corners and s whether it holds them, 0 or 1, and b that by the
 belt, whose lag is 0 where h mu g < 2 s, s being the slip, and never above 0.2. So m dv is the
-trapezoidal sum of the forces exactly where no corner is held and the parcel slips so fast, and else
+trapezoidal sum of the forces exactly where no corner sticks and the parcel slips so fast, and else
 within half of what these frictions change over the step. Newton's method leaves `defect`, at most a
 step of which goes missing.
 

@@ -54,7 +54,7 @@ def test_the_jump_at_a_kink_that_is_the_peak(times, share, after):
 @pytest.mark.parametrize("times", TIMES)
 def test_a_kink_beside_a_peak_counts_by_the_weight_of_the_sample_beyond(times):
     """An even force has its maximum a tenth of a step before the sample, and falls by 8 more from
-    the middle of the step after it: the parabola's derivative is off by just what is told, where
+    the middle of the step after it: the parabola's derivative is off by just the estimate, where
     the force is straight but for the vertex that the three samples see."""
     h_0, h = times[2] - times[1], times[3] - times[2]
     kink = times[2] + 0.5 * h

@@ -200,7 +200,7 @@ def test_too_coarse_a_step_is_said():
     assert float(result.defect) > 1e-3 * float(result.peak_force)
     with pytest.raises(RuntimeError, match="STEP_TOO_COARSE: the steps are too long"):
         fj.simulate(scene, fidelity=coarse, history=False, throw=True)
-    # With the iterations it takes the equations are solved, and the step is as rough as before.
+    # With enough iterations the equations are solved, and the step is as coarse as before.
     enough = fj.simulate(scene, fidelity=coarse.replace(iterations=12), history=False)
     assert float(enough.defect) < 1e-6 * float(enough.peak_force)
     assert int(enough.status) == fj.Status.STEP_TOO_COARSE

@@ -102,7 +102,7 @@ def test_a_value_may_be_good_and_its_gradient_not():
 def test_a_kink_beside_the_peak_is_estimated():
     """Found by searching: the force is largest some 20 us after the tip has begun to take the
     contact over from the corner, where its derivatives have a kink. Of their true error at a
-    tolerance of 2e-3, 1.6, at least a half is told; and it is gone at the finest rung."""
+    tolerance of 2e-3, 1.6, at least a half is estimated; and it is gone at the finest rung."""
     numbers = found_sorts.FOUND["the tip takes over just before the peak"]["numbers"]
     names = ("belt", "reach")
     at = jnp.array([numbers[name] for name in names])

@@ -8,9 +8,9 @@ Half of them from end to end of what a sweep may ask for, half as real designs m
 compared with `Fidelity.reference` (steps of 25 us, friction smoothed over 0.02 mm/s), in the peak
 force and its gradient. A scene that differs by more than is promised, or has its peak at another
 time, is looked at with steps of an eighth, as some derivatives need them: the gradient may be that
-of another peak as high, within the promise. Both counts are told.
-`offline_fuzz.json` beside this file is what that command found, `offline_fuzz_16.json` and
-`_17.json` what `--scenes 12288 --sample 12288` did, with seeds that no limit was set by.
+of another peak as high, within the promise. Both counts are printed. `offline_fuzz.json` beside
+this file is what that command found, `offline_fuzz_16.json` and `_17.json` what `--scenes 12288
+--sample 12288` did, with seeds that no limit was set by.
 """
 
 import argparse

@@ -44,7 +44,7 @@ def gradient_error(slopes, true, size):
 
 class Course(NamedTuple):
     """The peak force of a sort at some belt speeds, its slopes in the factor on the speed, each
-    (speeds,), the secant from the first to the last, the error told of each gradient, and
+    (speeds,), the secant from the first to the last, the estimated error of each gradient, and
     statuses."""
 
     forces: np.ndarray

@@ -15,15 +15,14 @@ or, with `--sharper`, that of `reference`, too: then the search finds what the p
 speed over which static friction falls to kinetic. Its steps follow their error there, with a
 tolerance 256 times as small as that of `standard`, and a first truth, of eight modes and four times
 the tolerance, judges all designs; the truth itself those of each generation that come to more than
-their parents, the largest errors first, up to a tenth of all: the errors told are the truth's. A
-finding, the largest error after a generation, is judged again by a second truth: that of values of
-sorts has fixed steps of 10 us, every other one half the step, or a quarter of the tolerance, of the
-first. Where the two truths differ by a quarter of the error, it is the truth that cannot be told;
-so it is where secants of the truth's forces do not find the error of a gradient: two truths may be
-wrong alike, where the force is a sawtooth of the steps of both.
-Such a design is left out, and how many there were is told. Where the truth does not tell either
-which of two maxima is the peak, it tells no gradient.
-`search.json` beside this file is what the first command found.
+their parents, the largest errors first, up to a tenth of all: the errors reported are the truth's.
+A finding, the largest error after a generation, is judged again by a second truth: that of values
+of sorts has fixed steps of 10 us, every other one half the step, or a quarter of the tolerance, of
+the first. Where the two truths differ by a quarter of the error, the truth itself is uncertain; so
+it is where secants of the truth's forces do not find the error of a gradient: two truths may be
+wrong alike, where the force is a sawtooth of the steps of both. Such a design is left out, and
+their number is reported. Where the truth has no good status either which of two maxima is the peak,
+it tells no gradient. `search.json` beside this file is what the first command found.
 """
 
 import argparse
@@ -103,7 +102,8 @@ def run(fidelity, kind, of, x, batch=_BATCH):
 
 
 def _against(truth, x, found, of, kind, where, batch=_BATCH):
-    """Of the lanes `where`: the error of what was found; -1 where the truth does not tell."""
+    """The errors of the results `found` in the lanes `where`; -1 where the truth has no good
+    status."""
     _, peak, _, slopes = (each[where] for each in found)
     # Filled up, so that one program serves any number of them.
     rows = np.append(where, np.full(-len(where) % batch, where[0]))
@@ -176,9 +176,9 @@ def written(numbers):
 
 
 class Found(NamedTuple):
-    """Of a search: the share of random designs with a good status; the largest error told by the
-    truth after each generation; the worst design's numbers; how far a first truth was from it; and
-    how many designs were left out as the truth was not sure of them."""
+    """The outcome of a search: the share of random designs with a good status; the largest error by
+    the truth after each generation; the worst design's numbers; the difference of a first truth
+    from it; and the number of designs left out as the truth was uncertain."""
 
     good: float
     course: list[float]
@@ -188,7 +188,7 @@ class Found(NamedTuple):
 
 
 def search(
-    fidelity, truth, bounds, of, lanes, generations, seed, kind="impact", tell=lambda _: None,
+    fidelity, truth, bounds, of, lanes, generations, seed, kind="impact", show=lambda _: None,
     first=None, certain=False,
 ):  # fmt: skip
     """Breed designs for the largest error; with `certain`, of those that the truth is sure of."""
@@ -203,12 +203,13 @@ def search(
     def numbers(lane):
         return {name: float(each[0]) for name, each in designs(population[[lane]]).items()}
 
-    def so_far():
+    def best_so_far():
         worst = numbers(int(np.argmax(np.where(exact_lanes, fitness, -1.0))))
         return Found(good, course, worst, apart, unsure)
 
     def largest(least):
-        """Of what the truth tells, and is sure of where it is above `least`; how many it is not."""
+        """The largest error by the truth, if it is certain where above `least`; and the number of
+        uncertain ones."""
         left_out = 0
         while True:
             best = int(np.argmax(np.where(exact_lanes, fitness, -1.0)))
@@ -224,7 +225,7 @@ def search(
     good = float(np.mean(fitness >= 0))
     most, unsure = largest(-1.0)
     course = [most]
-    tell(so_far())
+    show(best_so_far())
     for _ in range(generations):
         children = bred(rng, population, fitness)
         found, now_exact, off = judged(children, fitness)
@@ -236,13 +237,13 @@ def search(
         most, left_out = largest(course[-1])
         unsure += left_out
         course.append(most)
-        tell(so_far())
-    return so_far()
+        show(best_so_far())
+    return best_so_far()
 
 
 def sure(fidelity, truth, worst, of, kind, error):
-    """Whether a finding is one: whether another truth tells the same and, of a gradient, the forces
-    of the truth do."""
+    """Whether a finding is certain: whether another truth confirms it and, for a gradient, so do
+    the forces of the truth."""
     x = {name: np.array([value]) for name, value in worst.items()}
     finer = second_truth_of(truth, of)
     between = float(errors(truth, finer, x, of, kind).errors[0])

@@ -245,7 +245,7 @@ def peaks_of(trial, fidelity):
 
 
 def kept(found, truth, name):
-    """Of each lane: whether the promise is kept, and whether that can be told."""
+    """For each lane, whether the promise is kept, and whether that is certain."""
     _, peak, slopes = found
     true_status, true, true_slopes = truth
     certain = (true_status <= fj.Status.LEFT_OVER_TIP) & (true > 0)
