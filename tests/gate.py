@@ -311,7 +311,7 @@ def main(arguments: list[str]) -> int:
         print(f"GROWN {row.text}")
     if not same:
         kinds = ", ".join(_OF_ANY_VERSION)
-        print(f"The record is of {record['versions']}, this is {versions()}: {told} are judged.")
+        print(f"The record is of {record['versions']}, this is {versions()}: {kinds} are judged.")
     if bad:
         print("What is meant to grow is put on record by python tests/gate.py --record.")
     return min(len(bad), 1)

@@ -42,7 +42,7 @@ class Result(AbstractByName):
     """A `Status`, as an integer (one a lane)."""
     history: Sample | None
     """Every sample, if asked for: each field with the time as its first axis. `history.at(times)`
-    gives it at times of one's own."""
+    gives it at times of your own."""
     error: ErrorEstimate | None = None
     """Estimated errors of the measures, if asked for."""
     rung: Any = None

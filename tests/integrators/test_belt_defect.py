@@ -145,7 +145,7 @@ def test_two_points_see_it_at_a_corner_too():
 
 
 # Found by a search for wrong gradients (`robustness.search`): the fence stops a light parcel and
-# drives it back, and the belt's friction turns round between two blows.
+# drives it back, and the belt's friction reverses between two blows.
 TURNS = ORDINARY | {
     "thickness": 0.00835102, "reach": 0.80744, "flexible": 0.373774, "width": 0.200476,
     "modulus": 4.16854e9, "density": 1519.26, "damping_ratio": 0.0216393, "mass": 0.270221,
@@ -177,7 +177,7 @@ def test_gradient_where_the_belts_friction_turns_round(name):
 
 def test_gradient_wherever_in_a_step_a_parcel_lets_go_of_the_belt():
     """A drive that is faster by 0.6 % meets the parcel almost two steps sooner. The peak force is
-    all but straight over that: each slope is that of the whole within what steps between may add.
+    nearly straight over that: each slope is that of the whole within what steps between may add.
     Where the let-go was a line within steps of 0.5 ms, slopes were up to 20 % off.
     """
     def peak(factor):
@@ -269,7 +269,7 @@ STOPS = LETS_GO | {
 
 
 def test_a_peak_where_a_corner_stops_is_a_kink_and_is_estimated():
-    """The force rises until friction turns round and falls after it. Its derivative there lies
+    """The force rises until friction reverses and falls after it. Its derivative there lies
     between those before and after, whichever of which the samples happen to see."""
     course = over_belt_speeds(STOPS, 0.0, 2e-3, 11)
     assert np.max(np.abs(course.slopes / course.secant - 1)) > 0.3

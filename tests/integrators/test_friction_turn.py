@@ -98,7 +98,7 @@ def test_a_corner_ends_as_smoothed_friction_has_it(before, sticking):
     assert slope == pytest.approx(true, abs=0.1)
 
 
-# How fast a corner is at the step's end that has just turned round [eps], and by how much what
+# How fast a corner is at the step's end that has just reversed [eps], and by how much what
 # pulls is more than friction holds, in a step [eps].
 @pytest.mark.parametrize("pulled", [13, 47, 147])
 @pytest.mark.parametrize("end_at", [2, 3, 5, 8, 15])
@@ -324,7 +324,7 @@ def test_a_corner_that_slides_on_has_nothing_added():
     assert abs(added) < 2 * MU * (EPS / 0.1) ** 2
 
 
-# What pulls is more than static friction holds (0.5 x GAIN), so that a corner turns round, wherever
+# What pulls is more than static friction holds (0.5 x GAIN), so that a corner reverses, wherever
 # in the step, and it may end or begin where friction falls to kinetic.
 @pytest.mark.parametrize("before", [0.04, 0.03, 0.0241, 0.02, 0.01, 2e-3, -4e-4, -2e-3])
 @pytest.mark.parametrize("pull", [-0.045, -0.06])
@@ -382,7 +382,7 @@ TURNS = dict(
 
 
 def test_the_gradient_is_that_of_the_course_and_not_of_the_steps():
-    """Friction of a corner turns round 6 ms before the peak of the second blow. By the trapezoidal
+    """Friction of a corner reverses 6 ms before the peak of the second blow. By the trapezoidal
     rule the slope in the reach was -0.1 or 3.8, as the steps fell, and the force rippled by
     4e-4 of itself; over 0.2 % of the reach the force rises by 0.47 times as much. Where a step ends
     with the corner nearly at rest, over some 1e-6 of the reach, the slope may still be twice that.
@@ -420,8 +420,8 @@ def test_gradient_wherever_in_a_step_a_corner_stops():
 
 
 def test_gradient_wherever_in_a_step_a_corner_passes_static_friction():
-    """A corner turns round 3 ms before the peak, on a fence whose static friction is above the
-    kinetic one. A belt that is faster by 0.2 % has it turn round a shortest step sooner. Slopes in
+    """A corner reverses 3 ms before the peak, on a fence whose static friction is above the
+    kinetic one. A belt that is faster by 0.2 % has it reverse a shortest step sooner. Slopes in
     between were -1.5 to -1.9 times the force, or 2 times it; their mean is 0.02 to 0.03. What is
     left is where a step ends amid static friction: some w_s of the 12 mm/s that it changes the
     sliding by."""
@@ -464,13 +464,13 @@ def test_gradient_where_the_normal_force_grows_as_a_corner_turns():
 def test_gradient_where_a_step_begins_amid_static_friction():
     """A corner stops 2 ms before the peak, in steps of 0.5 ms. A belt that is faster by 0.13 % lets
     it stop a step sooner. Slopes were 15 % off, and in steps that do not follow their error nine
-    times too large where the corner was all but at rest at a step's start."""
+    times too large where the corner was nearly at rest at a step's start."""
     course = found_sorts.course("a corner stops by static friction", -1e-3, 1e-3, 21)
     np.testing.assert_allclose(course.slopes, course.secant, rtol=0.1)
 
 
 def test_a_step_that_ends_amid_static_friction_has_a_large_estimated_error():
-    """A corner turns round a millisecond before the peak. A belt that is faster by 0.01 % lets it
+    """A corner reverses a millisecond before the peak. A belt that is faster by 0.01 % lets it
     turn a shortest step sooner; where that ends while friction falls from static to kinetic, slopes
     are up to four times the force off."""
     course = found_sorts.course("a corner turns round by static friction", -1e-3, 1e-3, 33)

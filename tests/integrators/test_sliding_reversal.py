@@ -1,4 +1,4 @@
-"""Sliding that stops and turns round within a few steps: light parcels, grippy fence."""
+"""Sliding that stops and reverses within a few steps: light parcels, grippy fence."""
 
 import jax
 import jax.numpy as jnp

@@ -144,7 +144,7 @@ def test_shear_compliance(taper, exact):
 
 def test_impact_against_the_independent_version():
     # As much as the arc is off the chords, at R = 1.08 m 7e-4, and the shear of a corner that
-    # slides, near the joint. Derivatives: the friction turns round near the peak at R = 1.0 m.
+    # slides, near the joint. Derivatives: the friction reverses near the peak at R = 1.0 m.
     peak, tip, slope, unbalanced = compared("all", "arc")
     assert peak < 1e-3
     assert tip < 1e-3

@@ -86,7 +86,7 @@ def edge(*course):
 
 def passing(share):
     """A corner that slides on through rest under a force along the fence of `share` mu_s N: its
-    motion follows from Newton's second law, with friction that turns round in the middle."""
+    motion follows from Newton's second law, with friction that reverses in the middle."""
     drag = KINETIC * NORMAL
     rate = share * STATIC * NORMAL / MASS
     return (drag, -0.5 * rate * STEP), (-drag, 0.5 * rate * STEP)

@@ -203,7 +203,7 @@ OFF = [
     (WIDE, [14, 6], 25, fj.Status.STEP_TOO_COARSE, 0.03),
     # 10 g come to rest on a grippy belt at the end of a step, and are pushed back from there.
     (WIDE, [13, 13], 85, fj.Status.STEP_TOO_COARSE, 0.08),
-    # The slip on the belt turns round without ever being nought, at 1.1 w_s for 4 ms.
+    # The slip on the belt reverses without ever being zero, at 1.1 w_s for 4 ms.
     (USUAL, [13, 25], 34, fj.Status.FRICTION_SMOOTHED, 0.008),
 ]
 
@@ -215,7 +215,7 @@ def outcomes(name):
     fixed = fj.Fidelity(
         step=5e-4, step_tolerance=None, slip_speed=5e-5, static_speed=2.5e-3
     )
-    # Friction sharper than a slip on the belt that turns round without ever being nought, and steps
+    # Friction sharper than a slip on the belt that reverses without ever being zero, and steps
     # short enough for it.
     truth = TRUTH.replace(step=2.5e-5, slip_speed=5e-6, static_speed=2.5e-4)
     known = {"truth": truth, "fixed": fixed}

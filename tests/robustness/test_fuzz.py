@@ -87,7 +87,7 @@ def runner(fidelity=PLAIN, duration=0.06, build=impact):
 
 def agree(one, other, factors=None, tolerance=1e-6):
     """The same answers. Newton's method stops at 5e-7 of the forces, wherever it comes from; where
-    friction turns round a difference of round-off may grow a little more."""
+    friction reverses a difference of round-off may grow a little more."""
     (a, status), (b, other_status) = jax.device_get((one, other))
     factors = np.ones(len(FIELDS)) if factors is None else factors
     good = (status <= fj.Status.LEFT_OVER_TIP) & (other_status <= fj.Status.LEFT_OVER_TIP)
