@@ -349,7 +349,8 @@ def kept(function: Callable[[Any], Any], *what: Any) -> Callable[[Any], Any]:
         if program is None:
             program = _made(function, structure, known)
             _store.save(place, program)
-        # The same program for whoever makes it and for all others, so that it compiles once.
+        # Every process, the one that makes it too, calls the same program, so that it compiles
+        # once.
         return jax.tree.unflatten(program.results, program.run.call(*leaves))
 
     whole = jax.custom_batching.custom_vmap(run)

@@ -24,12 +24,12 @@ SINGLE_STEP, _SINGLE_SLIP = 1e-4, 2e-4
 
 
 class Smoothing(NamedTuple):
-    """How the jump of dry friction at rest is smoothed: `slip_speed` eps [m/s], below which the
-    force falls off, and `static_speed` w_s [m/s], over which the coefficient goes from static to
-    kinetic. True sticking is the limit eps -> 0 with eps << w_s. Smoothed friction is largest at a
-    creep of w_s ((eps / w_s) sqrt(mu_s / 2 (mu_s - mu_k)))^(1/2), and is less than mu_s there by
-    (eps / w_s) sqrt(2 mu_s (mu_s - mu_k)), to the first order: 0.8 % of a normal force where static
-    friction is 0.5 and kinetic 0.35, in the named settings."""
+    """The smoothing of dry friction's jump at rest: `slip_speed` eps [m/s], below which the force
+    falls off, and `static_speed` w_s [m/s], over which the coefficient goes from static to kinetic.
+    True sticking is the limit eps -> 0 with eps << w_s. Smoothed friction is largest at a creep of
+    w_s ((eps / w_s) sqrt(mu_s / 2 (mu_s - mu_k)))^(1/2), and is less than mu_s there by (eps / w_s)
+    sqrt(2 mu_s (mu_s - mu_k)), to the first order: 0.8 % of a normal force where static friction is
+    0.5 and kinetic 0.35, in the named settings."""
 
     slip_speed: float
     static_speed: float
@@ -43,7 +43,8 @@ class Smoothing(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Fidelity(Readable):
-    """How finely a scene is computed. All fields are static: they change the program.
+    """The settings of accuracy and cost of a simulation. All fields are static: they change the
+    program.
 
     **Fields:**
 

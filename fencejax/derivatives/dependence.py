@@ -1,4 +1,4 @@
-"""Which numbers of a traced program depend on which others, read off its operations."""
+"""The dependence of a traced program's numbers on each other, read off its operations."""
 
 import jax.numpy as jnp
 from jax.extend.core import Jaxpr, Literal, Var

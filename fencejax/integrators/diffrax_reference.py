@@ -91,7 +91,7 @@ def at_state(
 
 
 def _leans(forces: Forces) -> tuple[Lean, ...]:
-    """How the corners load the fence, where its tip may carry a contact; empty otherwise."""
+    """The `Lean` of each corner, where the fence's tip may carry a contact; empty otherwise."""
     leans = (meeting.touch.lean for meeting in forces.fence)
     return tuple(lean for lean in leans if lean is not None)
 

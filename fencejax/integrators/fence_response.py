@@ -156,7 +156,7 @@ class FenceEnd(eqx.Module):
         yield from self._uncoupled_pushes() if self.hinge is None else self.hinge.pushes
 
     def _uncoupled_pushes(self):
-        """The same without the coupling of the modes by a shaft's damping."""
+        """The responses to unit loads without the coupling of the modes by a shaft's damping."""
         for load, weight in self._loadings():
             ends = [_ends(m, weight) for m in self.stride.maps]
             yield Vibration(

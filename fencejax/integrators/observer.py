@@ -9,7 +9,7 @@ from ..scenes import Body
 
 
 class Observer(Protocol):
-    """What records a scene as it advances. The time loop carries its record along unseen.
+    """A recorder of a scene as it advances. The time loop carries its record and does not read it.
 
     A record is a pytree of floating-point arrays whose shapes never change.
     """

@@ -42,7 +42,7 @@ class PadEnd(NamedTuple):
         return self.at(self.cover.settled(load))
 
     def compression(self, load: Array) -> tuple[Array, Array]:
-        """How far the cover is pressed [m], and how fast [m/s], under a load [N]."""
+        """The compression of the cover [m] and its rate [m/s] under a load [N]."""
         return self.cover.compression(self.state(load))
 
     def compliance(self, load: Array) -> tuple[Array, Array]:

@@ -37,8 +37,8 @@ INNER = (0.25, 0.5)
 
 
 class Pair(NamedTuple):
-    """What makes a contact force: the contact law, its `viscosity` for the parcel, and the parcel's
-    `mass` [kg]; the friction of each contact, if it has any, and how it is smoothed."""
+    """The data of a contact force: the contact law, its `viscosity` for the parcel, and the
+    parcel's `mass` [kg]; the friction of each contact, if it has any, and how it is smoothed."""
 
     law: AbstractContactLaw
     viscosity: Array
@@ -96,7 +96,7 @@ def _ringing(
     residual: tuple[ResidualMode, ...],
     pads: tuple[PadState, ...],
 ) -> list[_Ringing]:
-    """That part at each corner, by the mode shapes at the step's end."""
+    """This part of the gap at each corner, by the mode shapes at the step's end."""
     found = []
     for k, shape in enumerate(fence.shapes):
         deflection = dot(shape.deflection, vibration.amplitude)
@@ -120,7 +120,7 @@ def _ringing(
 def _inside(
     fence: FenceEnd, before: FenceState, after: FenceState, inner: Stride, theta: float
 ) -> list[_Ringing]:
-    """At each corner at theta, to which a step of the length `inner` leads."""
+    """This part of the gap at each corner at theta h, the end of the shorter step `inner`."""
     load = tuple(
         start + theta * (end - start)
         for start, end in zip(before.modal_force, after.modal_force, strict=True)

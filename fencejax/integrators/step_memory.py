@@ -61,7 +61,7 @@ class Memory(NamedTuple):
 
     @property
     def parcel(self) -> Body:
-        """Where the next step begins."""
+        """The parcel at the start of the next step."""
         body, extra = self.body, self.extra_motion
         if extra is None:
             return body

@@ -311,14 +311,14 @@ class FlexibleLink(eqx.Module):
         return point if self.hinge is None else point.turned_by(*self.hinge.twist(state))
 
     def point_on(self, drive: DriveMotion, shape: Shape, state: Vibration) -> FencePoint:
-        """The same in the frame of the `drive`, that of `motion`."""
+        """The point of the fence in the frame of the `drive`, that of `motion`."""
         point = self.point(shape, state)
         if self.hinge is None or not self.hinge.driven:
             return point
         return point.turned_by(-drive.angle, -drive.speed)
 
     def _bent_point(self, shape: Shape, state: Vibration) -> FencePoint:
-        """The same from the line of the rigid link."""
+        """The point of the fence relative to the line of the rigid link."""
         zero = jnp.zeros_like(shape.place)
         if not self.frequency_squared:
             return small_point(shape.place, *shape.from_line(zero, zero, zero))

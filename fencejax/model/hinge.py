@@ -39,9 +39,8 @@ from .vibration import Vibration, blocks, dot, flat
 
 
 class ClampedLink(NamedTuple):
-    """Of the fence clamped at its root: omega_i^2 [1/s^2] and p_i [m] of its modes, (m,) each;
-    m_0 [kg]; its inertia J [kg m^2] about the hinge, with the hub's; its lag c_i / omega_i^2
-    [s]."""
+    """The fence clamped at its root: omega_i^2 [1/s^2] and p_i [m] of its modes, (m,) each; m_0
+    [kg]; its inertia J [kg m^2] about the hinge, with the hub's; its lag c_i / omega_i^2 [s]."""
 
     eigenvalues: Array
     swing: Array
@@ -202,7 +201,7 @@ class Hinge(eqx.Module):
 
 
 def _sprung(stiffness: Array, link: ClampedLink) -> tuple[Array, Array, Array]:
-    """Of modes with a spring in the hinge: `turn`, `clamped` and eigenvalues, slowest first."""
+    """`turn`, `clamped` and eigenvalues of the modes with a spring in the hinge, slowest first."""
     # A = K^-1/2 M K^-1/2, whose eigenvalues are 1 / Omega^2: for a stiff shaft the large ones,
     # of the slow modes, are those of the clamped fence to round-off.
     precision = link.eigenvalues.dtype
@@ -224,8 +223,8 @@ def _sprung(stiffness: Array, link: ClampedLink) -> tuple[Array, Array, Array]:
 
 
 def _free(stiffness: Array, link: ClampedLink) -> tuple[Array, Array, Array]:
-    """The same of a hinge that is free, or as good as free: by L^-1 M L^-T with L L^T = K + s M,
-    whose eigenvalues are 1 / (Omega^2 + s). With s = omega_1^2 no Omega is lost beside another."""
+    """The same for a hinge that is free, or nearly so: by L^-1 M L^-T with L L^T = K + s M, whose
+    eigenvalues are 1 / (Omega^2 + s). With s = omega_1^2 no Omega is lost beside another."""
     precision = link.eigenvalues.dtype
     modes = link.eigenvalues.size
     # In units of m_0, and of theta sqrt(J / m_0): a mass matrix of ones on the diagonal.

@@ -31,9 +31,9 @@ class Corner(NamedTuple):
 
 
 class Lean(NamedTuple):
-    """How a contact near the tip loads the fence: the `share` [1] of its force that bends it, and
-    the `shift` [m] from the corner's foot towards the tip of the place where the line of that force
-    meets the fence."""
+    """The load of a contact near the tip on the fence: the `share` [1] of its force that bends it,
+    and the `shift` [m] from the corner's foot towards the tip of the place where the line of that
+    force meets the fence."""
 
     share: Array
     shift: Array

@@ -108,7 +108,7 @@ class Forces(NamedTuple):
 
 
 class FenceFrame(NamedTuple):
-    """What the contacts need of the fence at an instant: (cos, sin) of alpha_w, its rate [rad/s],
+    """The fence at an instant, as the contacts need it: (cos, sin) of alpha_w, its rate [rad/s],
     and for each of `fence_corners` the arc coordinate under it [m], the share of the contact law
     that acts there [1] and, where the tip may carry the contact, the arc [m] from the point where
     the fence is loaded to the tip."""

@@ -57,7 +57,7 @@ def _series(stiffness, damping, step):
 
 
 def _closed(stiffness, damping, step):
-    """The same in closed form, for underdamped and overdamped oscillators.
+    """g', g and its integrals in closed form, for underdamped and overdamped oscillators.
 
     Near critical damping sin(s)/s and sinh(s)/s are taken from their common series in s^2.
     """

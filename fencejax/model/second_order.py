@@ -47,7 +47,7 @@ class Chords(NamedTuple):
         cls, place: Array, position: Array, size: Array, deflection: tuple[Array, Array],
         slope: Array, half_thickness: tuple[Array, Array],
     ) -> "Chords":
-        """To U at the `position` [1], counted in elements of the `size` [m], by the deflections
+        """The chords to U at the `position` [1], in elements of the `size` [m], by the deflections
         [m] and half the thicknesses [m] of the nodes and at U, and the slope there."""
         nodes, end = deflection
         numbers = jnp.arange(nodes.shape[0], dtype=nodes.dtype)

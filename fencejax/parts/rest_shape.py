@@ -53,7 +53,7 @@ class RestShape(Part):
     }
 
     steepest: ClassVar[float] = 0.5
-    """What |3 d_2| / l_p and 3 |d_3 - d_2| / l_p, between which all slopes are, may be [rad]: then
+    """Largest value of |3 d_2| / l_p and 3 |d_3 - d_2| / l_p, which bound all slopes [rad]: then
     the arc geometry, of the third order in the slope, is within l_p / 1900 of a parabola."""
 
     def __init__(self, tip: ArrayLike = 0.0, middle: ArrayLike = 0.0):
@@ -73,8 +73,8 @@ class RestShape(Part):
         return 3 * ends / length
 
     def at(self, share: ArrayLike, length: ArrayLike) -> RestLine:
-        """At the `share` s [1] of a link of the `length` l_p [m]; beyond the tip it goes on
-        straight."""
+        """The line at the `share` s [1] of a link of the `length` l_p [m]; straight beyond the
+        tip."""
         s = jnp.clip(share, 0.0, 1.0)
         a, b = 3 * self.middle, self.tip - 3 * self.middle
         slope = s * (2 * a + 3 * b * s) / length

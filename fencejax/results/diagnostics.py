@@ -90,9 +90,9 @@ _SLIPPING = 1.0
 
 
 class Evidence(NamedTuple):
-    """What a status is decided by: the last sample, peaks, whether parcel and fence have touched,
-    the depth of the contact [m], whether a corner ran over the tip, the largest unbalanced force
-    [N], and the evidence on steps, modes and smoothing. Nothing here has a derivative."""
+    """The evidence for a status: the last sample, peaks, whether parcel and fence have touched, the
+    depth of the contact [m], whether a corner ran over the tip, the largest unbalanced force [N],
+    and the evidence on steps, modes and smoothing. Nothing here has a derivative."""
 
     last: Sample
     force: Peak

@@ -32,7 +32,7 @@ class Vertex(NamedTuple):
 
     @classmethod
     def of(cls, before: Array, now: Array, new: Array, span: Span) -> "Vertex":
-        """Of the sample `now`; `span` is that of the step from it to `new`."""
+        """The vertex at the sample `now`; `span` is that of the step from it to `new`."""
         # now + lean s + bend s^2 through the samples at s = -ratio, 0, 1 in this step's length.
         bend = _bend(before, now, new, span)
         lean = new - now - bend

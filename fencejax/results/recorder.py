@@ -42,15 +42,15 @@ class Record(NamedTuple):
 
 
 class Saved(NamedTuple):
-    """What is kept at every sample: for a history the sample itself, else `None`; and the courses
-    of the traces, by name."""
+    """The values kept at every sample: for a history the sample itself, else `None`; and the
+    courses of the traces, by name."""
 
     history: Sample | None
     courses: dict[str, Course]
 
 
 class Kept(NamedTuple):
-    """What a recorder keeps.
+    """The choice of what a recorder keeps.
 
     - `accumulators`: those that run, each after the ones that it needs.
     - `traces`: the signals that are kept at every sample.
@@ -73,7 +73,7 @@ class AbstractRecorder(eqx.Module):
     @property
     @abc.abstractmethod
     def smoothing(self) -> Smoothing:
-        """How dry friction is smoothed."""
+        """The smoothing of dry friction."""
 
     @property
     @abc.abstractmethod
@@ -128,7 +128,7 @@ class AbstractRecorder(eqx.Module):
         return self.kept.history or bool(self.kept.traces)
 
     def saved(self, record: Record) -> Saved:
-        """What is kept at every sample."""
+        """The values kept at every sample."""
         time = record.last.time
         courses = {name: Course(time, signal) for name, signal in record.signals.items()}
         return Saved(record.last if self.kept.history else None, courses)
@@ -189,7 +189,7 @@ def _one_of_a_name(given: Accumulator | Trace, known: Accumulator | Trace) -> No
 
 
 class SceneRecorder(AbstractRecorder):
-    """Of a scene in the plane."""
+    """The recorder of a scene in the plane."""
 
     scene: Scene
     mechanics: Mechanics
@@ -212,7 +212,7 @@ class SceneRecorder(AbstractRecorder):
 
 
 class NormalRecorder(AbstractRecorder):
-    """Of a scene of the normal direction alone."""
+    """The recorder of a scene of the normal direction alone."""
 
     scene: NormalScene
     link: FlexibleLink | None

@@ -71,7 +71,7 @@ class Sample(NamedTuple):
     """1 where the force of a corner ends beyond the tip and nothing in the scene takes over from
     it; 2 where a corner is under the fence that is not among the scene's `fence_corners`."""
     tip_deflection: Array
-    """Of the tip from the rigid link's line [m], positive where a parcel bends it."""
+    """Deflection of the tip from the rigid link's line [m], positive where a parcel bends it."""
     stress: Array
     stress_place: Array
     torque: Array

@@ -85,7 +85,7 @@ class Slopes(NamedTuple):
 
 
 class SlopeEvidence(NamedTuple):
-    """What the error of the peak force's derivatives is estimated from: the peak force [N] with its
+    """The evidence on the error of the peak force's derivatives: the peak force [N] with its
     derivatives, the sums until then, the `kink` there, and other maxima that are about as high."""
 
     force: Array

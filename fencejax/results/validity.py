@@ -1,4 +1,4 @@
-"""Which lanes of a result have valid numbers, and sums over these alone."""
+"""The lanes of a result with valid numbers, and sums over these alone."""
 
 from typing import Any
 

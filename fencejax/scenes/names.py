@@ -57,7 +57,7 @@ class Number(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """In the SI."""
+        """The unit in the SI."""
         return self.bounds.unit
 
     @property
@@ -67,7 +67,7 @@ class Number(NamedTuple):
 
 
 ABOVE, LEAST = "above 0", "at least 0"
-"""What a sign may be."""
+"""The possible signs."""
 _LINE = "linear"
 DERIVED = ("reach", "length_ratio")
 """Names of what is not a number of the scene itself, but of both lengths of the fence: l_s + l_p at
@@ -114,7 +114,7 @@ FENCE = (
     _of(Shear, "fence.shear.poissons_ratio", "poissons_ratio"),
     _of(Shear, "fence.shear.coefficient", "shear_coefficient"),
 )
-# Of several drives with such a number, the one that asks for least.
+# Of several drives with such a number, the one with the widest bounds.
 DRIVE = (
     _of(HarmonicDrive, "drive.top_speed", "top_speed", 0.5, 4.0),
     _of(HarmonicDrive, "drive.cycle_time", "cycle_time", 0.5, 4.0),
