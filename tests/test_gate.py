@@ -1,4 +1,5 @@
-"""The gate on program size tells growth from noise, and counts what is inside inner programs."""
+"""The gate on program size distinguishes growth from noise, and counts the operations of inner
+programs."""
 
 import gate
 import jax

@@ -1,4 +1,4 @@
-"""What tells kept computations apart: functions of one name by their code, the package by its
+"""The identity of kept computations: functions of one name by their code, the package by its
 source, the same in every process."""
 
 import enum

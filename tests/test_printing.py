@@ -1,4 +1,4 @@
-"""How things print themselves: numbers with units, and nothing computed within transformations."""
+"""Printed forms: numbers with units, and nothing computed within transformations."""
 
 import html.parser
 

@@ -1,5 +1,5 @@
-"""The belt's friction inside a step: how far it is from its line, and what short steps are worth
-where it turns and where a parcel lets go of the belt."""
+"""The belt's friction inside a step: its distance from its line, and the effect of short steps
+where it reverses and where a parcel lets go of the belt."""
 
 import dataclasses
 
@@ -31,7 +31,7 @@ def body(x, y, turning):
 
 
 def defect(was, now):
-    """As a share of the friction."""
+    """The defect as a share of the friction."""
     off, most, _ = BELT.defect(SHARP, body(*was), body(*now))
     assert float(most) == pytest.approx((MU * WEIGHT) ** 2, rel=1e-12)
     return float(jnp.sqrt(off)) / (MU * WEIGHT)
@@ -73,8 +73,8 @@ SMOOTHED = Smoothing(1.5e-4, 7.5e-4)
 def test_two_points_see_the_fall_from_static_to_kinetic():
     """That fall is a curve which crosses its chord: half way through a step it may be on its line
     and a quarter from there by a third of itself off it. Of a parabola the two points see three
-    quarters of the largest deviation, of an odd cubic all but 3 %. What falls by a bell of the
-    width w_s is, over up to 2 w_s, between these and steeper: half is asked for.
+    quarters of the largest deviation, of an odd cubic all but 3 %. A fall by a bell curve of the
+    width w_s is, over up to 2 w_s, between these and steeper: the test requires half.
     """
     belt = dataclasses.replace(BELT, friction=STRIBECK)
     theta = jnp.linspace(0, 1, 201)
@@ -102,7 +102,7 @@ def test_two_points_see_the_fall_from_static_to_kinetic():
 
 
 def test_how_steeply_friction_falls():
-    """-dF / ds of what it is along the slip, at the end of a step and at the two points inside."""
+    """-dF / ds along the slip, at the end of a step and at the two points inside."""
     belt = dataclasses.replace(BELT, friction=STRIBECK)
 
     def slipping(s):
@@ -225,8 +225,9 @@ def test_gradient_where_friction_falls_faster_than_a_step():
 
 def test_the_estimate_includes_a_let_go_within_the_shortest_step():
     """Twice as much static friction, under a hard contact: friction falls within the shortest step,
-    slopes are those of teeth, and the gradient's error tells a third at least of how far they are
-    from the secant. A line across a jump is off by a quarter of it at least where one looks."""
+    slopes are those of a sawtooth, and the estimated error is at least a third of their distance
+    from the secant. A line across a jump is off by at least a quarter of it at one of the two
+    points."""
     known = LETS_GO | {"belt_static": 1.8, "stiffness": 1e12}
     course = over_belt_speeds(known, 0.0, 3e-4, 11)
     size = np.maximum(np.abs(course.secant), course.forces)
@@ -249,9 +250,9 @@ PRESSED_OFF = LETS_GO | {
 
 
 def test_gradient_wherever_in_a_step_a_parcel_is_pressed_off_the_belt():
-    """A belt that is faster by 0.07 % has it let go a step sooner. The force moves by 2e-4 with
-    where in a step that is, and its slopes were half of their mean. Found is 0.07 at
-    most, with steps of 0.03 ms."""
+    """A belt that is faster by 0.07 % has it let go a step sooner. The force varies by 2e-4 with
+    the place of that in a step, and its slopes varied by half of their mean. Now they vary by at
+    most 0.07, with steps of 0.03 ms."""
     course = over_belt_speeds(PRESSED_OFF, -1e-3, 1e-3, 17)
     off = np.abs(course.slopes - course.secant) / np.maximum(course.forces, abs(course.secant))
     assert np.all(off < 0.1)

@@ -1,4 +1,5 @@
-"""A fence that swings beside a free parcel: it rings as its modes, and the drive pays for it."""
+"""A fence that swings next to a free parcel: it vibrates in its modes, with energy from the
+drive."""
 
 import functools
 

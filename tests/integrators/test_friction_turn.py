@@ -89,7 +89,7 @@ def motion(before, pull, static=MU, pressed=CONSTANT):
     [(0.04, False), (0.03, False), (0.01, False), (2e-3, False), (1e-4, True), (-1e-4, True)],
 )
 def test_a_corner_ends_as_smoothed_friction_has_it(before, sticking):
-    # What is left out is what friction does within some eps of rest.
+    # The error is the effect of friction within some eps of rest.
     assert end(before, sticking) == pytest.approx(exact(before), abs=2 * EPS)
     # And so in the derivative, which the trapezoidal rule has as 1.
     step = 1e-5
@@ -150,9 +150,8 @@ def test_a_corner_that_begins_amid_static_friction_goes_as_far(before):
 
 
 def counted_by_force(before, after):
-    """Of a corner under a normal force that grows: twice the mean friction that the step's equation
-    counts, each end by the force there and with what a turn adds, and its slope with the speed at
-    the end."""
+    """For a corner under a growing normal force: twice the mean friction in the step's equation,
+    with the force at each end and the reversal, and its slope with the speed at the end."""
     law, (first, last) = fj.Friction(MU, MU), map(jnp.asarray, GROWS)
     before = jnp.asarray(before)
     at_start, by_speed = corner_share(law, before, SMOOTHING)
@@ -181,8 +180,8 @@ def end_by_force(before, pull):
 
 @pytest.mark.parametrize("before", [0.03, 0.02, 0.01, 2e-3])
 def test_a_corner_turns_round_as_smoothed_friction_has_it_where_the_force_grows(before):
-    """The speed at the end, and its slope; by the force at the step's end on either side of the
-    turn it would be off by mu (1 - theta)^2 (N_1 - N_0), a fifth of the jump."""
+    """The speed at the end, and its slope; with the force at the step's end on both sides of the
+    reversal it would be off by mu (1 - theta)^2 (N_1 - N_0), a fifth of the jump."""
     pull = -0.04
     found = end_by_force(before, pull)
     assert found == pytest.approx(exact(before, pull, pressed=GROWS), abs=2 * EPS)
@@ -229,8 +228,9 @@ def test_a_corner_that_settles_goes_as_far(before, pull):
 
 @pytest.mark.parametrize("end_at", [20, 5, 2, 1, 0.5, 0.0, -0.5, -2])
 def test_a_corner_that_stops_at_the_very_end_is_slowed_by_no_more_than_it_is(end_at):
-    """The faster it is at the start, the faster at the end, and by no more, whether it just slides
-    on or has just been stopped: it was 1.8 times as much half an eps before it stops."""
+    """A corner that is faster at the start is faster at the end, and by no more than that, whether
+    it just slides on or has just been stopped: half an eps before it stops it was 1.8 times as
+    much."""
     pull = -0.01
     before = MU * GAIN - pull + end_at * EPS
     step = 1e-7
@@ -244,7 +244,7 @@ GAINS, ACROSS = np.array([0.06, 0.04]), np.array([[0.0, 0.03], [0.045, 0.0]])
 
 
 def pair_of(before, after):
-    """The corners, and what each one's step equation takes the other's turn for."""
+    """The corners, and the effect of the other corner's reversal in the step equation of each."""
     corners = {
         k: corner_of(b, a, MU)._replace(gain=jnp.asarray(GAINS[k]))
         for k, (b, a) in enumerate(zip(before, after, strict=True))
@@ -297,8 +297,9 @@ def true_pair(before, pull):
 
 @pytest.mark.parametrize("before", [(0.03, 0.02), (0.03, 0.029), (0.02, 0.045), (0.04, 1e-3)])
 def test_corners_that_turn_together_turn_as_they_do(before):
-    """Each within a hundredth of what both turns change its sliding by, as the other's counts in a
-    mean; by its own friction alone the first would be off by a tenth of the other's."""
+    """Each speed is right to a hundredth of the change by both reversals, as that by the other
+    corner enters as a mean; with its own friction alone the first would be off by a tenth of the
+    other's."""
     pull = np.array([-0.06, -0.055])
     true = true_pair(before, pull)
     assert np.all(true < -10 * EPS)
@@ -324,13 +325,13 @@ def test_a_corner_that_slides_on_has_nothing_added():
     assert abs(added) < 2 * MU * (EPS / 0.1) ** 2
 
 
-# What pulls is more than static friction holds (0.5 x GAIN), so that a corner reverses, wherever
-# in the step, and it may end or begin where friction falls to kinetic.
+# The pull is larger than static friction (0.5 x GAIN), so that a corner reverses, wherever in the
+# step, and it may end or begin where friction falls to kinetic.
 @pytest.mark.parametrize("before", [0.04, 0.03, 0.0241, 0.02, 0.01, 2e-3, -4e-4, -2e-3])
 @pytest.mark.parametrize("pull", [-0.045, -0.06])
 def test_a_corner_passes_static_friction_as_fast_as_it_does(before, pull):
-    """What is left out is what friction does within some eps of rest and that the speed is not
-    straight while static friction falls: (mu_s - mu_k) w_s of it lasts w_s / (pull - mu_s GAIN)."""
+    """The error is the effect of friction within some eps of rest, and that the speed is not linear
+    while static friction falls: (mu_s - mu_k) w_s of it lasts w_s / (pull - mu_s GAIN)."""
     found = end(before, sticking=False, static=STATIC, pull=pull)
     lasts = SMOOTHING.static_speed / (-pull - STATIC * GAIN)
     bound = 2 * EPS + GAIN * (STATIC - MU) * lasts
@@ -410,7 +411,7 @@ def test_the_gradient_is_that_of_the_course_and_not_of_the_steps():
 def test_gradient_wherever_in_a_step_a_corner_stops():
     """A corner slides fast along the fence and stops on it. A belt that is faster by 0.05 % lets it
     stop a step of 62.5 us sooner. The slopes in between were from -4.7 to 4.8 times the force, and
-    their mean is 1.2: a sixth of the way that friction makes in a step depended on when within it
+    their mean is 1.2: a sixth of the displacement by friction in a step depended on when within it
     the corner stopped.
     """
     course = found_sorts.course("a corner stops on the fence", -1.2e-4, 4e-4, 14)

@@ -1,4 +1,5 @@
-"""Error control: what the steps miss follows the tolerance, and is said where it cannot be met."""
+"""Error control: the errors of steps follow the tolerance, and the status says where it cannot be
+met."""
 
 import functools
 

@@ -1,4 +1,4 @@
-"""The largest static friction that smoothed friction holds, against closed forms."""
+"""The largest smoothed friction, against closed forms."""
 
 import jax.numpy as jnp
 import numpy as np

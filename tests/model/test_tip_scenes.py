@@ -1,4 +1,4 @@
-"""The fence's tip against the parcel's side, over time: a version of its own, the general
+"""The fence's tip against the parcel's side, over time: an independent version, the general
 integrators, the ledger, continuity across the tip, and whole sorts."""
 
 import functools

@@ -1,4 +1,4 @@
-"""A shaft that gives way between motor and hinge: its modes, and an impact against the independent
+"""A flexible shaft between motor and hinge: its modes, and an impact against the independent
 version."""
 
 import jax

@@ -1,4 +1,4 @@
-"""Plain vector Newton-Euler of the parcel, at random, beside the paper's polar form of it.
+"""Plain vector Newton-Euler of the parcel, at random states, compared with the paper's polar form.
 
 Vectors and cross products, no code shared with `polar.py` but the numbers of a scene.
 """

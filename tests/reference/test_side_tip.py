@@ -1,4 +1,4 @@
-"""The tip meets the flat side first: against an independent version, and what hangs on it."""
+"""The tip meets the flat side first: against an independent version, and its effect."""
 
 import jax
 import numpy as np

@@ -1,4 +1,5 @@
-"""What steps make of designs for which the model does not hold, and of numerical doubt."""
+"""The optimiser's steps at designs for which the model does not hold, and at ones with a numerical
+status."""
 
 import jax.numpy as jnp
 import numpy as np

@@ -1,4 +1,5 @@
-"""Friction that only just holds a corner, and parcels that bounce: what nothing tells is said."""
+"""Corners at the limit of static friction, and parcels that bounce: the status says what is
+uncertain."""
 
 import jax.numpy as jnp
 import numpy as np

@@ -1,4 +1,5 @@
-"""The table of measures: what a row is in, a row of your own, and what the measures mean."""
+"""The table of measures: where a row appears, a measure of your own, and the meaning of the
+measures."""
 
 import dataclasses
 import functools

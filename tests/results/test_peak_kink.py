@@ -1,4 +1,4 @@
-"""What a parabola through samples misses of a peak's derivative, against signals known exactly."""
+"""The error of a peak's derivative by a parabola through samples, against signals known exactly."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,5 @@
-"""Instants at which the fence's force may be largest, and what of it the gradient's error tells."""
+"""Instants at which the fence's force may be largest, and their part in the estimated error of
+gradients."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""What a simulation returns and says about itself."""
+"""The results of a simulation and their printed form."""
 
 import functools
 import itertools
@@ -282,7 +282,7 @@ def test_general_integrators_agree(integrator):
 
 
 class Counting(fj.HarmonicDrive):
-    """A drive that counts how often it is looked at: in tracing alone, never in a run."""
+    """A drive that counts how often it is evaluated: in tracing alone, never in a run."""
 
     def angle(self, time):
         next(LOOKED_AT)

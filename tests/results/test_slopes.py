@@ -1,4 +1,4 @@
-"""The measured error of the peak force's gradient, beside the true one."""
+"""The estimated error of the peak force's gradient, compared with the true one."""
 
 import functools
 
@@ -17,8 +17,8 @@ POWERS = np.array([0.8, 0.2, 1.6])
 
 @functools.cache
 def elasticities(fidelity):
-    """Those of an elastic impact's peak force on a wall, in mass, stiffness and speed; the gradient
-    error that the result tells, and the status."""
+    """The elasticities of an elastic impact's peak force on a wall, in mass, stiffness and speed;
+    the estimated error of the gradient, and the status."""
 
     @jax.jit
     def run(x):
@@ -73,7 +73,7 @@ RINGS = {
 
 
 def test_a_value_may_be_good_and_its_gradient_not():
-    """Then the status says so where the gradient is asked for, and a finer rung mends it."""
+    """Then the status says so where the gradient is computed, and a finer rung removes it."""
 
     def peak(thickness, fidelity):
         parts = RINGS["fence"] | {"material": fj.Material(*RINGS["material"])}
@@ -133,8 +133,8 @@ def test_a_kink_beside_the_peak_is_estimated():
 def test_a_force_that_the_tip_ends_has_a_large_estimated_error(rung):
     """Found by searching: a heavy parcel slides over the tip at 3.4 m/s. Its force grows until the
     tip takes the contact over, and is gone half a millisecond later. Slopes over the belt's speed
-    are up to 180 and 50 times the force where the true one is some 4 times it, and what was told
-    of that was 0.01 to 0.5."""
+    are up to 180 and 50 times the force where the true one is some 4 times it, and the estimated
+    error was 0.01 to 0.5."""
     fidelity = getattr(fj.Fidelity, rung)()
     course = found_sorts.course("the tip cuts the force off", -1e-3, 1e-3, 33, fidelity)
     slopes = course.slopes / course.forces

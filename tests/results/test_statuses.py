@@ -1,5 +1,5 @@
-"""What a simulation says about itself: each status where it belongs, and what is refused before
-anything is compiled."""
+"""The status of a simulation: each status where it belongs, and the arguments that are refused
+before anything is compiled."""
 
 import functools
 import inspect
@@ -211,7 +211,7 @@ OFF = [
 @functools.cache
 def outcomes(name):
     """Status and peak force of impacts at a fidelity: a heavy parcel that bends the fence far, one
-    that sticks to the belt until the fence lets it go, and those of `OFF`."""
+    that sticks to the belt until the fence pushes it off, and those of `OFF`."""
     fixed = fj.Fidelity(
         step=5e-4, step_tolerance=None, slip_speed=5e-5, static_speed=2.5e-3
     )

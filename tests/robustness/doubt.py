@@ -1,5 +1,5 @@
-"""What a status still means: how random real designs end at each fidelity, as they are and with
-those in doubt computed again (`fencejax.simulate_many`), and what that costs.
+"""The statuses of random real designs at each fidelity, before and after those with a numerical
+status are computed again (`fencejax.simulate_many`), and the cost of that.
 
 From the folder `tests`:
 

@@ -1,5 +1,5 @@
-"""How far every measure that can be an objective or a limit is off under a good status, in value
-and gradient, at each named fidelity.
+"""The errors of all measures that can be an objective or a limit under a good status, in value and
+gradient, at each named fidelity.
 
 From the folder `tests`:
 
@@ -52,7 +52,7 @@ def scenes(kind, seed, count):
 
 
 def truth_of(kind):
-    """As fine as can be waited for."""
+    """The finest computation of the truth in an acceptable time."""
     standard = fj.Fidelity.standard()
     if kind == "impacts":
         return truths.fixed(standard, 1.25e-5, modes=12, longest_stride=1, **truths.SHARPER)

@@ -1,4 +1,4 @@
-"""From what deflection of the tip on a motion is out of control: `_RUNAWAY` of
+"""The deflection of the tip above which a motion is out of control: `_RUNAWAY` of
 `fencejax.results.diagnostics`.
 
 From the folder `tests`:

@@ -1,4 +1,4 @@
-"""A search for large errors under a good status, as an optimiser may stumble upon them.
+"""A search for large errors under a good status, as an optimiser might find them.
 
 From the folder `tests`:
 
@@ -67,7 +67,8 @@ def _friction(kind, sharper):
 
 
 def truth_of(fidelity, kind, sharper=False):
-    """As fine as can be waited for; of sorts with `sharper` friction if asked for."""
+    """The finest computation of the truth in an acceptable time; of sorts with `sharper` friction
+    on request."""
     step, friction = KINDS[kind].step, _friction(kind, sharper)
     if step is None:
         return truths.following(fidelity, 256, modes=16, **friction)
@@ -75,7 +76,7 @@ def truth_of(fidelity, kind, sharper=False):
 
 
 def first_truth_of(fidelity, kind, sharper=False):
-    """One that tells which designs are worth the truth; `None` where the truth is cheap."""
+    """A cheaper truth, to select the designs for the expensive one; `None` where that is cheap."""
     if KINDS[kind].step is not None:
         return None
     return truths.following(fidelity, 64, modes=8, **_friction(kind, sharper))

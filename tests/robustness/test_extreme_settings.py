@@ -1,5 +1,5 @@
-"""The ends of every knob: elements, modes, tapers, the smoothing of friction, horizons, steps and
-single precision. Each is a program of its own; the scenes are as small as they can be."""
+"""The limits of every setting: elements, modes, tapers, the smoothing of friction, horizons, steps
+and single precision. Each is a program of its own; the scenes are as small as they can be."""
 
 import functools
 

@@ -1,4 +1,4 @@
-"""What a short search for errors of the steps finds. `search.py` beside this file goes on."""
+"""A short search for errors of the steps; `search.py` beside this file searches longer."""
 
 import json
 
@@ -28,8 +28,8 @@ def test_error_found_is_in_proportion_to_the_tolerance():
 
 
 def test_secants_of_the_truth_judge_a_gradient():
-    """In an even course they find it right, to the promise of a value over the change, and one by
-    steps as long as the blow wrong."""
+    """For a smooth course they confirm a right gradient, to the promise of a value over the change,
+    and refute one by steps as long as the blow."""
     kind = KINDS["normal impact"]
     x = kind.numbers(np.full((1, kind.count("realistic")), 0.5), "realistic")
     truth = truths.fixed(COARSE, 1.25e-5)

@@ -1,5 +1,5 @@
-"""What each constant of `fencejax.results.diagnostics`, and of `hold` beside it, refuses and lets
-pass: of random designs, with all others as they are.
+"""The random designs that each constant of `fencejax.results.diagnostics`, and of `hold` beside it,
+refuses and accepts, with all other constants unchanged.
 
 From the folder `tests`:
 
@@ -256,7 +256,7 @@ def kept(found, truth, name):
 
 
 def truth_of():
-    """As fine as can be waited for."""
+    """The finest computation of the truth in an acceptable time."""
     return truths.fixed(
         fj.Fidelity.standard(), 1.25e-5, modes=16, longest_stride=1, **truths.SHARPER
     )
