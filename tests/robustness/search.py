@@ -21,8 +21,8 @@ of sorts has fixed steps of 10 us, every other one half the step, or a quarter o
 the first. Where the two truths differ by a quarter of the error, the truth itself is uncertain; so
 it is where secants of the truth's forces do not find the error of a gradient: two truths may be
 wrong alike, where the force is a sawtooth of the steps of both. Such a design is left out, and
-their number is reported. Where the truth has no good status either which of two maxima is the peak,
-it tells no gradient. `search.json` beside this file is what the first command found.
+their number is reported. Where the truth does not determine which of two maxima is the peak either,
+it gives no gradient. `search.json` beside this file is what the first command found.
 """
 
 import argparse

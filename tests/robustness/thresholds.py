@@ -271,8 +271,8 @@ def tried(trial, scenes, seed, name):
     each = np.eye(len(constants))[:, None] * (np.array(FACTORS)[:, None] - 1) + 1
     factors = np.concatenate([np.ones((1, len(constants))), each.reshape(-1, len(constants))])
     fidelity = getattr(fj.Fidelity, name)(**given.changes)
-    certain = statuses_of(trial, fidelity)
-    statuses = in_chunks(lambda some: certain(some, factors), numbers, _LANES)
+    judged = statuses_of(trial, fidelity)
+    statuses = in_chunks(lambda some: judged(some, factors), numbers, _LANES)
     good = statuses <= fj.Status.LEFT_OVER_TIP
     changes = good[:, 1:] != good[:, :1]
     # The others need no truth.
