@@ -1,15 +1,15 @@
 """Differentiable simulation and design of flexible sorting fences, in JAX.
 
-`simulate(scenes.oblique_impact())` runs a scene. What a user calls is here, and in modules of
-their own: `fj.scenes` (`fencejax.scenes`), `fj.plot` (`fencejax.plot`), `fj.materials`
+`simulate(scenes.oblique_impact())` runs a scene. The user's functions and classes are here, and in
+these modules: `fj.scenes` (`fencejax.scenes`), `fj.plot` (`fencejax.plot`), `fj.materials`
 (`fencejax.parts.materials`), `fj.contact_laws` (`fencejax.parts.contact_laws`), `fj.friction_laws`
 (`fencejax.parts.friction_laws`), `fj.surfaces` (`fencejax.parts.surfaces`), `fj.scene_numbers`
 (`fencejax.scenes.numbers`), `fj.objectives` (`fencejax.design.objectives`), `fj.risk`
 (`fencejax.design.risk`), `fj.shock` (`fencejax.design.shock`), `fj.sampling`
 (`fencejax.study.sampling`), `fj.sensitivity` (`fencejax.study.sensitivity`), `fj.recording`
-(`fencejax.study.recording`) and `fj.identify` (`fencejax.study.identify`). Those who extend the
-package find its rooms `parts`, `scenes`, `model`, `integrators`, `results`, `design`, `plot`,
-`study` and `sorter`, each with a page on what it holds.
+(`fencejax.study.recording`) and `fj.identify` (`fencejax.study.identify`). To extend the package,
+see its rooms `parts`, `scenes`, `model`, `integrators`, `results`, `design`, `plot`, `study` and
+`sorter`, each with a page on its contents.
 
 Examples take `import fencejax as fj`, `import jax, jax.numpy as jnp`, `import numpy as np` and
 double precision for granted (`jax.config.update("jax_enable_x64", True)`).

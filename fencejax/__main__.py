@@ -1,4 +1,4 @@
-"""`python -m fencejax`: what is installed, what it runs on, and what to run next."""
+"""`python -m fencejax`: the installation, the devices, and commands to run next."""
 
 import importlib.metadata
 import importlib.util
@@ -20,7 +20,7 @@ _EXTRAS = {"sweep": ("xarray", "zarr", "dask", "distributed"), "notebooks": ("ju
 
 
 def _cache() -> str:
-    """Where the jobs keep compiled programs, and how much is there."""
+    """The folder in which the jobs keep compiled programs, and its size."""
     folder = cache_programs()
     if folder is None:
         return "off"
@@ -34,7 +34,7 @@ def _extra(names: tuple[str, ...]) -> str:
 
 
 def about() -> Table:
-    """Versions, devices, the cache of compiled programs, extras, and what to run next."""
+    """Versions, devices, the cache of compiled programs, extras, and commands to run next."""
     tune_compiler()
     devices = [f"{device.device_kind} ({device.platform})" for device in jax.devices()]
     precision = "double" if jax.config.read("jax_enable_x64") else "single"

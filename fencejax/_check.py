@@ -1,4 +1,4 @@
-"""Host-side checks of inputs: refused before anything is compiled, with the field named."""
+"""Host-side checks of inputs, before anything is compiled; the error names the field."""
 
 import math
 import operator
@@ -16,9 +16,9 @@ _SPAN = 1e12
 
 
 class Bounds(NamedTuple):
-    """What a number may be: `unit`, bounds, and its ordinary `size`. It is at most 1e12 times its
-    size and, where it must be above 0, at least 1e-12 times: beyond, sums in double precision lose
-    what is added."""
+    """The bounds of a number: its `unit`, bounds, and its ordinary `size`. It is at most 1e12 times
+    its size and, where it must be above 0, at least 1e-12 times: beyond, sums in double precision
+    lose terms to round-off."""
 
     unit: str = "1"
     above: float | None = None
@@ -27,7 +27,7 @@ class Bounds(NamedTuple):
     size: float | None = None
 
     def holds(self, value: Array) -> Array:
-        """Whether each of the numbers is within the bounds; not what is not a number."""
+        """Whether each of the numbers is within the bounds; False for NaN."""
         fine = jnp.isfinite(value)
         if self.above is not None:
             fine = fine & (value > self.above)
@@ -71,8 +71,8 @@ def scalar(name: str, value: ArrayLike, *, above: float | None = None, least: fl
 
 
 def on_host(tree: Any) -> Any:
-    """The numbers of a tree as NumPy's, whose arithmetic compiles nothing and is not traced; those
-    that are traced stay as they are."""
+    """The numbers of a tree as arrays of NumPy, whose arithmetic is neither compiled nor traced;
+    traced numbers are unchanged."""
     return jax.tree.map(lambda x: x if isinstance(x, Tracer) else np.asarray(x), tree)
 
 
@@ -96,7 +96,7 @@ def _checked(name, value, above, least, most, size, unit, remedy) -> Array:
     if isinstance(value, (str, bytes)) or value is None:
         raise TypeError(f"Argument `{name}` [{unit}] must be a real number, but is {value!r}.")
     if isinstance(value, int) and not isinstance(value, bool):
-        # One that is too large for any integer type may still be one for a floating-point type.
+        # An integer that is too large for JAX's integer types may still fit a floating-point type.
         try:
             value = float(value)
         except OverflowError:
@@ -168,7 +168,7 @@ def count(name: str, value: int, *, least: int = 0, remedy: str = "") -> int:
 
 
 def _memory() -> float:
-    """The memory [bytes] of this machine; infinite where the system does not say."""
+    """The memory [bytes] of this machine; infinite where it is not known."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
@@ -176,8 +176,8 @@ def _memory() -> float:
 
 
 def room(name: str, rows: int, columns: int) -> None:
-    """Raise `ValueError` where a table of numbers, and what is made of it, another of its size at
-    least, does not fit into this machine's memory."""
+    """Raise `ValueError` where a table of numbers, with the results computed from it (at least
+    another table of its size), does not fit into this machine's memory."""
     wanted, there = 16.0 * rows * columns, _memory()
     if wanted > there:
         raise ValueError(
@@ -207,14 +207,14 @@ def number(name: str, value: float, *, above: float = -math.inf, unit: str = "1"
 
 
 def choice(name: str, value: str, options: tuple[str, ...]) -> str:
-    """Check a name against the ones there are."""
+    """Check a name against the `options`."""
     if value not in options:
         raise ValueError(f"Argument `{name}` must be one of {options}, but is {value!r}.")
     return value
 
 
 def several(value: str | Sequence[str]) -> tuple[str, ...]:
-    """Names as a tuple, of a sequence of them or of one alone."""
+    """Names as a tuple, from a sequence of names or a single one."""
     return (value,) if isinstance(value, str) else tuple(value)
 
 
@@ -226,9 +226,9 @@ def flag(name: str, value: object) -> bool:
 
 
 def part(name: str, value, kind: type | tuple[type, ...], example: str):
-    """Check that a part is one, of a `kind`; `example` says what to write instead.
+    """Check that a part is an instance of `kind`; `example` shows a correct argument.
 
-    Raises `TypeError` otherwise; a class in place of an instance is told so.
+    Raises `TypeError` otherwise, with a message of its own for a class in place of an instance.
     """
     if isinstance(value, kind):
         return value

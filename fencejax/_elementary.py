@@ -1,8 +1,8 @@
 """Cosine, sine and arc tangent as arithmetic alone, and the mean of a Gaussian.
 
-XLA hands these to the C library one number at a time on a CPU, lanes of a batch too; additions and
-multiplications it does in vectors. Double precision is met to two units in the last place, for
-angles up to 1e5 rad; single precision has the compiler's own.
+On a CPU XLA calls the C library for these one number at a time, also in a batch, while it
+vectorises additions and multiplications. In double precision they are exact to two units in the
+last place, for angles up to 1e5 rad; in single precision they are the compiler's own.
 
 Polynomials: S. L. Moshier, Cephes mathematical library, `sin.c` and `atan.c`: sine and cosine
 within pi / 4 of a multiple of pi / 2; the arc tangent within 0.66, as a quotient.
@@ -44,7 +44,7 @@ def cos_sin(angle: Array) -> tuple[Array, Array]:
     square = rest * rest
     sine = rest + rest * square * _polynomial(_SINE, square)
     cosine = 1 - 0.5 * square + square * square * _polynomial(_COSINE, square)
-    # Quarter turns of the last whole one: 0, 1, 2 or 3.
+    # Quarter turns beyond the last full turn: 0, 1, 2 or 3.
     quarter = quarters - 4 * jnp.floor(0.25 * quarters)
     within = jnp.abs(quarter - 1.5)
     odd, behind = jnp.abs(quarter - 2) == 1, within < 1
@@ -89,8 +89,8 @@ def arctan(x: Array) -> Array:
 arctan.defjvps(lambda dot, _, x: dot / (1 + x * x))
 
 
-# Below it by its series, as a difference would lose digits. The next term of the mean is
-# z^12 / (13 6!), 1e-16, and that of its derivative over z twelve times 1 / (13 6!) z^10, 1e-13.
+# Below it the series is used, as a difference would lose digits. The next term of the mean is z^12
+# / (13 6!), 1e-16, and that of its derivative over z twelve times 1 / (13 6!) z^10, 1e-13.
 _SHORT = 0.1
 
 

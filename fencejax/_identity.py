@@ -1,9 +1,9 @@
-"""What tells computations apart whose numbers are kept on the disk: this package's source, and the
+"""Identities of computations whose numbers are kept on the disk: this package's source, and the
 values, classes and functions that a computation is made of.
 
-A function or a class of the user's is known by its code and by all that the code takes from
-outside: defaults, the values that it encloses, and the global names that it reads. One of Python's
-own, of this package or of an installed library is known by its name, of a library with its version.
+A function or a class of the user's is identified by its code and by everything outside that the
+code uses: defaults, enclosed values, and the global names that it reads. One of Python's own, of
+this package or of an installed library is identified by its name, of a library with its version.
 """
 
 import copyreg
@@ -27,14 +27,14 @@ import numpy as np
 STARTED = time.time()
 _PACKAGE = Path(__file__).parent
 _LARGE = 256
-"""Elements from which on an array is known by a digest."""
+"""Number of elements above which an array is identified by a digest."""
 _GLOBALS = "LOAD_GLOBAL", "LOAD_NAME"
 _GENERATED = "__init__", "__repr__", "__eq__", "__hash__", "__setattr__", "__delattr__"
-"""What a dataclass is given by its fields."""
+"""Methods that a dataclass gets from its fields."""
 
 
 class UnknownError(ValueError):
-    """What cannot be told by names, fields and code."""
+    """A value that cannot be identified by names, fields and code."""
 
 
 # --- This package ----------------------------------------------------------------------------
@@ -42,8 +42,8 @@ class UnknownError(ValueError):
 
 @functools.cache
 def source() -> str | None:
-    """A digest of this package's source; `None` where there are no files, and where they may be
-    others than those that this process runs."""
+    """A digest of this package's source; `None` where there are no files, and where the files may
+    differ from those that this process runs."""
     digest = hashlib.sha256()
     files = sorted(_PACKAGE.rglob("*.py"))
     for file in files:
@@ -57,8 +57,8 @@ def source() -> str | None:
 
 def edition() -> str:
     """This package's version with a digest of its source, such as `"0.1.0, source 1f0c9a7be205"`:
-    numbers of two editions may differ. Files that have changed since this process began are an
-    edition of their own, as it is not known what the process runs."""
+    numbers of two editions may differ. Files that have changed since this process began count as an
+    edition of their own, as it is not known which code the process runs."""
     version = importlib.metadata.version("fencejax")
     digest = source()
     if digest is not None:
@@ -70,32 +70,32 @@ def edition() -> str:
 # --- Values ----------------------------------------------------------------------------------
 
 
-def told(value: Any) -> Any:
-    """A value as JSON has it: arrays as lists of numbers, long ones by a digest, dataclasses and
-    named tuples by their fields, pytrees by their nodes, functions and classes by name or code.
+def description(value: Any) -> Any:
+    """A value in the terms of JSON: arrays as lists of numbers, long ones by a digest, dataclasses
+    and named tuples by their fields, pytrees by their nodes, functions and classes by name or code.
 
-    Raises `UnknownError` for what none of this holds for, such as a lock or an open file.
+    Raises `UnknownError` for a value of no such kind, as a lock or an open file.
     """
-    return _Telling().tell(value)
+    return _Describer().describe(value)
 
 
 def text(value: Any) -> str:
-    """`told` as text."""
-    return json.dumps(told(value))
+    """`description` as text."""
+    return json.dumps(description(value))
 
 
-class _Telling:
-    """The way through a value. What holds itself, as a function that calls itself, is told by how
-    far up the way it is."""
+class _Describer:
+    """The path through a value. A value that contains itself, as a function that calls itself, is
+    described by how far up the path it is."""
 
     def __init__(self):
-        self._way: list[Any] = []
+        self._path: list[Any] = []
 
-    def tell(self, value: Any) -> Any:
+    def describe(self, value: Any) -> Any:
         if value is None or type(value) in (bool, int, str):
             return value
         if isinstance(value, float):
-            # What is no number has no place in JSON.
+            # JSON has no NaN and no infinity.
             return float(value) if math.isfinite(value) else str(float(value))
         if isinstance(value, (np.ndarray, np.generic, jax.Array)):
             return _numbers(value)
@@ -103,24 +103,25 @@ class _Telling:
             return {"class": type(value).__name__, "value": repr(value)}
         if isinstance(value, types.ModuleType):
             return {"module": value.__name__}
-        for up, held in enumerate(reversed(self._way)):
-            if held is value:
+        for up, outer in enumerate(reversed(self._path)):
+            if outer is value:
                 return {"again": up}
-        self._way.append(value)
+        self._path.append(value)
         try:
-            return self._told(value)
+            return self._by_kind(value)
         finally:
-            self._way.pop()
+            self._path.pop()
 
-    def _told(self, value: Any) -> Any:
+    def _by_kind(self, value: Any) -> Any:
         if isinstance(value, Mapping):
             if all(isinstance(key, str) for key in value):
-                return {key: self.tell(part) for key, part in value.items()}
-            return {"pairs": [[self.tell(key), self.tell(part)] for key, part in value.items()]}
+                return {key: self.describe(part) for key, part in value.items()}
+            pairs = [[self.describe(key), self.describe(part)] for key, part in value.items()]
+            return {"pairs": pairs}
         if isinstance(value, (set, frozenset)):
             return {"set": sorted(text(part) for part in value)}
         if type(value) in (tuple, list):
-            return [self.tell(part) for part in value]
+            return [self.describe(part) for part in value]
         if isinstance(value, type):
             return self._class(value)
         if isinstance(value, jax.tree_util.PyTreeDef):
@@ -136,27 +137,30 @@ class _Telling:
         return self._other(value)
 
     def _fields(self, value: Any, names) -> dict[str, Any]:
-        there = {name: self.tell(getattr(value, name)) for name in names if hasattr(value, name)}
-        return {"class": self.tell(type(value)), **there}
+        present = [name for name in names if hasattr(value, name)]
+        there = {name: self.describe(getattr(value, name)) for name in present}
+        return {"class": self.describe(type(value)), **there}
 
     def _structure(self, structure: Any) -> Any:
         node = structure.node_data()
         if node is None:
             return "*" if structure.num_leaves else None
         kind, static = node
-        return [self.tell(kind), self.tell(static), *map(self._structure, structure.children())]
+        children = map(self._structure, structure.children())
+        return [self.describe(kind), self.describe(static), *children]
 
     def _other(self, value: Any) -> Any:
-        """What has a function in it, as a compiled one has, a name, or what it is copied by."""
+        """A value that wraps a function, as a compiled one does, that has a name, or that can be
+        copied."""
         inner = getattr(value, "__wrapped__", None)
         if inner is not None:
-            return {"class": self.tell(type(value)), "of": self.tell(inner)}
+            return {"class": self.describe(type(value)), "of": self.describe(inner)}
         if isinstance(value, types.MethodType):
-            return {"method": self.tell(value.__func__), "of": self.tell(value.__self__)}
+            return {"method": self.describe(value.__func__), "of": self.describe(value.__self__)}
         if isinstance(value, property):
-            return [self.tell(part) for part in (value.fget, value.fset, value.fdel)]
+            return [self.describe(part) for part in (value.fget, value.fset, value.fdel)]
         if isinstance(value, (classmethod, staticmethod)):
-            return {"class": type(value).__name__, "of": self.tell(value.__func__)}
+            return {"class": type(value).__name__, "of": self.describe(value.__func__)}
         try:
             reduced = copyreg.dispatch_table.get(type(value))
             copied = value.__reduce_ex__(4) if reduced is None else reduced(value)
@@ -166,9 +170,9 @@ class _Telling:
         if isinstance(copied, str):
             return {"name": f"{getattr(value, '__module__', None)}.{copied}"}
         made, arguments, *more = copied
-        # Of what is a list or a dictionary, too, the elements come one by one.
-        held = arguments, *(list(part) if isinstance(part, Iterator) else part for part in more)
-        return {"made": self.tell(made), "of": [self.tell(part) for part in held]}
+        # A subclass of a list or a dictionary gives its elements by iterators.
+        parts = arguments, *(list(part) if isinstance(part, Iterator) else part for part in more)
+        return {"made": self.describe(made), "of": [self.describe(part) for part in parts]}
 
     # --- Code
 
@@ -197,7 +201,7 @@ class _Telling:
         enclosed = [_content(cell) for cell in function.__closure__ or ()]
         read = {key: there[key] for key in _globals_of(code) if key in there}
         if _is_library(function):
-            # What a package's own function reads is told by its edition.
+            # The globals of a library's function belong to the library's version.
             read = {}
         attributes = _names_of(code)
         read = {key: _read_of(part, attributes) for key, part in read.items()}
@@ -205,18 +209,18 @@ class _Telling:
         return {"name": name, "code": self._digest([code, *taken])}
 
     def _digest(self, parts: Any) -> str:
-        return hashlib.sha256(json.dumps(self.tell(parts)).encode()).hexdigest()[:32]
+        return hashlib.sha256(json.dumps(self.describe(parts)).encode()).hexdigest()[:32]
 
     def _code(self, code: types.CodeType) -> Any:
         names = code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars
         counts = code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags
         bytecode = code.co_code.hex(), code.co_exceptiontable.hex()
-        return [code.co_name, *bytecode, *counts, *(self.tell(part) for part in names),
-                self.tell(code.co_consts)]  # fmt: skip
+        return [code.co_name, *bytecode, *counts, *(self.describe(part) for part in names),
+                self.describe(code.co_consts)]  # fmt: skip
 
 
 def _numbers(value: Any) -> Any:
-    """An array: its numbers, where it has few, and its type, where this is not the usual one."""
+    """An array: its numbers, if they are few, and its type, if it is not the default one."""
     array = np.asarray(value)
     if array.dtype == object:
         raise UnknownError("an array of objects")
@@ -239,7 +243,7 @@ def _name(thing: Any) -> str:
 
 
 def _is_library(thing: Any) -> bool:
-    """Whether a module, or what is of one, is Python's own, this package's, or installed."""
+    """Whether a module, or the module of a thing, is Python's own, this package's, or installed."""
     name = thing.__name__ if isinstance(thing, types.ModuleType) else thing.__module__
     top = str(name).partition(".")[0]
     if top == __package__ or top in sys.stdlib_module_names and top != "__main__":
@@ -278,17 +282,19 @@ def _names_of(code: types.CodeType) -> list[str]:
 
 
 def _read_of(part: Any, names: list[str], depth: int = 3) -> Any:
-    """What a function reads of a global: of a module of the user's, what it may read in it."""
+    """The part of a global that a function reads: of the user's own module, the names it may
+    read."""
     if not isinstance(part, types.ModuleType) or _is_library(part) or not depth:
         return part
     found = {name: getattr(part, name) for name in names if hasattr(part, name)}
     return {name: _read_of(each, names, depth - 1) for name, each in found.items()}
 
 
-def refused(what: str, tell: Callable[[], Any]) -> Any:
-    """What `tell` returns, with what cannot be told refused by a message on an argument."""
+def refused(what: str, describe: Callable[[], Any]) -> Any:
+    """The result of `describe`; a value that cannot be identified is refused by a message on the
+    argument `what`."""
     try:
-        return tell()
+        return describe()
     except UnknownError as error:
         raise ValueError(
             f"Argument `{what}` must be made of values, classes and functions that can be told "

@@ -1,8 +1,9 @@
 """Executables kept in the folder of `_kept_programs`: where one is found there is nothing to
 trace, to lower or to compile.
 
-An executable is found by what finds a traced program and by the kind of processor. It is written as
-JAX writes it, a pickle: as much to be trusted as what JAX's own cache in the same folder makes run.
+An executable is found by what a traced program is found by, and by the kind of processor. It is
+written as JAX writes it, as a pickle, and must be trusted as much as JAX's own cache in that
+folder.
 """
 
 import threading
@@ -18,7 +19,7 @@ from ._kept_programs import Program, Store, abstract, keeping, processor
 from ._xla import all_settings, nothing_is_traced
 
 _without_cache = threading.Lock()
-"""Held while JAX's cache is off: that is a setting of the whole process."""
+"""Locked while JAX's cache is off, which is a setting of the whole process."""
 
 
 def compiled(
@@ -27,7 +28,7 @@ def compiled(
     """`jax.jit(function)`, a map from a list of arrays to a pytree, whose executable is in the
     folder of `keep_programs` too: where it is found there is nothing to trace, lower or compile.
 
-    `what` tells it from all others, as for `kept`.
+    `what` distinguishes it from all others, as for `kept`.
     """
     jitted = jax.jit(function, compiler_options=options)
     ready: dict[Any, Program | None] = {}
@@ -63,7 +64,7 @@ def compiled(
 
 
 def _place(store: Store, numbers, options, what) -> Path | None:
-    """Where the executable for such numbers is, if they are all of one device."""
+    """The file of the executable for such numbers, if they are all on the first device."""
     if any(number.device != jax.devices()[0] for number in numbers):
         return None
     what = "compiled", processor(), [list(pair) for pair in (options or {}).items()], *what
@@ -75,7 +76,7 @@ def _place(store: Store, numbers, options, what) -> Path | None:
 
 
 def _tried(program: Program, numbers) -> list[jax.Array] | None:
-    """What an executable finds, if it runs here: a part that it lacks is missed no sooner."""
+    """The results of an executable, if it runs here: a missing part shows only when it runs."""
     try:
         return jax.block_until_ready(program.run(numbers))
     except Exception:
@@ -83,8 +84,8 @@ def _tried(program: Program, numbers) -> list[jax.Array] | None:
 
 
 def _compile(function, numbers, options) -> Program:
-    """A program compiled anew. One that JAX itself has read from its cache cannot be written
-    whole."""
+    """A program compiled without JAX's cache, as a program that JAX has read from there cannot be
+    written completely."""
     structure = []
 
     def flat(numbers):
@@ -105,7 +106,7 @@ def _compile(function, numbers, options) -> Program:
 
 
 def _load(store: Store, place: Path) -> Program | None:
-    """The executable kept there, if it is whole and JAX can read it."""
+    """The executable kept there, if the file is complete and JAX can read it."""
     from jax.experimental import serialize_executable
 
     found = store.read(place)
@@ -126,7 +127,7 @@ def _load(store: Store, place: Path) -> Program | None:
 
 
 def _save(store: Store, place: Path, program: Program, count: int) -> None:
-    """Keep an executable that takes so many arrays, if JAX can write it."""
+    """Keep an executable that takes `count` arrays, if JAX can write it."""
     from jax.experimental import serialize_executable
 
     try:

@@ -1,10 +1,11 @@
-"""Programs kept in a folder, so that another process needs not trace and compile them anew.
+"""Programs kept in a folder, so that other processes need not trace and compile them again.
 
-To trace a scene and its derivative and to lower them takes longer than to load what was compiled.
-`jax.export` writes a lowered program; another process calls it as one operation. A program is found
-by what it was made from: the package's source, the versions of all whose code takes part, JAX's
-settings and XLA's flags, and the program's own name with its static structure, shapes and types.
-What is not known by its name and fields, such as a drive law of the user's own, is traced anew.
+To trace and lower a scene and its derivative takes longer than to load the compiled program.
+`jax.export` writes a lowered program, which another process calls as one operation. A program is
+found by what it is made from: the package's source, the versions of all packages whose code takes
+part, JAX's settings and XLA's flags, and the program's own name with its static structure, shapes
+and types. A program with a part that is not identified by its name and fields, such as a user's own
+drive law, is traced anew.
 """
 
 import dataclasses
@@ -30,7 +31,7 @@ from ._xla import traced_settings
 
 _TRACED = "jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix", "numpy", "jaxtyping"
 _BOUND = 256 * 2**20
-"""Size [bytes] of a folder from which on those used longest ago are deleted."""
+"""Size [bytes] of a folder above which the programs used longest ago are deleted."""
 
 
 class _Leaf:
@@ -41,7 +42,7 @@ class _Leaf:
 
 
 def _written(tree: Any) -> Any:
-    """A tree as JSON has it: this package's classes by their names and fields, arrays as `"*"`."""
+    """A tree in the terms of JSON: this package's classes by names and fields, arrays as `"*"`."""
     if isinstance(tree, _Leaf):
         return "*"
     kind = type(tree)
@@ -66,7 +67,7 @@ def _written(tree: Any) -> Any:
 
 
 def _read(text: Any) -> Any:
-    """The tree that `_written` has made text of."""
+    """The tree that `_written` has written."""
     if text == "*":
         return _Leaf()
     if not isinstance(text, list):
@@ -93,7 +94,7 @@ def _read(text: Any) -> Any:
 
 
 def _text(structure: Any) -> Any:
-    """A structure of JAX's as JSON has it."""
+    """A tree structure of JAX in the terms of JSON."""
     return _written(jax.tree.unflatten(structure, [_Leaf()] * structure.num_leaves))
 
 
@@ -102,8 +103,8 @@ def _text(structure: Any) -> Any:
 
 @functools.cache
 def _source() -> str | None:
-    """A digest of this package's source and of the versions that count; `None` where the files may
-    be others than those that this process runs."""
+    """A digest of this package's source and of the versions that matter; `None` where the files may
+    differ from those that this process runs."""
     files = source()
     versions = [f"{name} {importlib.metadata.version(name)}" for name in _TRACED]
     made = "\n".join([str(files), platform.python_version(), *versions])
@@ -111,7 +112,7 @@ def _source() -> str | None:
 
 
 class _Abstract(NamedTuple):
-    """What is known of an array when a program is traced."""
+    """Shape and type of an array, known when a program is traced."""
 
     shape: tuple[int, ...]
     dtype: str
@@ -147,7 +148,7 @@ class Store:
     def place(
         self, what: tuple[Any, ...], structure: Any, leaves: list[_Abstract], kind: str = "program"
     ) -> Path | None:
-        """Where a program is, or is to be; `None` where it is not to be kept."""
+        """The file of a program, existing or not; `None` for a program that is not kept."""
         code = _source()
         if code is None or jax.default_backend() != "cpu" or jax.config.jax_default_device:  # pyright: ignore
             return None
@@ -159,7 +160,7 @@ class Store:
         return self.folder / f"{hashlib.sha256(made.encode()).hexdigest()}.{kind}"
 
     def load(self, place: Path) -> Program | None:
-        """The traced program kept there, if it is whole."""
+        """The traced program kept there, if the file is complete."""
         from jax import export
 
         found = self.read(place)
@@ -168,14 +169,14 @@ class Store:
         try:
             exported = export.deserialize(bytearray(found[1]))
             if b"lapack" not in found[1]:
-                # To call a program "of a CPU" JAX makes LAPACK ready, by an import of SciPy that
+                # To call a program "of a CPU" JAX prepares LAPACK by an import of SciPy, which
                 # takes as long as all the rest.
                 checks = (*exported.disabled_safety_checks, export.DisabledSafetyCheck.platform())
                 exported = dataclasses.replace(
                     exported, platforms=("host",), disabled_safety_checks=checks
                 )
         except Exception:
-            # Another version of JAX may read and call programs in another way: traced anew.
+            # Another version of JAX may read and call programs differently: trace anew.
             return None
         return Program(exported, found[0])
 
@@ -197,7 +198,7 @@ class Store:
         return jax.tree.structure(_read(json.loads(results))), program
 
     def write(self, place: Path, results: Any, program: bytes) -> None:
-        """What is there may be read at any time by other processes."""
+        """Write a program by renaming a file, as other processes may read it at any time."""
         rest = json.dumps(_text(results)).encode() + b"\n" + program
         content = hashlib.sha256(rest).hexdigest().encode() + b"\n" + rest
         try:
@@ -227,19 +228,19 @@ def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
     """Keep programs in a folder, so that a program is traced and compiled once for all processes
     that run it: `fj.cache_programs()`, right after the imports.
 
-    What has compiled for longer than `jax_persistent_cache_min_compile_time_secs`, a second by
-    default, is kept. On a CPU simulations are kept too, traced and, where they are run by
-    themselves, compiled, 256 MiB of them at most. They are found again by this package's source,
-    all versions and settings, and the scene's parts. What is compiled is run as it is: a folder is
-    to be trusted as a program is. Those of a scene with classes or functions from elsewhere are
-    traced anew in each process, and all of them where this package's files have changed since the
-    process began. What replaces functions of this package in a running process is not seen. The
-    folder may be deleted at any time.
+    Programs that compile for longer than `jax_persistent_cache_min_compile_time_secs`, by default a
+    second, are kept. On a CPU simulations are kept too, traced and, where they are run by
+    themselves, compiled, up to 256 MiB. They are found again by this package's source, all versions
+    and settings, and the scene's parts. Kept programs are run without a check, so a folder must be
+    as trustworthy as a program. Simulations of a scene with classes or functions from elsewhere are
+    traced anew in each process, and all simulations where this package's files have changed since
+    the process began. A replacement of this package's functions in a running process is not
+    noticed. The folder may be deleted at any time.
 
     **Arguments:**
 
-    - `folder`: by default what JAX is told already (`JAX_COMPILATION_CACHE_DIR`), or else one in
-      the user's folder for caches, with a name of its own for each kind of processor: a program
+    - `folder`: by default JAX's own setting (`JAX_COMPILATION_CACHE_DIR`), or else a folder in the
+      user's folder for caches, with a name of its own for each kind of processor: a program
       compiled for one may not run on another.
 
     Returns the folder; `None` where JAX's cache is switched off
@@ -253,8 +254,8 @@ def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
     settings: Any = jax.config
     if not settings.jax_enable_compilation_cache:
         return None
-    told = settings.jax_compilation_cache_dir
-    given = told if folder is None else folder
+    configured = settings.jax_compilation_cache_dir
+    given = configured if folder is None else folder
     found = Path(given) if given else _users_caches() / "fencejax" / processor()
     try:
         found.mkdir(parents=True, exist_ok=True)
@@ -262,16 +263,16 @@ def cache_programs(folder: str | os.PathLike | None = None) -> Path | None:
         if given:
             raise
         return None
-    if str(found) != told:
+    if str(found) != configured:
         jax.config.update("jax_compilation_cache_dir", str(found))
-        # What has compiled before has settled that there is none.
+        # If JAX has compiled before, it has noted that there is no cache.
         compilation_cache.reset_cache()
     keep_programs(found / "traced")
     return found
 
 
 def _users_caches() -> Path:
-    """The folder in which programs keep what they can make again."""
+    """The user's folder for files that programs can make again."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     if sys.platform == "darwin":
@@ -298,7 +299,7 @@ def keep_programs(folder: Path | None) -> None:
     """Keep traced programs in a folder from now on, or none."""
     global _store
     try:
-        import flatbuffers  # noqa: F401  # What `jax.export` writes with.
+        import flatbuffers  # noqa: F401  # `jax.export` needs it.
     except ImportError:
         folder = None
     _store = None if folder is None else Store(folder)
@@ -324,12 +325,12 @@ def _made(function: Callable[[Any], Any], structure: Any, leaves: list[_Abstract
 
 
 def kept(function: Callable[[Any], Any], *what: Any) -> Callable[[Any], Any]:
-    """`function`, a map of pytrees, such that linearisation takes it whole where its argument is
-    known, instead of going through it operation by operation as it does with `jax.jit`; from the
-    folder of `keep_programs` if it is there.
+    """`function`, a map of pytrees, as one operation. With a known argument, linearisation takes it
+    as a whole instead of operation by operation as with `jax.jit`. It is read from the folder of
+    `keep_programs` if it is there.
 
-    `what` tells it from all others that this package's source makes, by values, strings and fields
-    of this package's classes. It is not differentiated.
+    `what` distinguishes it from all other programs of this package's source, by values, strings and
+    fields of this package's classes. It is not differentiated.
     """
 
     def run(argument):
@@ -348,7 +349,8 @@ def kept(function: Callable[[Any], Any], *what: Any) -> Callable[[Any], Any]:
         if program is None:
             program = _made(function, structure, known)
             _store.save(place, program)
-        # The same program for whoever makes it and for all others, so that it compiles once.
+        # Every process, the one that makes it too, calls the same program, so that it compiles
+        # once.
         return jax.tree.unflatten(program.results, program.run.call(*leaves))
 
     whole = jax.custom_batching.custom_vmap(run)

@@ -1,5 +1,5 @@
-"""What a simulation refuses before anything is traced: numbers of a wrong type or shape, and what
-the fidelity cannot give."""
+"""Arguments that a simulation refuses before anything is traced: numbers of a wrong type or shape,
+and scenes that the fidelity does not allow."""
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ from .fidelity import SINGLE_STEP, Fidelity
 from .parts import AbstractDrive, AbstractTaper, Fence
 from .scenes import NormalScene, Scene
 
-# More steps than these are no longer counted exactly in single and in double precision [1].
+# Largest number of steps that is counted exactly in single and in double precision [1].
 _STEPS = {"float32": 2**24, "float64": 2**31 - 2}
 
 

@@ -1,4 +1,4 @@
-"""Text of files as other programs save it."""
+"""Text of files that other programs have saved."""
 
 from pathlib import Path
 

@@ -1,5 +1,5 @@
-"""What XLA is told: its settings for loops over a few small arrays, and a barrier to fusion; and
-what JAX is told, as far as it decides what is traced."""
+"""Settings of XLA for loops over a few small arrays, a barrier to fusion, and the settings of JAX
+that decide what is traced."""
 
 import contextlib
 import functools
@@ -18,15 +18,15 @@ from jaxtyping import Array
 
 
 def _private(module: str, name: str) -> Callable[..., Any] | None:
-    """A function that JAX has for itself alone; `None` where this version has none of that name."""
+    """A private function of JAX; `None` where this version has none of that name."""
     try:
         return getattr(importlib.import_module(f"jax._src.{module}"), name, None)
     except ImportError:
         return None
 
 
-# There is no public name for these. Without them programs are not kept between processes, and
-# nobody is told that XLA's settings come too late.
+# There is no public name for these. Without them programs are not kept between processes, and there
+# is no error where XLA's settings come too late.
 _trace_context = _private("config", "trace_context")
 _trace_state_clean = _private("core", "trace_state_clean")
 _backends_are_initialized = _private("xla_bridge", "backends_are_initialized")
@@ -34,7 +34,7 @@ _backends_are_initialized = _private("xla_bridge", "backends_are_initialized")
 _LARGE = 10**9
 _DEVICES = "--xla_force_host_platform_device_count="
 
-# Settings of one backend that another or a later one does not know are passed over by XLA.
+# XLA ignores settings that a backend does not know.
 _EXTRA = {
     # A loop becomes one kernel if it moves fewer bytes than this, instead of one a fusion.
     "xla_cpu_small_while_loop_byte_threshold": str(_LARGE),
@@ -60,9 +60,9 @@ _KNOWN = (0, 7, 0), (0, 11, 0)
 
 
 def shares_arithmetic() -> bool:
-    """Whether XLA computes once what several results have in common: on a CPU if told to."""
-    told = "xla_cpu_use_multi_output_fusion=true" in os.environ.get("XLA_FLAGS", "")
-    return told or jax.default_backend() != "cpu"
+    """Whether XLA computes common parts of several results once: on a CPU only if it is set to."""
+    requested = "xla_cpu_use_multi_output_fusion=true" in os.environ.get("XLA_FLAGS", "")
+    return requested or jax.default_backend() != "cpu"
 
 
 def _flags_known() -> bool:
@@ -123,7 +123,7 @@ def tune_compiler(devices: int | None = None) -> None:
 
 
 def without_loops() -> dict[str, Any]:
-    """Compiler options for a program that holds no loop of steps.
+    """Compiler options for a program without a loop of steps.
 
     Without XLA's newer emitters, which `tune_compiler` turns off as they make several kernels of
     such a loop, what is concatenated from many formulas is worked out over and over: a design's
@@ -134,34 +134,33 @@ def without_loops() -> dict[str, Any]:
 
 
 def fusion_barrier(holds: Array, function: Callable[..., Any], *arguments: Any) -> Any:
-    """`function(*arguments)`, worked out once and put in memory; not a number unless `holds`.
+    """`function(*arguments)`, computed once and stored in memory; NaN unless `holds`.
 
-    Left to itself (see `fencejax.tune_compiler`), on a CPU the compiler fuses cheap arithmetic into
-    every place that reads it, over and over: long scalar formulas with many results grow out of
-    hand, in time to compile and to run. A branch keeps it from that, as long as the compiler cannot
-    know that it is always taken: `holds` must be true for every sound input, one for the whole
-    batch, and not a constant. Where the compiler shares arithmetic, this is just
-    `function(*arguments)`.
+    Without it (see `fencejax.tune_compiler`), the compiler on a CPU fuses cheap arithmetic into
+    every place that reads it, again and again: long scalar formulas with many results then take
+    very long to compile and to run. A branch prevents that, as long as the compiler cannot know
+    that it is always taken: `holds` must be true for every valid input, one for the whole batch,
+    and not a constant. Where the compiler shares arithmetic, this is just `function(*arguments)`.
     """
     if shares_arithmetic():
         return function(*arguments)
-    # Traced once, and from there on taken as it is.
+    # Traced once, and not again.
     traced, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     results = jax.tree.structure(shapes)
 
-    def worked_out(leaves):
+    def computed(leaves):
         return jaxpr_as_fun(traced)(*leaves)
 
     def not_numbers(_):
         return [jnp.full(leaf.shape, jnp.nan, leaf.dtype) for leaf in jax.tree.leaves(shapes)]
 
     leaves = jax.tree.leaves(arguments)
-    return jax.tree.unflatten(results, jax.lax.cond(holds, worked_out, not_numbers, leaves))
+    return jax.tree.unflatten(results, jax.lax.cond(holds, computed, not_numbers, leaves))
 
 
 def sound(tree: Any) -> Array:
-    """Whether a pytree holds numbers only, in one lane of a batch at least. It is unknown to the
-    compiler as soon as one leaf of the tree is."""
+    """Whether all numbers of a pytree are finite, in at least one lane of a batch. The compiler
+    does not know it as soon as one leaf of the tree is traced."""
     sums = [jnp.sum(leaf) for leaf in jax.tree.leaves(tree)]
     return unvmap_any(jnp.isfinite(functools.reduce(jnp.add, sums)))
 
@@ -190,22 +189,23 @@ def adopt_flags(flags: str) -> None:
 
 
 def traced_settings() -> list[str] | None:
-    """JAX's settings, as far as they decide what is traced; `None` where they cannot be known."""
+    """JAX's settings that decide what is traced; `None` where they cannot be read."""
     if _trace_context is None:
         return None
-    told = (repr(value) for value in _trace_context())
-    # What stands for the axes of transformations around a program says nothing of the program.
-    return [text for text in told if " at 0x" not in text]
+    texts = (repr(value) for value in _trace_context())
+    # An object that stands for the axes of transformations around a program does not affect it.
+    return [text for text in texts if " at 0x" not in text]
 
 
 def all_settings() -> tuple[Any, ...]:
-    """JAX's settings as it tells compiled programs apart by; nothing where they cannot be known."""
+    """JAX's settings by which it distinguishes compiled programs; `()` where they cannot be
+    read."""
     return () if _trace_context is None else _trace_context()
 
 
 @contextlib.contextmanager
 def many_objects() -> Iterator[None]:
-    """Python's cyclic garbage is not looked for meanwhile, for a few seconds.
+    """Switch off Python's garbage collector meanwhile, for a few seconds.
 
     A trace makes objects by the hundred thousand and keeps nearly all: one pass of the collector
     after another goes through them in vain, a sixth of the time.
@@ -220,8 +220,8 @@ def many_objects() -> Iterator[None]:
 
 
 def nothing_is_traced() -> bool:
-    """Whether no transformation is known to go on around what calls this, and JAX's settings are
-    known."""
+    """Whether the caller is certainly not inside a transformation of JAX, and JAX's settings can be
+    read."""
     if _trace_context is None or _trace_state_clean is None:
         return False
     return _trace_state_clean()

@@ -1,4 +1,4 @@
-"""Every knob that trades speed for accuracy, in one place."""
+"""All settings that trade speed for accuracy."""
 
 import dataclasses
 import math
@@ -13,97 +13,97 @@ from .printing import Readable, Table
 if TYPE_CHECKING:
     from diffrax import AbstractSolver
 
-# A scene is long from here on [s]; strides in it are no longer than this [s].
+# Duration from which a scene counts as long [s], and the longest stride in it [s].
 _LONG, _STRIDE = 0.5, 2e-3
 
 _INTEGRATORS = ("modal", "kvaerno5", "tsit5")
 
-# What single precision still resolves: a step's change of the motion [s], and a smoothing [m/s],
-# some thousand roundings of a belt's speed.
+# Least values that single precision resolves: of a step [s], and of a smoothing [m/s], some
+# thousand roundings of a belt's speed.
 SINGLE_STEP, _SINGLE_SLIP = 1e-4, 2e-4
 
 
 class Smoothing(NamedTuple):
-    """How the jump of dry friction at rest is smoothed: `slip_speed` eps [m/s], below which the
-    force falls off, and `static_speed` w_s [m/s], over which the coefficient goes from static to
-    kinetic. True stick is what eps -> 0, with eps << w_s, tends to. Smoothed friction is largest at
-    a creep of w_s ((eps / w_s) sqrt(mu_s / 2 (mu_s - mu_k)))^(1/2), and there it is short of mu_s
-    by (eps / w_s) sqrt(2 mu_s (mu_s - mu_k)), to the first order: 0.8 % of a normal force where
-    static friction is 0.5 and kinetic 0.35, in the named settings."""
+    """The smoothing of dry friction's jump at rest: `slip_speed` eps [m/s], below which the force
+    falls off, and `static_speed` w_s [m/s], over which the coefficient goes from static to kinetic.
+    True sticking is the limit eps -> 0 with eps << w_s. Smoothed friction is largest at a creep of
+    w_s ((eps / w_s) sqrt(mu_s / 2 (mu_s - mu_k)))^(1/2), and is less than mu_s there by (eps / w_s)
+    sqrt(2 mu_s (mu_s - mu_k)), to the first order: 0.8 % of a normal force where static friction is
+    0.5 and kinetic 0.35, in the named settings."""
 
     slip_speed: float
     static_speed: float
 
     @property
     def holds_below(self) -> float:
-        """The creep [m/s] at which smoothed friction is largest where the kinetic one is little:
-        below it a surface holds."""
+        """The creep [m/s] at which smoothed friction is largest where the kinetic friction is
+        small. A corner that is slower sticks."""
         return math.sqrt(self.slip_speed * self.static_speed / math.sqrt(2))
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Fidelity(Readable):
-    """How finely a scene is computed. All fields are static: they change the program.
+    """The settings of accuracy and cost of a simulation. All fields are static: they change the
+    program.
 
     **Fields:**
 
     - `modes`: bending modes kept; 0 makes the fence rigid; `None` keeps all of them.
-    - `static_correction`: whether the modes left out still yield, as one massless mode under each
-      contact, with its deflection, slope and damping.
+    - `static_correction`: whether the static compliance of the modes left out is kept, as one
+      massless mode under each contact, with its deflection, slope and damping.
     - `elements`: finite elements on the flexible link (20 in the paper).
     - `geometry`: `"chord"`, the paper's (2.14)-(2.17) with the element chords turned by their
       angles; `"arc"`, the same to the third order in the slope; or `"small"`, a small deflection
       normal to the straight line.
     - `load`: `"consistent"`, the contact force on the beam by virtual work, or `"shared"`, the
       paper's (2.8), linearly on the two nodes beside it (the modes left out by virtual work).
-    - `step_tolerance`: error control, the knob that the named settings differ by. How far a contact
-      force inside a step, normal or friction, may be from the line that the step is built on,
-      relative to the largest normal force so far; steps that miss it are taken again, shorter, each
-      lane by itself, and longer again where it is small. In single precision it is no finer than
-      forces are balanced, 4e-3. `None`: no control, fixed steps of `step`, as those of `reference`.
-    - `halvings`: how often a step may be halved for it. Where the shortest ones still miss it, the
-      status says `STEP_TOO_COARSE`.
-    - `gradient_tolerance`: how far the gradient of the peak force may be off, relative to its norm,
-      by its estimate (`Result.gradient_error`): above it the status says `STEP_TOO_COARSE`, where a
-      gradient is asked for.
+    - `step_tolerance`: the tolerance of the error control, in which the named settings differ. It
+      bounds the distance of a contact force inside a step, normal or friction, from the line that
+      the step is built on, relative to the largest normal force so far. A step above it is repeated
+      with a shorter length, and steps become longer where the distance is small, each lane by
+      itself. In single precision it is at least 4e-3, the accuracy to which forces are balanced.
+      `None`: no control, fixed steps of `step`, as in `reference`.
+    - `halvings`: how often a step may be halved for that. Where the shortest steps are still above
+      the tolerance, the status is `STEP_TOO_COARSE`.
+    - `gradient_tolerance`: the largest estimated error of the peak force's gradient, relative to
+      its norm (`Result.gradient_error`). Above it the status is `STEP_TOO_COARSE`, where a gradient
+      is computed.
     - `step` [s]: the integrator's step where forces change smoothly, and the distance of samples in
       a contact (of a general integrator: of all samples).
-    - `longest_stride`: how many such steps may be taken in one, a power of two, where nothing is
-      about to touch or part and the forces change smoothly; 1: none is longer. `None`: up to 2 ms
+    - `longest_stride`: how many such steps may be taken in one, a power of two, where no contact is
+      about to begin or end and the forces change smoothly; 1: no longer steps. `None`: up to 2 ms
       under error control, and in scenes with contacts that last half a second and more, such as
       whole sorts; else 1.
-    - `stride_tolerance`: how far, relative to their size, the forces at the end of a longer step
-      may be from their straight continuation. Derivatives mind it more than values.
-    - `iterations`: the most Newton iterations a step on contact force and parcel's velocity; one
-      or two are the rule, more where friction turns round.
+    - `stride_tolerance`: the largest distance of the forces at the end of a longer step from their
+      linear extrapolation, relative to their size. It affects derivatives more than values.
+    - `iterations`: the largest number of Newton iterations in a step; one or two are usual, more
+      where friction reverses.
     - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s. Static
       friction falls to kinetic over w_s, as that of real pairs does, over 1 mm/s and more; the
-      named settings have the same but for `reference`, which has a fifth of it. What holds is
-      short of static friction by a share that goes with eps / w_s, a fiftieth in the named
-      settings (`Smoothing`). What sliding changes by within the shortest step should be less than
-      w_s, or static friction above the kinetic one may be stepped over where a corner comes to
-      rest: the named settings have it up to 24 m/s^2, `coarse` up to 12. In single precision they
-      are no finer than 2e-4 and 1e-3, a fifth, and the holding friction is a tenth or more below
-      the static one.
+      named settings have the same but for `reference`, which has a fifth of it. The largest
+      smoothed friction is less than static friction by a share that goes with eps / w_s, a fiftieth
+      in the named settings (`Smoothing`). The change of a sliding speed within the shortest step
+      should be less than w_s, or a step may pass over the static friction where a corner comes to
+      rest: the named settings allow 24 m/s^2, `coarse` 12. In single precision they are at least
+      2e-4 and 1e-3, a fifth, and the largest friction is a tenth or more below the static one.
     - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends or, with
       `tip_contact` in the scene, on either side of where it passes from the corner to the tip.
     - `integrator`: `"modal"`, this package's own (exact in the beam, implicit in contact and
       friction), or a general one as an independent check: any solver of diffrax, such as
       `diffrax.Kvaerno5()`, or `"kvaerno5"` and `"tsit5"` for short. Explicit ones need steps below
       4e-8 s where all modes are kept.
-    - `tolerance`: relative tolerance of a general integrator that adapts its steps; one that does
-      not takes steps of `step`.
-    - `precision`: `"float32"` or `"float64"` for the computation, whatever the scene's numbers and
-      the results are in; by default the scene's own. Double precision asks for JAX's
+    - `tolerance`: relative tolerance of a general integrator with adaptive steps; one without takes
+      steps of `step`.
+    - `precision`: `"float32"` or `"float64"` for the computation, whatever the precision of the
+      scene's numbers and the results; by default the scene's own. Double precision requires JAX's
       `jax_enable_x64`.
-    - `gradient`: `"forward"`, all derivatives in one batch of tangents, whatever asks for them
-      (`jax.grad` too), best below some 30 variables; or `"reverse"`, by checkpoints, for
-      `jax.grad` in very many variables.
+    - `gradient`: `"forward"`, all derivatives in one batch of tangents (also with `jax.grad`), best
+      below some 30 variables; or `"reverse"`, by checkpoints, for `jax.grad` in very many
+      variables.
 
-    What a good status has meant for the peak force and its gradient, in random scenes and under a
-    search, is told with its numbers in `tests/robustness/TRUST.md`; what each named setting costs,
-    and what errors ordinary impacts have with it, in `tests/peers/SPEED.md`. `choose_fidelity`
-    measures both on one's own scenes.
+    The errors of peak forces and gradients under a good status, in random scenes and under a
+    search, are in `tests/robustness/TRUST.md`; the cost of each named setting, and its errors in
+    ordinary impacts, in `tests/peers/SPEED.md`. `choose_fidelity` measures both on your own scenes.
 
     >>> fj.Fidelity.coarse(step=2.5e-4)
     Fidelity.coarse(step=0.00025)
@@ -175,7 +175,8 @@ class Fidelity(Readable):
         _check.choice("gradient", self.gradient, ("forward", "reverse"))
 
     def _printed(self) -> Table:
-        """The rung that most knobs are of, with those that differ from it: text that makes it."""
+        """The named setting with the fewest differences, with these: the call that makes this
+        fidelity."""
 
         def others(rung: str) -> tuple[tuple[str, str], ...]:
             usual = vars(getattr(Fidelity, rung)())
@@ -191,19 +192,19 @@ class Fidelity(Readable):
 
     @property
     def residual(self) -> bool:
-        """Whether modes are left out whose compliance is still there."""
+        """Whether modes are left out whose static compliance is kept."""
         return self.static_correction and 0 < self.mode_count < 2 * self.elements
 
     def single(self) -> "Fidelity":
-        """The same with friction smoothed as far as single precision resolves it."""
+        """The same with a smoothing of friction that single precision resolves."""
         return self.replace(
             slip_speed=max(self.slip_speed, _SINGLE_SLIP),
             static_speed=max(self.static_speed, 5 * _SINGLE_SLIP),
         )
 
     def settled(self, duration: float) -> "Fidelity":
-        """The same with a longest stride for contacts of a duration [s]; without error control
-        where that is 0, as nothing can touch: it is the contact forces that it looks at."""
+        """The same with a `longest_stride` for a scene with contacts of this duration [s]. For 0,
+        where nothing can touch, it is without error control, which is one of contact forces."""
         if self.integrator != "modal":
             return self.replace(longest_stride=1, step_tolerance=None)
         if duration == 0:
@@ -222,33 +223,34 @@ class Fidelity(Readable):
         return Smoothing(self.slip_speed, self.static_speed)
 
     def replace(self, **changes) -> "Fidelity":
-        """The same with some knobs changed."""
+        """The same with some settings changed."""
         return dataclasses.replace(self, **changes)
 
     def ladder(self, scene: Any = None) -> "tuple[Fidelity, ...]":
-        """This fidelity and two finer ones, for numbers in doubt (`Status.numerical`) of a scene or
-        a batch of scenes; without one, of scenes as precise as JAX is told to be.
+        """This fidelity and two finer ones, for numbers with a numerical status
+        (`Status.numerical`) of a scene or a batch of scenes; without a scene, for JAX's default
+        precision.
 
         The second has at least eight modes, a fifth of the tolerance, half the step and a quarter
         of a millisecond at most, and half of the friction's smoothing. The third has the modes and
         the smoothing of `reference`, a fiftieth of the tolerance and steps of a tenth of a
         millisecond at most. Where those are a quarter of this one's or less, they may be halved
-        once less: what judges whether friction is resolved minds steps that are short beside its
-        smoothing. Where this one's steps do not follow their error, the second has steps of an
-        eighth of a millisecond at most, and the third those of `reference`.
-        Both keep this one's geometry, so that what is refined is the same model: the paper's chords
-        are within 5e-4 of the arc, and their derivatives cost ten times as much. They keep its
-        longest stride, too, over which nothing touches or parts: the 60,000 steps of a whole sort
-        would else cost as much as all others together. In single precision the ladder ends before
-        what that does not resolve.
+        once less: the test of whether friction is resolved may fail for steps that are short
+        compared with its smoothing. Where this one has no error control, the second has steps of an
+        eighth of a millisecond at most, and the third those of `reference`. Both keep this one's
+        geometry, so that the same model is refined: the paper's chords are within 5e-4 of the arc,
+        and their derivatives cost ten times as much. They also keep its longest stride, over which
+        no contact begins or ends: otherwise the 60,000 steps of a whole sort would cost as much as
+        all others together. In single precision the ladder ends before a fidelity that this does
+        not resolve.
 
-        What has the step of `reference` or a shorter one has one finer rung: twice the modes, half
-        the step and half of the smoothing.
+        A fidelity with the step of `reference` or a shorter one has one finer rung: twice the
+        modes, half the step and half of the smoothing.
         """
         last = Fidelity.reference()
 
         def with_modes(least: int) -> int | None:
-            """As many modes, or all that the elements have; none where the fence is rigid."""
+            """At least so many modes, or all that the elements have; none for a rigid fence."""
             if not self.modes:
                 return self.modes
             return max(self.modes, min(least, 2 * self.elements))
@@ -290,7 +292,7 @@ class Fidelity(Readable):
     @classmethod
     def coarse(cls, **changes) -> "Fidelity":
         """A tolerance of 0.5 %, steps of 1 ms at most, three modes: for sweeps."""
-        # Half of what is promised of a gradient: its error may be nearly twice what is estimated.
+        # Half of the promised error of a gradient, as the error may be nearly twice the estimate.
         settings = dict(
             modes=3, step=1e-3, step_tolerance=5e-3, gradient_tolerance=0.25,
             stride_tolerance=5e-3,
@@ -300,7 +302,7 @@ class Fidelity(Readable):
     @classmethod
     def fast(cls, **changes) -> "Fidelity":
         """A tolerance of 0.1 %, steps of 0.5 ms at most, four modes: for searches. Its worst
-        gradients are those of parcels whose friction turns round near the peak.
+        gradients are those of parcels whose friction reverses near the peak.
         """
         settings = dict(step_tolerance=1e-3, gradient_tolerance=0.2, stride_tolerance=5e-3)
         return cls(**{**settings, **changes})
@@ -308,7 +310,7 @@ class Fidelity(Readable):
     @classmethod
     def standard(cls, **changes) -> "Fidelity":
         """The default: a tolerance of 0.05 %, steps of 0.5 ms at most, four modes, static friction
-        smoothed over 0.75 mm/s. Wider ranges than those of ordinary impacts give worse cases: ask
+        smoothed over 0.75 mm/s. Wider ranges than those of ordinary impacts give worse cases: use
         `choose_fidelity`.
         """
         return cls(**changes)

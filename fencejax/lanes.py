@@ -1,4 +1,4 @@
-"""The lanes of a batch: one after another while they are few, side by side where there are many."""
+"""The lanes of a batch: one after another if they are few, vectorised if they are many."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -7,24 +7,24 @@ import jax
 
 Found = TypeVar("Found")
 
-# Nine values or gradients of an impact take 1.2 times as long one after another as side by side,
-# and their programs 0.6 to 0.8 of the time to compile and half of that to trace: seconds, against
-# some milliseconds a call.
+# One after another, nine values or gradients of an impact take 1.2 times as long as vectorised,
+# some milliseconds; but their programs take 0.6 to 0.8 of the time to compile and half the time to
+# trace, which is seconds.
 FEW = 16
-"""Up to so many lanes go one after another on a CPU."""
+"""Largest number of lanes that are computed one after another on a CPU."""
 
 
 def each_lane(function: Callable[[Any], Found], lanes: Any) -> Found:
-    """`function` of each lane, as a program that compiles sooner where there are few.
+    """`function` of each lane, as a program that compiles faster if there are few lanes.
 
     **Arguments:**
 
     - `function`: of one lane, such as one that makes a scene of its numbers and simulates it.
     - `lanes`: a pytree whose leaves have the lanes first.
 
-    Returns what the function does, each leaf with the lanes first. It is `jax.vmap` where there are
-    more than 16 lanes or the device is no CPU, and `jax.lax.map` else; both are differentiable, and
-    a lane's numbers are the same but for rounding.
+    Returns the function's results, each leaf with the lanes first. This is `jax.vmap` for more than
+    16 lanes or a device other than a CPU, and otherwise `jax.lax.map`; both are differentiable, and
+    a lane's numbers are the same up to round-off.
 
     >>> def force(mass):
     ...     scene = fj.scenes.rigid_wall(parcel=fj.Parcel(mass=mass))

@@ -1,11 +1,11 @@
-"""How the package writes numbers and parts for people to read: in a terminal and in a notebook.
+"""Text of numbers and parts, for a terminal and for a notebook.
 
-`shown(0.045, "m")` is `"45 mm"`. What prints itself is `Readable`: it says its title and its rows,
-and has from here its text and its HTML. A part of a scene is a `Part`: its rows are its fields,
-with the units of its class's `bounds`, and there is nothing to write for a new one.
+`shown(0.045, "m")` is `"45 mm"`. A class that prints itself is a `Readable`: it defines its title
+and its rows, and gets its text and its HTML from here. A part of a scene is a `Part`: its rows are
+its fields, with the units of its class's `bounds`, and a new part needs no code for it.
 
 Printing computes nothing with JAX: within a transformation a traced number is shown by its type and
-shape, and the program stays as it is.
+shape, and the program is unchanged.
 """
 
 import dataclasses
@@ -20,7 +20,7 @@ from jax.core import Tracer
 
 from ._check import Bounds
 
-# Of a unit: from which size on it is shown in which other one, and how many of the unit that has.
+# For each unit: the least size, the factor and the name of each multiple that it is shown in.
 _LADDERS: Mapping[str, tuple[tuple[float, float, str], ...]] = {
     "m": ((1.0, 1.0, "m"), (1e-5, 1e-3, "mm"), (0.0, 1e-6, "um")),
     "s": ((1.0, 1.0, "s"), (1e-4, 1e-3, "ms"), (0.0, 1e-6, "us")),
@@ -34,8 +34,8 @@ _DIGITS, _WIDE, _FEW = 4, 96, 8
 
 
 def shown(value: Any, unit: str = "1", digits: int = _DIGITS) -> str:
-    """A number [`unit`, SI] as an engineer writes it: to `digits` significant ones, in the multiple
-    of the unit in which it has few figures before the point."""
+    """A number [`unit`, SI] as an engineer writes it: with `digits` significant digits, in the
+    multiple of the unit with few figures before the point."""
     size, title = multiple(value, unit, digits)
     return _plain(float(value) / size, digits) + ("" if title == "1" else f" {title}")
 
@@ -45,14 +45,15 @@ def multiple(value: Any, unit: str, digits: int = _DIGITS) -> tuple[float, str]:
     number = float(value)
     if number != 0 and math.isfinite(number):
         for least, size, name in _LADDERS.get(unit, ()):
-            # What is rounded up to the next multiple is shown in that.
+            # A number that is rounded up to the next multiple is shown in that.
             if abs(number) * (1 + 0.5 * 10.0**-digits) >= least:
                 return size, name
     return 1.0, unit
 
 
 def _plain(number: float, digits: int) -> str:
-    """To some digits: whole where they end before the point, with an exponent where it is far."""
+    """A number with so many digits: without a point where they end before it, with an exponent
+    where it is far away."""
     if math.isfinite(number) and 10**digits <= abs(number) < 1e6:
         return f"{number:.0f}"
     text = f"{number:.{digits}g}"
@@ -67,7 +68,7 @@ def _array(value: Any) -> np.ndarray | None:
     try:
         found = np.asarray(value)
     except Exception:
-        # A buffer that was given away, or is on other hosts.
+        # A donated buffer, or one on other hosts.
         return None
     return found if found.dtype.kind in "fiu" else None
 
@@ -81,7 +82,7 @@ _KINDS = {"float": "f", "int": "i", "uint": "u", "bfloat": "bf", "complex": "c"}
 
 
 def _typed(value: Any) -> str:
-    """`f64[3]`: what is known of an array without its numbers."""
+    """`f64[3]`: type and shape of an array without its numbers."""
     name = str(value.dtype)
     letters = name.rstrip("0123456789")
     size = name[len(letters) :]
@@ -89,8 +90,8 @@ def _typed(value: Any) -> str:
 
 
 def numbers(value: Any, unit: str = "1") -> str:
-    """An array as text: a number or a few with their unit, many by their shape and their span, and
-    what is traced by its type and shape."""
+    """An array as text: one number or a few with their unit, many by their shape and their range,
+    and a traced array by its type and shape."""
     array = _array(value)
     if array is None:
         return _typed(value)
@@ -106,9 +107,9 @@ def numbers(value: Any, unit: str = "1") -> str:
 
 
 class Table(NamedTuple):
-    """What is shown of something: a title and rows, each a name with text or with a table of its
-    own; a name that is empty stands for a line. Short tables that are `inline` take one line, as a
-    call: `Uniform()`."""
+    """The printed form of a thing: a title and rows, each a name with a text or with a table of its
+    own; an empty name stands for a plain line. Short `inline` tables take one line, as a call:
+    `Uniform()`."""
 
     title: str
     rows: "tuple[tuple[str, str | Table], ...]" = ()
@@ -122,7 +123,7 @@ class Table(NamedTuple):
 
 
 def as_table(thing: "Readable") -> Table:
-    """What is shown of something that prints itself."""
+    """The printed form of a thing."""
     return thing._printed()
 
 
@@ -181,7 +182,7 @@ def _html_rows(table: Table, depth: int) -> Iterator[str]:
 
 
 class Readable:
-    """What prints itself: a subclass says what is shown of it by `_printed`."""
+    """A class that prints itself: a subclass defines its printed form by `_printed`."""
 
     def _printed(self) -> Table:
         raise NotImplementedError
@@ -195,11 +196,11 @@ class Readable:
 
 
 class Part(Readable, eqx.Module):
-    """A part of a scene, which prints itself as the call that makes it, numbers with their units.
+    """A part of a scene, printed as the call that makes it, with the units of numbers.
 
-    Where numbers are out of the part's own bounds the tree is none of parts: a gradient, or a
-    difference, has the same class as what it was taken of. It is shown without units, for those of
-    the part are not its own; `fencejax.Gradient` gives it its own.
+    A gradient in a part, or a difference of parts, has the class of the part, and is recognised by
+    numbers out of the part's bounds. It is shown without units, as those of the part are not its
+    own; `fencejax.Gradient` shows it with its own units.
     """
 
     bounds: ClassVar[dict[str, Bounds]] = {}
@@ -218,7 +219,7 @@ class Part(Readable, eqx.Module):
 
 
 def _fields(part: Any) -> Iterator[tuple[str, Any]]:
-    """The fields that say something, by name: not what is absent, nor a setting at its default."""
+    """The fields to print, by name: not those that are `None`, nor a setting at its default."""
     for field in dataclasses.fields(part):
         value = getattr(part, field.name, None)
         usual = field.default is not dataclasses.MISSING and not hasattr(value, "dtype")
@@ -237,7 +238,7 @@ def _of_part(part: Part, with_units: bool) -> Table:
 
 
 def _value(owner: Part, name: str, value: Any, with_units: bool) -> "str | Table":
-    """What a field holds: a part, numbers, several of them, or anything else by its own text."""
+    """The text of a field: a part, numbers, several of them, or anything else by its own text."""
     if isinstance(value, Part):
         return _of_part(value, with_units)
     if isinstance(value, Readable):
@@ -263,7 +264,7 @@ def _value(owner: Part, name: str, value: Any, with_units: bool) -> "str | Table
 
 
 def _out_of_bounds(part: Part) -> Iterator[bool]:
-    """Of each number of a part, and of the parts in it, whether its bounds forbid it."""
+    """For each number of a part, and of the parts in it, whether it is out of its bounds."""
     for name, value in _fields(part):
         for one in value if isinstance(value, tuple) else (value,):
             if isinstance(one, Part):

@@ -65,7 +65,7 @@ def simulate(
     throw: bool = False,
     estimate_error: bool = False,
 ) -> Result:
-    """Integrate a scene and gather what it did.
+    """Integrate a scene and return its result.
 
     Scenes and results are pytrees, and this is a function of JAX: `jax.vmap` makes batches of it
     (`fencejax.simulate_many` with refinement), `jax.pmap` and `jax.shard_map(..., check_vma=False)`
@@ -75,34 +75,34 @@ def simulate(
 
     - `scene`: made by a function of `fencejax.scenes`. Every number in it may be traced.
     - `fidelity`: default `Fidelity.standard()`.
-    - `history`: keep every sample (`Result.history`). Inside `jit`, what is not used is not
-      computed; outside, `history=False` is lighter. Where steps are of different lengths, so are
-      the times between samples; inside `jit` the last sample is then repeated to fill the room.
-    - `only`: names of the fields of `Result` that are wanted, or one name; the others but `status`
-      are `None` and cost nothing, also in compiling a derivative. `history` then counts only if it
+    - `history`: keep every sample (`Result.history`). Inside `jit` an unused history is not
+      computed; outside, `history=False` is cheaper. Where steps have different lengths, so have the
+      times between samples; inside `jit` the last sample is then repeated to fill the array.
+    - `only`: names of the wanted fields of `Result`, or one name; the others except `status` are
+      `None` and cost nothing, also in compiling a derivative. The history is then kept only if it
       is named.
-    - `measures`: measures of one's own, beside those of `fencejax.results.MEASURES`: fields of the
-      result by their names, which are no other field's.
-    - `refine`: where the status doubts the numbers (`Status.numerical`), compute them again at the
-      next finer rung of `Fidelity.ladder`, up to the last one; `Result.rung` says at which they
-      are. Outside transformations alone: `fencejax.simulate_many` does so for batches.
+    - `measures`: measures of your own, in addition to those of `fencejax.results.MEASURES`: fields
+      of the result by their names, which must not be those of other fields.
+    - `refine`: where the status is numerical (`Status.numerical`), compute the result again at the
+      next finer rung of `Fidelity.ladder`, up to the last one; `Result.rung` is the rung of the
+      result. Only outside transformations: `fencejax.simulate_many` does so for batches.
     - `throw`: raise on the host if the status is not among those with good numbers.
     - `estimate_error`: put an `ErrorEstimate` into `Result.error`, from two more runs of half as
       many steps (one where there is no friction): about twice the cost.
 
     **Derivatives** of the first and the second order are exact for the steps that are taken, by
     `jax.grad`, `jax.jvp`, `jax.hessian` and their compositions. A Hessian in n numbers has n^2
-    columns beside the n of a gradient: it costs some n times as much, less what both share, and
-    several times as long to compile. Second derivatives ask for `Fidelity.gradient = "forward"`.
-    Where friction turns round within its smoothing, or a force just begins or ends, they are large
-    or jump: `fencejax.curvature` tells over which distance a Hessian holds.
+    columns in addition to the n of a gradient: it costs some n times as much, less the part that
+    both share, and takes several times as long to compile. Second derivatives require
+    `Fidelity.gradient = "forward"`. Where friction reverses within its smoothing, or a force just
+    begins or ends, they are large or jump: `fencejax.curvature` estimates the distance over which a
+    Hessian is valid.
 
     Raises `TypeError` for arguments of the wrong kind and for second derivatives with
-    `Fidelity.gradient = "reverse"`; `ValueError` for names in `only` that are none of `Result`'s
-    fields, for `measures` with the name of another field of `Result` or of each other, where two
-    accumulators or two traces that are not the same have one name, and for a fidelity that the
-    scene or JAX's settings do not allow; and, with `throw=True`, `RuntimeError` with the status'
-    text.
+    `Fidelity.gradient = "reverse"`; `ValueError` for names in `only` that are not fields of
+    `Result`, for `measures` with the name of another field of `Result` or of each other, where two
+    different accumulators or traces have one name, and for a fidelity that the scene or JAX's
+    settings do not allow; and, with `throw=True`, `RuntimeError` with the status' text.
 
     >>> print(fj.simulate(fj.scenes.oblique_impact(distance=1.0)))
                 status  successful
@@ -161,7 +161,7 @@ def simulate(
 
 
 def _own(measures: Sequence[Measure]) -> tuple[Measure, ...]:
-    """Measures whose names a result can have for them."""
+    """The measures, with names that a result can have for them."""
     names = set()
     for measure in measures:
         if not isinstance(measure, Measure):
@@ -185,12 +185,12 @@ def _own(measures: Sequence[Measure]) -> tuple[Measure, ...]:
     return tuple(measures)
 
 
-# What a result holds beside its measures.
+# The fields of a result besides its measures.
 _PARTS = ("final", "energy", "start_time", "history")
 
 
 def _refined(scene, fidelity: Fidelity, result: Result, history: bool, only, own):
-    """The first fidelity of the ladder whose numbers are not in doubt, or the last, and its
+    """The first fidelity of the ladder without a numerical status, or the last one, and its
     result."""
     if isinstance(result.status, Tracer):
         raise TypeError(
@@ -222,11 +222,11 @@ def raise_for(result: Result) -> None:
 # A compiled program takes some 30 MB, one with its gradient 50 MB, a whole sort 100 MB.
 @functools.lru_cache(maxsize=32)
 def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Measure, ...]):
-    """The map from a scene's numbers to its result, for scenes of one structure: as it is, and
-    compiled. Kept, so that what was traced and compiled once serves again."""
+    """The map from a scene's numbers to its result, for scenes of one structure: plain and
+    compiled. It is cached, so that it is traced and compiled once."""
 
     def outcome(numbers, judged=True):
-        """The result and, where its slopes are to be `judged`, what tells their error."""
+        """The result and, where its slopes are `judged`, the evidence of their error."""
         if fidelity.gradient == "reverse":
             numbers = once_alone(numbers)
         given = jnp.result_type(*numbers)
@@ -249,11 +249,12 @@ def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Meas
         )
         alone = functools.partial(outcome, judged=False)
         run = by_columns(outcome, judge, what, alone)
-    # Others' programs are ten times as large: as one kernel they take many minutes to optimise.
+    # The programs of other integrators are ten times as large: as one kernel they take many minutes
+    # to optimise.
     modal = fidelity.integrator == "modal"
     options = None if modal else {"xla_backend_optimization_level": 0}
 
-    # Python runs it to trace it.
+    # Python runs it only to trace it.
     def with_status(numbers):
         with many_objects():
             result, _ = run(numbers)
@@ -265,14 +266,14 @@ def _program(structure, fidelity: Fidelity, history: bool, only, own: tuple[Meas
 def _result(scene, fidelity: Fidelity, history: bool, only, own=()) -> Result:
     numbers, structure = jax.tree.flatten(scene)
     plain, ready = _program(structure, fidelity, history, only, own)
-    # Within a transformation the numbers are traced already: one layer less to go through.
+    # Within a transformation the numbers are traced already, and one `jit` less is needed.
     traced = any(isinstance(number, Tracer) for number in numbers)
     result = (plain if traced else ready)(numbers)
     samples = result.history
-    # A program that has the scene built in traces the result alone.
+    # In a traced program with a constant scene, the result alone is traced.
     traced = traced or (samples is not None and isinstance(samples.time, Tracer))
     if not traced and samples is not None and samples.time.ndim == 1:
-        # Longer strides leave room at the end, filled with the last sample.
+        # With longer strides the end of the array is filled with the last sample.
         times = np.asarray(samples.time)
         taken = 1 + int(np.searchsorted(times, times[-1]))
         if taken < times.size:
@@ -283,8 +284,7 @@ def _result(scene, fidelity: Fidelity, history: bool, only, own=()) -> Result:
 
 
 def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory]:
-    """What the integrator begins with: the parts made ready, the clock, and the state at the
-    start."""
+    """The start of the integration: the prepared parts, the clock, and the state at the start."""
     touching = scene.fence_corners or scene.border_corners or scene.surfaces
     fidelity = fidelity.settled(scene.duration if touching else 0.0)
     good = sound(scene)
@@ -312,7 +312,7 @@ def prepared(scene: Scene, fidelity: Fidelity) -> tuple[Mechanics, Clock, Memory
         if distance is not None:
             pose = fusion_barrier(good, _pose, link, drive, vibration, distance)
     body = scene.start.body(scene.parcel, scene.belt, pose)
-    # Every number as wide as the widest: lanes of a batch may differ in any of them.
+    # All numbers get the same batch dimensions, as lanes of a batch may differ in any number.
     wide = zero + time + sum(body)
     body = Body(*(q + 0 * wide for q in body))
     clock = fusion_barrier(

@@ -1,11 +1,11 @@
-"""How large the compiled programs are and what it takes to make them, beside what is on record.
+"""The size of the compiled programs and the time to make them, compared with the record.
 
     python tests/gate.py             # compares; fails where something grew by more than 15 %
     python tests/gate.py --record    # writes gate.json anew
     python tests/gate.py "sort"      # only the programs whose name holds the word
 
-What is counted is exact, and the same on every machine with the same versions of JAX (with others,
-operations and calls alone are judged):
+The counts are exact, and the same on every machine with the same versions of JAX (with others, only
+operations and calls are compared):
 
 - operations: JAX's, in the program as traced, inner programs included;
 - bytes: the length of the program's StableHLO text, which XLA is given;
@@ -16,11 +16,11 @@ operations and calls alone are judged):
 - flops and memory [bytes]: arithmetic and memory traffic by XLA's own count, where a loop's body
   counts once.
 
-Of a gradient the same over those of its value are on record too: eight columns ought to cost no
-more beside a value at one setting than at another. No wall time is asserted. The time to trace,
+For a gradient their ratios to those of its value are on record too: eight columns should cost no
+more next to a value at one setting than at another. No wall time is asserted. The time to trace,
 lower and compile is processor time, over that of a plain program of JAX in the same process: it
 fails above 15 % and three standard errors, which come from the scatter of the plain program's own
-times. What is above is measured twice more, and the median counts.
+times. A program above the limit is measured twice more, and the median is used.
 """
 
 import argparse
@@ -145,7 +145,7 @@ def compiled(function: Callable[..., Any]) -> tuple[Any, Any, Any, float]:
 
 
 def counts(traced, lowered, program) -> dict[str, float]:
-    """What is counted of a program; see the top of this file."""
+    """The counts of a program; see the top of this file."""
     text, analysis = program.as_text(), program.cost_analysis()
     return {
         "operations": sum(1 for _ in equations(traced.jaxpr.jaxpr)),
@@ -240,7 +240,7 @@ def gathered(
 
 
 class Growth(NamedTuple):
-    """What is above the record by more than is allowed."""
+    """A count that is above the record by more than is allowed."""
 
     program: str
     key: str
@@ -310,8 +310,8 @@ def main(arguments: list[str]) -> int:
     for row in bad:
         print(f"GROWN {row.text}")
     if not same:
-        told = ", ".join(_OF_ANY_VERSION)
-        print(f"The record is of {record['versions']}, this is {versions()}: {told} are judged.")
+        kinds = ", ".join(_OF_ANY_VERSION)
+        print(f"The record is of {record['versions']}, this is {versions()}: {kinds} are judged.")
     if bad:
         print("What is meant to grow is put on record by python tests/gate.py --record.")
     return min(len(bad), 1)

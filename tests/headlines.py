@@ -6,10 +6,10 @@
 
 Each job runs with its defaults (the two that map accuracy with `--quick`) in a process of its own,
 as many of them at once as there are cores, and has to end with status 0 within the time given
-(`--limit`). What is told and recorded is the processor time, which other programs disturb least.
-Its figures may differ from the record, `figures.json`, by the tolerance that stands beside them:
-that of the optimiser for optima, of the fidelity for simulations of given designs, of the sample
-for statistics. The README takes its figures from there (`python tests/figures.py --write`).
+(`--limit`). The processor time is printed and recorded, which other programs disturb least. Its
+figures may differ from the record, `figures.json`, by the tolerance that stands beside them: that
+of the optimiser for optima, of the fidelity for simulations of given designs, of the sample for
+statistics. The README takes its figures from there (`python tests/figures.py --write`).
 """
 
 import argparse
@@ -158,8 +158,8 @@ RUNS = {
         "median": _force(*_QUANTILES, "0.5"),
         "in 95 %": _force(*_QUANTILES, "0.95"),
     }),
-    # None may be off under a good status; which design is told right or warned of may change where
-    # a measure is just at its bound.
+    # None may be off under a good status; which design is right or warned of may change where a
+    # measure is just at its bound.
     "stability_map, quick": Run("stability_map", ("--quick",), "stability_map.json", {
         "designs": Figure(("impacts",), "1", 0.0),
         "right": Figure((*_AT_FAST, "right"), "1", 0.05),
@@ -245,8 +245,8 @@ def run(name: str, out: Path, limit: float | None = None) -> dict[str, Any]:
     if job.figures and (folder / job.file).exists():
         found |= read(job, folder)
     shown = [f"{k} {found[k]:.5g} {f.unit}" for k, f in job.figures.items() if k in found]
-    told = f"{name}: status {status}, {found['seconds']} s of a processor  {', '.join(shown)}"
-    print(told, flush=True)
+    line = f"{name}: status {status}, {found['seconds']} s of a processor  {', '.join(shown)}"
+    print(line, flush=True)
     return found
 
 

@@ -1,4 +1,4 @@
-"""What each job's `--help` says, without the job's imports.
+"""The text of each job's `--help`, without the job's imports.
 
     python tests/job_flags.py --write   # writes optimize/NAME/flags.json anew
 

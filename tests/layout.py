@@ -1,4 +1,4 @@
-"""Who imports whom, read from the source: what `test_layout.py` checks.
+"""The imports between modules, read from the source, for `test_layout.py`.
 
 Every import statement counts, also inside functions and under `TYPE_CHECKING`: a reader follows
 them all.

@@ -1,4 +1,4 @@
-"""How often JAX goes through a program to transform it: `PASSES` has an entry for each time."""
+"""The number of times that JAX transforms a program: `PASSES` has an entry for each time."""
 
 import jax
 

@@ -1,4 +1,4 @@
-"""What a picture shows, read from its pixels."""
+"""The contents of a picture, read from its pixels."""
 
 from pathlib import Path
 

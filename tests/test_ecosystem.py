@@ -1,4 +1,5 @@
-"""Scenes, results and compiled simulations with what JAX' users keep, send and spread them by."""
+"""Scenes, results and compiled simulations with the usual tools of JAX to save, send and distribute
+them."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""Cosine, sine and arc tangent as arithmetic, beside the C library's."""
+"""Cosine, sine and arc tangent as arithmetic, compared with the C library's."""
 
 import jax
 import jax.numpy as jnp

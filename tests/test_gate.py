@@ -1,4 +1,5 @@
-"""The gate on program size tells growth from noise, and counts what is inside inner programs."""
+"""The gate on program size distinguishes growth from noise, and counts the operations of inner
+programs."""
 
 import gate
 import jax
@@ -23,8 +24,8 @@ def test_what_grows_by_more_than_is_allowed_is_told():
     assert judged() == ([], [])
     assert judged(operations=2300) == ([], [])
     (growth,), again = judged(operations=2301)
-    told = "impact: gradient: operations grew from 2,000 to 2,301 (+15%, allowed +15%)"
-    assert (growth.text, again) == (told, [])
+    expected = "impact: gradient: operations grew from 2,000 to 2,301 (+15%, allowed +15%)"
+    assert (growth.text, again) == (expected, [])
     assert judged(operations=1) == ([], [])
     # A call where there was none is a kernel of its own, whatever its share.
     assert judged(calls=1)[0][0].text == "impact: gradient: calls grew from 0 to 1"

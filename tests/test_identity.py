@@ -1,4 +1,4 @@
-"""What tells kept computations apart: functions of one name by their code, the package by its
+"""The identity of kept computations: functions of one name by their code, the package by its
 source, the same in every process."""
 
 import enum
@@ -67,14 +67,14 @@ PAIRS = {
 
 
 @pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS)
-def test_what_has_one_name_and_other_code_is_told_apart(pair):
+def test_what_has_one_name_and_other_code_is_distinguished(pair):
     one, other = (identity.text(made(code)) for code in pair)
     assert one == identity.text(made(pair[0]))
     assert one != other
 
 
 @pytest.mark.parametrize("wrap", [jax.jit, jax.custom_jvp, functools.lru_cache])
-def test_functions_within_others_are_told_apart(wrap):
+def test_functions_within_others_are_distinguished(wrap):
     one, other = (identity.text(wrap(made(code))) for code in PAIRS["operation"])
     assert one == identity.text(wrap(made(PAIRS["operation"][0])))
     assert one != other
@@ -123,7 +123,7 @@ class Kind(enum.Enum):
     TWO = 2
 
 
-def test_values_are_told_apart():
+def test_values_are_distinguished():
     values = [
         None, True, 1, 1.0, -0.0, 0.0, "1", b"1", 1j, (1, 2), {"a": 1}, {1: "a"}, {"a": 2}, {1, 2},
         np.ones(2), np.ones(2, np.float32), np.ones(2, int), np.ones((2, 1)), np.ones(300),
@@ -138,13 +138,13 @@ def test_values_are_told_apart():
     assert identity.text(0.5) == identity.text(np.float64(0.5)) == identity.text(jnp.asarray(0.5))
 
 
-def test_what_cannot_be_told_is_refused():
+def test_what_cannot_be_identified_is_refused():
     lock = threading.Lock()
     for value in (lock, lambda: lock, np.array([lock])):
         with pytest.raises(identity.UnknownError):
-            identity.told(value)
+            identity.description(value)
     with pytest.raises(ValueError, match="`measures` must be made of .* but holds an obj"):
-        identity.refused("measures", lambda: identity.told(lock))
+        identity.refused("measures", lambda: identity.description(lock))
 
 
 SCRIPT = """

@@ -1,4 +1,5 @@
-"""Lanes of a batch are what each is alone, however many there are and whatever is asked of them."""
+"""Each lane of a batch gives the result that it gives alone, for any number of lanes and any
+results."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,4 @@
-"""How things print themselves: numbers with units, and nothing computed within transformations."""
+"""Printed forms: numbers with units, and nothing computed within transformations."""
 
 import html.parser
 
@@ -105,15 +105,15 @@ def test_notebooks_show_a_table():
 def test_printing_leaves_a_traced_program_as_it_is():
     texts = []
 
-    def speed_of_sound(thickness, told):
+    def speed_of_sound(thickness, text):
         fence = fj.Fence(thickness=thickness)
-        if told:
+        if text:
             texts.extend([repr(fence), fence._repr_html_(), repr(jax.tree.map(lambda x: x, fence))])
         return fence.stiffness_scale
 
     plain, printed = (
-        jax.make_jaxpr(lambda h, told=told: jax.grad(speed_of_sound)(h, told))(0.045)
-        for told in (False, True)
+        jax.make_jaxpr(lambda h, text=text: jax.grad(speed_of_sound)(h, text))(0.045)
+        for text in (False, True)
     )
     assert str(plain) == str(printed)
     assert "thickness=f64[]" in texts[0]
@@ -190,16 +190,16 @@ def test_an_optimum_says_what_decides_and_what_it_costs():
     assert "margin 0 limits the design" not in printed
     assert "margin 1 limits the design             2 saved for each 1 % it is relaxed by" in printed
     space = fj.DesignSpace(["thickness", "reach"])
-    told = repr(optimum.told(space, ("clearance", "torque"), "N"))
-    assert "1010 N found" in told
-    told = " ".join(told.split())
-    assert "lower bound of reach limits the design 10 N saved for each 1 % of the range" in told
-    assert "torque limits the design 2 N saved for each 1 % it is relaxed by" in told
-    # Of a limit itself it is told what 1 % is: of its bound or, as here, of its scale.
+    text = repr(optimum.told(space, ("clearance", "torque"), "N"))
+    assert "1010 N found" in text
+    text = " ".join(text.split())
+    assert "lower bound of reach limits the design 10 N saved for each 1 % of the range" in text
+    assert "torque limits the design 2 N saved for each 1 % it is relaxed by" in text
+    # For a limit the text says what 1 % is: of its bound or, as here, of its scale.
     limits = (fj.Limit(fj.OBJECTIVES["tip_deflection"], 0.08), fj.LIMITS["crossing"])
     assert (limits[1].bound, limits[1].scale) == (0, 0.7)
-    told = " ".join(repr(optimum.told(space, limits, "N")).split())
-    assert "limits the design 2 N saved for each 7 mm it is relaxed by" in told
+    text = " ".join(repr(optimum.told(space, limits, "N")).split())
+    assert "limits the design 2 N saved for each 7 mm it is relaxed by" in text
     with pytest.raises(ValueError, match="must name the 2 margins and 2 variables"):
         optimum.told(space, ("clearance",))
 

@@ -125,24 +125,24 @@ def cached(tmp_path, folder="", **environment):
         text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    said = done.stdout.strip()
-    return said, 0 if said == "None" else len(list(Path(said).iterdir()))
+    shown = done.stdout.strip()
+    return shown, 0 if shown == "None" else len(list(Path(shown).iterdir()))
 
 
 def test_programs_are_kept_in_the_users_folder_or_in_one_that_is_given(tmp_path):
     # Also where something has compiled before.
-    said, count = cached(tmp_path)
-    assert Path(said).is_relative_to(tmp_path)
-    assert Path(said).parent.name == "fencejax"
+    shown, count = cached(tmp_path)
+    assert Path(shown).is_relative_to(tmp_path)
+    assert Path(shown).parent.name == "fencejax"
     assert count
     own = tmp_path / "own"
     assert cached(tmp_path, repr(str(own)))[0] == str(own)
-    # What JAX is told in its own way goes first, and so does its switch.
-    told = tmp_path / "told"
-    said, count = cached(tmp_path, JAX_COMPILATION_CACHE_DIR=str(told))
-    assert (said, count > 0) == (str(told), True)
+    # JAX's own setting of the folder takes precedence, and so does its switch.
+    configured = tmp_path / "told"
+    shown, count = cached(tmp_path, JAX_COMPILATION_CACHE_DIR=str(configured))
+    assert (shown, count > 0) == (str(configured), True)
     assert cached(tmp_path, JAX_ENABLE_COMPILATION_CACHE="false")[0] == "None"
-    # A folder that cannot be made: the user's own is done without, one that is given is told.
+    # A folder that cannot be made: the user's own is ignored, a given one raises an error.
     file = tmp_path / "file"
     file.touch()
     assert cached(tmp_path, XDG_CACHE_HOME=str(file), HOME=str(file))[0] == "None"

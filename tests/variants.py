@@ -1,4 +1,4 @@
-"""Copies of a value that differ in one number or choice: for tests of what tells values apart."""
+"""Copies of a value that differ in one number or choice, for tests of identities."""
 
 import copy
 import dataclasses

@@ -1,10 +1,10 @@
 """Derivatives of traced programs: several directions in one pass of forward mode (`by_columns`,
-`pushed`) with what operations have in common worked out once (`shared`), and what the carry of a
-loop must be for that (`complete`, `one_a_lane`). Nothing here knows of a scene.
+`pushed`) with common operations computed once (`shared`), and the form that a loop's carry needs
+for that (`complete`, `one_a_lane`). Nothing here depends on a scene.
 
-May import: `_kept_programs` alone. Any room may import this one. An operation whose derivative has
-a shorter program than JAX's own rule makes is one more function in `column_rules.py` and its row in
-`RULES`; one that holds programs, such as a loop, has its function in `columns.py`, its row in
+May import: `_kept_programs` alone. Any room may import this one. A shorter derivative of an
+operation than by JAX's own rule is a function in `column_rules.py` with a row in `RULES`. An
+operation that contains programs, such as a loop, has its function in `columns.py`, its row in
 `_LOOPS`, and its dependences in `dependence.py`.
 
 >>> float(jax.grad(fj.derivatives.by_columns(lambda x: x**3))(jnp.array(2.0)))

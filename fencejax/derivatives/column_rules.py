@@ -1,7 +1,7 @@
-"""Derivatives along several directions at once, and how arithmetic works on them.
+"""Derivatives along several directions at once, and the arithmetic of them.
 
-What a derivative is multiplied by is gathered, as long as it is one number for all directions: a
-chain of functions of one number costs one product with the directions at its end.
+Factors of a derivative are collected as long as they are the same for all directions: a chain of
+functions of one number costs one product with the directions at its end.
 """
 
 from collections.abc import Callable
@@ -54,7 +54,7 @@ class Dot:
 
 
 def _fixed(factor, dot: Dot):
-    """A factor of `dot`, as NumPy has it where it is written in the program."""
+    """A factor of `dot`, as an array of NumPy where it is a constant of the program."""
     return factor if isinstance(factor, jax.Array) else np.asarray(factor, dot.vector.dtype)
 
 
@@ -88,7 +88,7 @@ def _minus(dot: Dot | None) -> Dot | None:
 
 
 def of_shape(aval, ins, rates):
-    """Operands and their derivatives, repeated along the axes that others alone have."""
+    """Operands and their derivatives, broadcast to the shape of the result."""
     if all(np.shape(x) == aval.shape for x in ins):
         return ins, rates
     ins = [jnp.broadcast_to(x, aval.shape) for x in ins]
@@ -138,7 +138,7 @@ def _divide(params, ins, rates, out):
 
 
 def _extreme(params, ins, rates, out):
-    """Of two equal numbers each moves the larger or smaller one by half."""
+    """Where two numbers are equal, the result has half the derivative of each."""
     equal = [jnp.where(lax.eq(x, out), 1.0, 0.0).astype(out.dtype) for x in ins]
     shares = [equal[0] / (1 + equal[1]), equal[1] / (1 + equal[0])]
     return total_of(
@@ -163,7 +163,7 @@ def _select(params, ins, rates, out):
 
 
 def _moved_on(along: Callable[[Array, Any, Any], Array]):
-    """An operation on one operand that puts its numbers elsewhere."""
+    """The rule of an operation that moves the numbers of one operand."""
 
     def rule(params, ins, rates, out):
         return Dot(None, along(rates[0].all(), params, ins))
@@ -196,7 +196,7 @@ def _concatenate(params, ins, rates, out):
 
 
 ARITHMETIC = {"add", "add_any", "sub", "neg", "mul", "div", "max", "min"}
-"""Operations number by number among the rules."""
+"""The elementwise operations among the rules."""
 
 RULES: dict[str, Callable[..., Dot | None]] = {
     "add": _add,
@@ -226,5 +226,5 @@ RULES: dict[str, Callable[..., Dot | None]] = {
         lambda dot, params, _: jnp.sum(dot, tuple(a + 1 for a in params["axes"]))
     ),
 }
-"""The derivatives of what an operation gives, from its settings, its operands, their derivatives
-and what it gives."""
+"""The derivatives of an operation's results, from its settings, its operands, their derivatives and
+its results."""

@@ -1,8 +1,8 @@
 """Forward mode for several directions at once, made from a traced program operation by operation.
 
-`jax.vmap` of `jax.jvp` does the same, but traces each loop's body for every pass of each of the two
-until it knows which numbers of the carry move. Here that is read off the program, and one pass is
-enough.
+`jax.vmap` of `jax.jvp` does the same, but traces each loop's body several times for each of the
+two, until it knows which numbers of the carry depend on the directions. Here that is read off the
+program, and one pass is enough.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ from .column_rules import ARITHMETIC, RULES, Dot, full, of_shape, total_of
 from .dependence import CALLS, CONSTANT, called, is_number, kept, matters, reached, repeated
 from .loop_carry import one_a_lane
 
-# Operations number by number, whose derivative in each operand is a factor.
+# Elementwise operations, whose derivative in each operand is a factor.
 _BY_NUMBER = {
     "abs", "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "cos", "cosh",
     "erf", "erf_inv", "erfc", "exp", "exp2", "expm1", "integer_pow", "log", "log1p", "logistic",
@@ -91,7 +91,7 @@ def _apply(equation, ins, rates, wanted):
 
 def _plain(equation, ins):
     params = equation.primitive.get_bind_params(equation.params)
-    # With the functions among them apart in JAX before 0.10.
+    # JAX before 0.10 returns the functions among them separately.
     subprograms, params = params if isinstance(params, tuple) else ((), params)
     outs = equation.primitive.bind(*subprograms, *ins, **params)
     return outs if equation.primitive.multiple_results else [outs]
@@ -107,7 +107,7 @@ def _function(equation) -> Callable[..., list[Any]]:
 
 
 def _by_number(equation, ins, rates):
-    """An operation on each number by itself: the factor of each operand is worked out once."""
+    """An elementwise operation: the factor of each operand is computed once."""
     run, total, out = _function(equation), None, None
     for i, dot in enumerate(rates):
         if dot is None:
@@ -157,7 +157,7 @@ def _while(equation, ins, rates, wanted):
     const_rates = [dot if n else None for dot, n in zip(const_rates, needed, strict=True)]
     begin_rates = [dot if w else None for dot, w in zip(begin_rates, wanted, strict=True)]
     marks = [dot is not None for dot in begin_rates]
-    # Worked out before the loop, and once.
+    # Computed once, before the loop.
     const_rates = [None if dot is None else Dot(None, dot.all()) for dot in const_rates]
     moved = repeated(body.jaxpr, marks, [dot is not None for dot in const_rates], second)
     moves = [a and b for a, b in zip(moved, wanted, strict=True)]
@@ -182,8 +182,8 @@ def _while(equation, ins, rates, wanted):
 
 
 def _begun(begin, begin_rates, const_rates, moves) -> list[Array]:
-    """The derivatives that a loop begins with: in a batch one a lane from the start, as what they
-    are of, even where the directions are those of all lanes."""
+    """The derivatives at the start of a loop: in a batch one a lane from the start, as the numbers
+    themselves, even where the directions are the same for all lanes."""
     known = next(dot for dot in (*begin_rates, *const_rates) if dot is not None).vector
     size, found = known.shape[0], []
     for value, dot, move in zip(begin, begin_rates, moves, strict=True):
@@ -196,7 +196,7 @@ def _begun(begin, begin_rates, const_rates, moves) -> list[Array]:
 
 
 def _all(found, moves, like) -> list[Array]:
-    """The derivatives of the numbers that move."""
+    """The derivatives of the numbers that have one."""
     moved = [dot for dot, move in zip(found, moves, strict=True) if move]
     return [full(dot, old.shape, old.dtype) for dot, old in zip(moved, like, strict=True)]
 

@@ -1,11 +1,11 @@
-"""Which numbers of a traced program depend on which others, read off its operations."""
+"""The dependence of a traced program's numbers on each other, read off its operations."""
 
 import jax.numpy as jnp
 from jax.extend.core import Jaxpr, Literal, Var
 
 # Operations on numbers whose derivative is zero everywhere.
 CONSTANT = {"stop_gradient", "floor", "ceil", "round", "sign"}
-# Programs called as they are.
+# Operations that call another program.
 CALLS = {"jit", "pjit", "closed_call", "core_call"}
 
 
@@ -45,8 +45,8 @@ def reached(program: Jaxpr, marks: list[bool]) -> list[bool]:
 
 
 def _results(equation, ins: list[bool]) -> list[bool]:
-    """Which results of an operation depend on its marked operands; all, where it is a rule of its
-    own."""
+    """Which results of an operation depend on its marked operands; all results for an operation
+    without inner programs."""
     name, params = equation.primitive.name, equation.params
     if name in CALLS:
         return reached(called(equation).jaxpr, ins)
@@ -79,8 +79,8 @@ def matters(program: Jaxpr, wanted: list[bool]) -> set[Var]:
 
 
 def kept(body: Jaxpr, wanted: list[bool], lead: int) -> tuple[list[bool], list[bool]]:
-    """Which of its first `lead` inputs, and of the carry after them, matter to the `wanted` numbers
-    of a loop's carry after any number of trips."""
+    """Which of the first `lead` inputs of a loop's body, and of the carry after them, affect the
+    `wanted` numbers of the carry after any number of trips."""
     while True:
         found = matters(body, wanted)
         needed = [v in found for v in body.invars]
@@ -91,7 +91,7 @@ def kept(body: Jaxpr, wanted: list[bool], lead: int) -> tuple[list[bool], list[b
 
 
 def _operands(equation, outs: list[bool]) -> list[bool]:
-    """Which operands of an operation matter to its marked results."""
+    """Which operands of an operation affect its marked results."""
     name, params = equation.primitive.name, equation.params
     if name in CALLS:
         inner = called(equation).jaxpr
@@ -109,5 +109,5 @@ def _operands(equation, outs: list[bool]) -> list[bool]:
 
 
 def is_number(aval) -> bool:
-    """Whether something traced is of floating-point numbers."""
+    """Whether a traced value has floating-point numbers."""
     return hasattr(aval, "dtype") and jnp.issubdtype(aval.dtype, jnp.floating)

@@ -1,5 +1,5 @@
-"""Derivatives by one batch of tangents, for whatever kind of differentiation asks for them; and
-where there are none."""
+"""Derivatives by one batch of tangents, for any kind of differentiation around them; and functions
+without second derivatives."""
 
 import functools
 from collections.abc import Callable
@@ -30,17 +30,17 @@ def by_columns(
     and `jax.grad` by its transpose, so that forward and reverse mode cost the same and neither
     stores the trajectory. Inputs that are not being differentiated cost nothing.
 
-    `judge(value, columns, at)` gives the first two back, changed where one says something about the
-    other; the columns stand in a first axis of each leaf, and `at` are the values of the numbers
-    that they are derivatives in, (columns,).
+    `judge(value, columns, at)` returns the first two, changed where one affects the other. The
+    columns are the first axis of each leaf, and `at` are the values of the numbers that they are
+    derivatives in, (columns,).
 
     Value and columns are again such a map, so that second derivatives (`jax.hessian`, `jax.grad` of
     `jax.grad`) are made in the same way, in one pass with a column for each pair of inputs, and
     higher ones likewise. `judge` sees the columns of the highest order.
 
     `what` names the map, so that its program and those of its derivatives may be kept
-    (`_kept_programs.kept`). `alone` is the same map without what only `judge` reads, for where
-    nothing is differentiated.
+    (`_kept_programs.kept`). `alone` is the same map without the results that only `judge` reads,
+    for use without differentiation.
     """
     plain = function if alone is None else alone
     whole = None if what is None else kept(plain, *what)
@@ -58,14 +58,14 @@ def _differentiable(function, judge, evaluate, what):
     @functools.cache
     def columns_in(moved, structure):
         """Value and columns of the Jacobian in the inputs numbered `moved`, as one operation that
-        the transformations around it do not look into."""
+        is opaque to the transformations around it."""
 
         def flat(leaves):
             return function(jax.tree.unflatten(structure, leaves))
 
         def value_and_columns(leaves):
             sizes = [leaves[i].size for i in moved]
-            # Traced once as it is, so that only what the results need is differentiated.
+            # Traced once without derivatives, so that only what the results need is differentiated.
             plain, shapes = jax.make_jaxpr(flat, return_shape=True)(leaves)
             wanted = [True] * len(plain.out_avals)
             needed, _ = dce_jaxpr(shared(plain).jaxpr, wanted, instantiate=True)
@@ -94,7 +94,7 @@ def _differentiable(function, judge, evaluate, what):
             return judge(*found, jnp.concatenate([leaves[i].reshape(-1) for i in moved]))
 
         again = None if judge is None else _of_columns(judge)
-        # Without a name, one of no kept program: a function is not known by its fields.
+        # Without a name the program is not kept, as a function is not identified by its fields.
         named = (function,) if what is None else (*what, "columns", moved)
         whole = kept(jax.jit(value_and_columns), *named)
         return _differentiable(value_and_columns, again, whole, None if what is None else named)
@@ -138,11 +138,11 @@ _TWICE = (
 
 
 def once_alone(tree: Any) -> Any:
-    """The `tree` itself, whose derivative is not differentiated again, as loops in reverse mode are
-    not: whoever asks for that gets a `TypeError`.
+    """The `tree` itself. Its derivative cannot be differentiated again, as loops in reverse mode
+    cannot: this raises a `TypeError`.
 
-    What a rule of `custom_jvp` makes of its arguments' values is differentiated by what goes on
-    around the first derivative, and by nothing else.
+    A rule of `custom_jvp` is itself differentiated, in its arguments' values, only by a second
+    derivative.
     """
 
     @jax.custom_jvp

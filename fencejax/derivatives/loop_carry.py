@@ -1,4 +1,4 @@
-"""A loop's carry as JAX's transformations of the loop want it: complete from the start."""
+"""A loop's carry in the form that JAX's transformations of the loop need from the start."""
 
 from collections.abc import Callable
 from typing import Any
@@ -20,9 +20,9 @@ def complete(carry: Any, body: Callable[[Any, Any], Any], given: Any) -> Any:
     from the start, and in a batch all numbers are one a lane, so that one pass is enough each time.
     All leaves are floating-point arrays.
 
-    Reverse mode alone needs it, as it linearises its checkpointed loops by JAX's own rules: it
-    saves a third of the time to trace a gradient. Forward mode by columns reads off the traced loop
-    what moves: there `one_a_lane` is enough.
+    Only reverse mode needs this, as it linearises its checkpointed loops by JAX's own rules: it
+    saves a third of the time to trace a gradient. Forward mode by columns reads the dependence off
+    the traced loop: there `one_a_lane` is enough.
     """
     leaves, structure = jax.tree.flatten(carry)
 

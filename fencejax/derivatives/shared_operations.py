@@ -1,7 +1,7 @@
-"""Operations that a traced program does twice, done once.
+"""Equal operations of a traced program are merged into one.
 
-XLA would find them too, but late: until then each of its passes, and JAX's lowering, goes through
-all of them. A program of derivatives has many, as each rule works out its factors by itself.
+XLA would merge them too, but late: until then each of its passes, and JAX's lowering, handles all
+of them. A program of derivatives has many, as each rule computes its factors by itself.
 """
 
 from typing import Any
@@ -11,7 +11,7 @@ from jax.extend.core import ClosedJaxpr, Literal
 
 from .dependence import CALLS
 
-# Operations that give their operand back.
+# Operations that return their operand unchanged.
 _SAME = {"copy", "copy_p"}
 # The settings of an operation that are programs, by its name.
 _PROGRAMS = {
@@ -23,13 +23,13 @@ _PROGRAMS = {
 
 
 def shared(program: ClosedJaxpr) -> ClosedJaxpr:
-    """The same program, in which equal operations on equal operands are one, inner programs
-    included. It gives the same numbers, and so do its derivatives."""
+    """The same program with equal operations on equal operands merged, in inner programs too. Its
+    results and derivatives are the same."""
     return _shared(program, {})
 
 
 def _shared(program: ClosedJaxpr, done: dict[int, ClosedJaxpr]) -> ClosedJaxpr:
-    # Programs that several operations have in common stay in common.
+    # Programs that several operations share stay shared.
     found = done.get(id(program))
     if found is not None:
         return found
@@ -72,7 +72,7 @@ def _alike(first, second) -> bool:
 
 
 def _key(equation, operands):
-    """What tells an operation from others, `None` where it is not to be shared."""
+    """The identity of an operation; `None` for one that is not to be merged."""
     if equation.effects or equation.primitive.name in _PROGRAMS:
         return None
     read = tuple(_literal(v) if isinstance(v, Literal) else v for v in operands)

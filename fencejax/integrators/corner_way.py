@@ -1,50 +1,51 @@
-"""How much further a parcel goes in a step in which a corner comes to rest on a surface or settles.
+"""The displacement that a step adds to its cubic where a corner comes to rest or settles in it.
 
-The step's cubic takes friction to go straight from that at the step's start to that at its end.
-Where it does not, what it makes the parcel's speed change by is right all the same
-(`friction_turn`), but comes earlier or later than the cubic has it. Such a way may be less than a
-thousandth of the parcel's; its derivative is not: the instant at which a corner comes to rest goes
-with every number of the scene.
+The step's cubic takes friction as linear in time from the step's start to its end. Where friction
+is not, the change of the parcel's velocity is right all the same (`friction_turn`), but in truth it
+happens sooner or later than in the cubic. The difference in displacement may be less than a
+thousandth of the whole, but its derivative is not: the instant at which a corner comes to rest
+depends on every number of the scene.
 
-**A corner that slides at the start and comes to rest**, at the share theta of the impulse of the
-normal force and the share t of the time. Were friction all along what it is while the corner
-slides, it would be larger by G in the mean than the F_m which the step's equations have found, and
-the sliding speed change by w_1 - w_0 + h lambda G, with the corner's lightness lambda [1/kg]. So
-theta is the share of that which takes w_0 away. And a parcel that is pushed early in a step goes
-further than by the same push later: than by the cubic, for which a push in the mean acts at a third
-of it,
+**A corner slides at the start and comes to rest** after the share theta of the impulse of the
+normal force and the share t of the time. If friction were throughout what it is while the corner
+slides, it would exceed the mean F_m that the step's equations find by G in the mean, and the
+sliding speed would change by w_1 - w_0 + h lambda G, with the corner's lightness lambda [1/kg]. So
+theta is the share of that change which takes away w_0. A force that acts early in a step displaces
+the parcel further than the same force later. Compared with the cubic, for which a mean force acts
+at a third of the step, it is further by
 
     h^2 G / m [N_1 (3 t - 1) + (N_1 - N_0) (1 - t) (1 - 2 t)] / [3 (N_t + N_1)].
 
-The cubic begins with the friction at the step's very start, though, and the jump is that from the
-mean on the way to rest, which static friction near rest makes larger: by F more the parcel goes
-h^2 F / m (1 - t) / 6 further.
+The cubic begins with the friction at the step's very start, though, while the jump is that from the
+mean until rest, which static friction near rest makes larger: by a difference F of the two the
+parcel goes h^2 F / m (1 - t) / 6 further.
 
-**A corner that is held from the start on** is so by the friction's share of the normal force at the
-step's end, whatever it was at its start: h^2 / 6 times what that changes the acceleration by. And
-it settles: it loses the speed it came with, up to some tens of eps in a short step, or gains what
-friction that turns lets it. That changes the speed by I_G through what the turn adds to the mean
-friction, and by I_E through the friction at the end, together w_1 - w_0 where the corner slows
-down and is near rest in the end. In truth all of it comes at the share c of the step in the mean,
-for the cubic at 2/3 and at 1/2 of it. So the corner goes further by
+**A corner sticks from the start on.** Its friction is throughout the same share of the normal
+force, that at the step's end, whatever it was at the start: this adds h^2 / 6 times the difference
+in acceleration. The corner also settles: it loses the speed that it had, up to some tens of eps in
+a short step, or gains the speed that reversing friction allows. The speed changes by I_G through
+the mean friction that `friction_turn` adds, and by I_E through the friction at the end, together by
+w_1 - w_0 where the corner slows down and is near rest in the end. In truth all of this happens at
+the share c of the step in the mean; in the cubic I_G happens at 2/3 and I_E at 1/2. So the corner
+goes further by
 
     h [(2/3 - c) I_G + (1/2 - c) I_E].
 
-A friction of the stiffness k [1], its slope with the speed times h lambda N, falls as exp(-k t / h)
-to that at the end: c goes from 1/3, where k is small, to 1/k, and is 1 / (3 + k^2 / (k + 3)) to
-within a tenth of that in between. A corner that passes by its rest is near it for the share
-(|w_0| + eps) / |w_1 - w_0| of the step, and c is half of that at most.
+With the stiffness k [1] of friction, its slope with the speed times h lambda N, its difference from
+that at the end decays as exp(-k t / h): c goes from 1/3 for small k to 1/k, and is
+1 / (3 + k^2 / (k + 3)) to within a tenth of that in between. A corner that passes through rest is
+near it for the share (|w_0| + eps) / |w_1 - w_0| of the step, and c is at most half of that.
 """
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .sliding_corner import Corner, Counted
+from .sliding_corner import Corner, MeanShare
 
 
 def _until_rest(before: Array, after: Array, change: Array) -> Array:
-    """theta of a corner that slides at the speeds `before` and `after` a step [m/s], whose sliding
-    friction changes that by `change` [m/s] more than its mean one; 1 where it slides on."""
+    """theta of a corner with the sliding speeds `before` and `after` a step [m/s]. Sliding friction
+    changes the speed by `change` [m/s] more than the mean friction does. 1 where it slides on."""
     slows = before - after - change
     rests = (slows * before > 0) & (jnp.abs(before) < jnp.abs(slows))
     return jnp.where(rests, before / jnp.where(rests, slows, 1.0), 1.0)
@@ -52,52 +53,56 @@ def _until_rest(before: Array, after: Array, change: Array) -> Array:
 
 def comes_to_rest(
     corner: Corner,
-    sliding: Counted,
+    sliding: MeanShare,
     mean: Array,
     pressed: tuple[Array, Array],
     others: Array | float = 0.0,
 ) -> Array:
-    """How much further the parcel goes for a corner that comes to rest, as a force [N] (`Turn`).
+    """The force [N] that displaces the parcel for a corner that comes to rest (`Turn.displacing`).
 
-    `sliding` is the friction on its way until then (`straight`); `mean` that over the step, as a
-    share [1] of the normal force, which is `pressed` [N] at the start and at the end. Frictions of
-    `others` that turn in the step change the sliding by that more [m/s] until the corner rests. It
-    is at rest at the step's end at the latest, to within some eps: there smoothing has taken some
-    of the friction, of which the parcel feels nothing yet.
+    `sliding` is the mean friction until rest (`linear_mean`) and `mean` that over the step, as
+    shares [1] of the normal force, which is `pressed` [N] at the start and at the end. Frictions at
+    other corners that reverse in the step change the sliding speed by `others` more [m/s] until the
+    corner rests. A corner that comes to rest at the very end has a speed of some eps there.
+    Smoothing then has reduced the friction already, but too late to displace the parcel.
     """
     # Newton's method may leave the first touch a little below 0.
     start, (first, last) = corner.start, (jnp.maximum(n, 0.0) for n in pressed)
-    slides = 0.5 * sliding.share
-    on = start.speed * corner.after > 0
+    sliding_share = 0.5 * sliding.share
+    onward = start.speed * corner.after > 0
     until = _until_rest(
-        start.speed, jnp.where(on, 0.0, corner.after), corner.gain * (slides - mean) + others
+        start.speed,
+        jnp.where(onward, 0.0, corner.after),
+        corner.gain * (sliding_share - mean) + others,
     )
-    # Without what smoothing takes from it at its end, where the step comes to that from afar.
-    fast, slow = jnp.abs(start.speed), jnp.where(on, jnp.abs(corner.after), 0.0)
-    ahead = jnp.where(fast > 0, fast, 1.0)
-    lost = (jnp.sqrt(slow * slow + corner.eps**2) - slow) / (ahead + slow)
-    whole = slides * (1 + lost * jnp.maximum(1 - slow / ahead, 0.0) ** 2)
-    square = first * first + until * (last * last - first * first)
-    some = (square > 0) & (fast > 0)
-    then = jnp.sqrt(jnp.where(some, square, 1.0))
-    at = (first + last) * until / (first + then)
-    lever = last * (3 * at - 1) + (last - first) * (1 - at) * (1 - 2 * at)
-    further = (whole - mean) * (first + last) * lever / (6 * (then + last))
-    further = further + (whole - start.share) * first * (1 - at) / 6
-    return jnp.where(some, further, 0.0)
+    # The friction until rest, without the reduction by smoothing at the step's end, where the
+    # corner is slow only there.
+    fast, fast_after = jnp.abs(start.speed), jnp.where(onward, jnp.abs(corner.after), 0.0)
+    scale = jnp.where(fast > 0, fast, 1.0)
+    lost = (jnp.sqrt(fast_after * fast_after + corner.eps**2) - fast_after) / (scale + fast_after)
+    until_rest = sliding_share * (1 + lost * jnp.maximum(1 - fast_after / scale, 0.0) ** 2)
+    normal_squared = first * first + until * (last * last - first * first)
+    exists = (normal_squared > 0) & (fast > 0)
+    normal_at_rest = jnp.sqrt(jnp.where(exists, normal_squared, 1.0))
+    time_share = (first + last) * until / (first + normal_at_rest)
+    lever = last * (3 * time_share - 1) + (last - first) * (1 - time_share) * (1 - 2 * time_share)
+    further = (until_rest - mean) * (first + last) * lever / (6 * (normal_at_rest + last))
+    further = further + (until_rest - start.share) * first * (1 - time_share) / 6
+    return jnp.where(exists, further, 0.0)
 
 
 def settles(corner: Corner, added: Array) -> Array:
-    """How much further the parcel goes for a corner that was held and settles within the step, as a
-    share of the normal force [1] (`Turn`), where that has `added` to twice the mean friction."""
+    """The force that displaces the parcel for a corner that sticks from the start on and settles
+    within the step (`Turn.displacing`), as a share of the normal force [1]. `added` is the share
+    that settling adds to twice the mean friction."""
     before, after, gain = corner.start.speed, corner.after, corner.gain
-    # k, by its mean over the two ends.
-    stiff = jnp.maximum(-0.5 * gain * (corner.start.slope + corner.slope), 0.0)
+    # k, as the mean of both ends.
+    stiffness = jnp.maximum(-0.5 * gain * (corner.start.slope + corner.slope), 0.0)
     passes = (jnp.abs(before) + corner.eps) / (jnp.abs(before - after) + corner.eps)
-    centre = jnp.minimum(1 / (3 + stiff * stiff / (stiff + 3)), 0.5 * passes)
+    centre = jnp.minimum(1 / (3 + stiffness * stiffness / (stiffness + 3)), 0.5 * passes)
     ratio = after / jnp.where(before != 0, before, 1.0)
     stops = (ratio < 1) & (before != 0) & (gain > 0)
-    # None of it where the corner passes by its rest and is as fast again.
+    # Nothing where the corner passes through rest and is as fast again.
     stays = jnp.where(stops, jnp.maximum(1 + jnp.minimum(ratio, 0.0), 0.0), 0.0)
     lost = (before - after) / jnp.where(gain > 0, gain, 1.0)
     by_end = -stays * (lost + 0.5 * added)

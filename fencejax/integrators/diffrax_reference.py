@@ -1,6 +1,7 @@
-"""Integration by a general solver of diffrax: slower by far, and an independent check.
+"""Integration by a general solver of diffrax: much slower, and an independent check.
 
-Forces follow from the state alone."""
+Forces follow from the state alone.
+"""
 
 from typing import Any
 
@@ -76,7 +77,7 @@ def at_state(
         shares = tuple(lean.share for lean in _leans(forces))
     if link.second_order is not None:
         shapes = tuple(
-            link.followed(shape, vibration.amplitude).rubbed(mechanics.drag(what.sliding))
+            link.followed(shape, vibration.amplitude).with_friction(mechanics.drag(what.sliding))
             for shape, (what, *_) in zip(shapes, forces.fence, strict=True)
         )
     still = tuple(jnp.zeros_like(place) for place in places)
@@ -90,7 +91,7 @@ def at_state(
 
 
 def _leans(forces: Forces) -> tuple[Lean, ...]:
-    """How corners load the fence, where its tip may carry a contact."""
+    """The `Lean` of each corner, where the fence's tip may carry a contact; empty otherwise."""
     leans = (meeting.touch.lean for meeting in forces.fence)
     return tuple(lean for lean in leans if lean is not None)
 
@@ -105,10 +106,11 @@ def run(
 ) -> tuple[Any, Any, Array]:
     """Integrate a scene as a plain ordinary differential equation by a solver of diffrax.
 
-    Every mode is a state (all of them: the full finite-element model), the contact force follows
-    from the state, and the foot of each corner is found anew; modes left out do not yield. The
-    observer is shown the states at every `step`. Returns its record, what it saved at every sample,
-    and whether the solver came through.
+    Every mode is a state (all modes: the full finite-element model), the contact force follows from
+    the state, and the foot of each corner is searched for at every state; there is no residual
+    compliance of modes left out. The observer sees the states at every `step`. Returns the
+    observer's record, the values that it saves at every sample, and whether the solver has
+    succeeded.
     """
     fidelity = mechanics.fidelity
     link = mechanics.link
@@ -116,7 +118,7 @@ def run(
     def drive_at(time):
         return None if mechanics.drive is None else mechanics.drive.motion(clock.start + time)
 
-    # Traced once, however often the stages and their Jacobians look at it.
+    # Traced once, however often the stages and their Jacobians call it.
     @jax.jit
     def field(time, y, args):
         del args
@@ -136,7 +138,7 @@ def run(
         solver = {"kvaerno5": diffrax.Kvaerno5, "tsit5": diffrax.Tsit5}[solver]()
     first_step, controller = clock.step, diffrax.ConstantStepSize()
     if isinstance(solver, diffrax.AbstractAdaptiveSolver):
-        # A state that is not a number is refused at every length: it ends at the shortest step.
+        # A step to a non-finite state is rejected at every length: it ends at the shortest step.
         first_step, controller = 1e-6, diffrax.PIDController(
             rtol=tolerance, atol=1e-3 * tolerance, dtmin=1e-12, force_dtmin=False
         )

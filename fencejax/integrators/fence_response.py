@@ -31,10 +31,11 @@ from .step_size import Stride
 class FenceEnd(eqx.Module):
     """The fence at the end of a step as a function of the contact forces there.
 
-    The deflection, its rate and the slope at each place are affine in the forces, and Newton's
-    method sees these few numbers instead of the modes. So are the small terms of an arc, about the
-    forces as foreseen. (Taken at these alone they would let a stiff contact or friction ring from
-    step to step, and without end: the forces foreseen lag behind by up to two steps.)
+    The deflection, its rate and the slope at each place are affine in the forces, so that Newton's
+    method sees these few numbers instead of the modes. The small terms of an arc are linearised
+    about the predicted forces. (Taken at the predicted forces alone they would let a stiff contact
+    or friction oscillate from step to step without end, as predicted forces lag behind by up to two
+    steps.)
     """
 
     link: FlexibleLink
@@ -47,8 +48,8 @@ class FenceEnd(eqx.Module):
     shares: tuple[Array, ...]
     shapes: tuple[Shape, ...]
     loadings: tuple[Blocks, ...]
-    drags: tuple[Array, ...]
-    holds: tuple[Array | float, ...]
+    friction_forces: tuple[Array, ...]
+    sticking: tuple[Array | float, ...]
     inertia: Blocks
     free: Vibration
     affine: tuple
@@ -66,41 +67,51 @@ class FenceEnd(eqx.Module):
         shapes: tuple[Shape, ...],
         shares: tuple[Array, ...] = (),
         expected: tuple[Array, ...] = (),
-        drags: tuple[Array, ...] = (),
-        holds: tuple[Array | float, ...] = (),
+        friction_forces: tuple[Array, ...] = (),
+        sticking: tuple[Array | float, ...] = (),
     ):
-        """`before` is the fence at the start of the step, loaded by `normals` [N]; `shapes` are
-        those where it is loaded at its end; `shares` [1], if given, those of the contact forces
-        there that bend it; `expected` [N] these forces as foreseen, for the small terms of the
-        geometry. Where they follow the bent fence friction loads it too: `drags` [N] as foreseen,
-        by its value at the step's end alone as far as it `holds` [1] (`friction_tangent`)."""
+        """**Arguments:**
+
+        - `before`: the fence at the start of the step, loaded by the forces `normals` [N].
+        - `shapes`: the mode shapes at the places where it is loaded at the step's end.
+        - `shares`: the shares [1] of the contact forces there that bend it; by default all of them.
+        - `expected`: the predicted contact forces [N], for the small terms of the geometry.
+        - `friction_forces`: the predicted friction [N], where loads follow the bent fence, so that
+          friction loads it too.
+        - `sticking`: the weights [1] of contacts that stick, whose friction counts by its value at
+          the step's end alone (`friction_tangent`).
+        """
         self.link, self.stride, self.drive = link, stride, drive
         self.normals_before, self.lagged_before = normals, before.lagged_rate
         self.residual_before = before.residual
         self.pads = ()
         if link.cover is not None:
             self.pads = tuple(PadEnd.of(link.cover, pad, stride) for pad in before.pads)
-        self.shapes, self.shares, self.drags, self.holds = shapes, shares, drags, holds
+        self.shapes, self.shares = shapes, shares
+        self.friction_forces, self.sticking = friction_forces, sticking
         self.inertia = link.inertia_force(drive)
         self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
         if link.hinge is not None:
             self.free = link.hinge.coupled(stride.maps, self.free)
         self.loadings = tuple(shape.load for shape in shapes)
-        if drags:
+        if friction_forces:
             self.shapes = self._followed(self.loads(expected))
-            rubbing = tuple(s.rubbing[1] for s in self.shapes if s.rubbing is not None)
-            self.loadings = tuple(shape.load for shape in self.shapes) + rubbing
+            by_friction = tuple(s.friction[1] for s in self.shapes if s.friction is not None)
+            self.loadings = tuple(shape.load for shape in self.shapes) + by_friction
         self.hinge = None
         if link.hinge is not None:
-            self.hinge = HingeEnd(link, stride, self.free, tuple(self._own()), before.clutch)
+            pushes = tuple(self._uncoupled_pushes())
+            self.hinge = HingeEnd(link, stride, self.free, pushes, before.clutch)
         self.affine = tuple(self._affine(k) for k in range(len(shapes)))
-        foreseen = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
-        self.expected = self._every(foreseen + (self.loads(drags) if drags else ()))
+        predicted = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
+        if friction_forces:
+            predicted = predicted + self.loads(friction_forces)
+        self.expected = self._with_clutch(predicted)
         self.arcs = self._arcs() if self.bends and link.geometry == "arc" else ()
 
     def _followed(self, loads) -> tuple[Shape, ...]:
-        """The shapes as forces load the bent fence, with its line under the `loads` [N] as
-        foreseen: it moves little in a step."""
+        """The shapes for loads that follow the bent fence, whose line is that under the predicted
+        `loads` [N]: it moves little in a step."""
         amplitude = self.free.amplitude
         for load, pushed in zip(loads, self.loadings, strict=True):
             share = load / self.link.mass_scale
@@ -115,7 +126,8 @@ class FenceEnd(eqx.Module):
 
     @property
     def flexible(self) -> bool:
-        """Whether the fence answers to the forces: a rigid one without a cover does not."""
+        """Whether the contact forces move the fence; they do not move a rigid one without a
+        cover."""
         return self.bends or bool(self.pads)
 
     def _affine(self, k: int):
@@ -139,27 +151,29 @@ class FenceEnd(eqx.Module):
         return free, tuple(gains)
 
     def _pushes(self):
-        """What a unit of each load at the step's end makes of the amplitudes and of the rates, in
-        units of 1 / m_0."""
-        yield from self._own() if self.hinge is None else self.hinge.pushes
+        """The amplitudes and rates by a unit of each load at the step's end, in units of 1 /
+        m_0."""
+        yield from self._uncoupled_pushes() if self.hinge is None else self.hinge.pushes
 
-    def _own(self):
-        """The same without the damping of a shaft."""
-        for load, hold in self._loadings():
-            ends = [_ends(m, hold) for m in self.stride.maps]
+    def _uncoupled_pushes(self):
+        """The responses to unit loads without the coupling of the modes by a shaft's damping."""
+        for load, weight in self._loadings():
+            ends = [_ends(m, weight) for m in self.stride.maps]
             yield Vibration(
                 tuple(q * b for (q, _), b in zip(ends, load, strict=True)),
                 tuple(v * b for (_, v), b in zip(ends, load, strict=True)),
             )
 
     def _loadings(self):
-        """What each load is to the modes, and as far as friction holds, how much of it acts from
-        the step's start."""
-        straight = (None,) * (len(self.loadings) - len(self.drags))
-        return zip(self.loadings, straight + self.holds[: len(self.drags)], strict=True)
+        """Each load's share in the modal forces, with the weight by which it acts from the step's
+        start on, which is that of a sticking contact for friction and `None` for a normal force."""
+        frictions = len(self.friction_forces)
+        not_sticking = (None,) * (len(self.loadings) - frictions)
+        return zip(self.loadings, not_sticking + self.sticking[:frictions], strict=True)
 
     def _arcs(self):
-        """The small terms of the arc at each place: as foreseen, and per newton of each force."""
+        """The small terms of the arc at each place under the predicted loads, and their derivatives
+        in each load [1/N]."""
         units = [
             tuple(jnp.full_like(n, float(i == j)) for j, n in enumerate(self.expected))
             for i in range(len(self.expected))
@@ -176,21 +190,21 @@ class FenceEnd(eqx.Module):
     def _arc(self, k: int, normals) -> Arc:
         """The small terms of the arc at place k."""
         arc, slopes = self.arcs[k]
-        for normal, foreseen, slope in zip(normals, self.expected, slopes, strict=True):
-            arc = Arc(*(q + (normal - foreseen) * d for q, d in zip(arc, slope, strict=True)))
+        for normal, predicted, slope in zip(normals, self.expected, slopes, strict=True):
+            arc = Arc(*(q + (normal - predicted) * d for q, d in zip(arc, slope, strict=True)))
         return arc
 
     def loads(self, normals: tuple[Array, ...]) -> tuple[Array, ...]:
-        """What of the contact forces [N] bends the fence [N]."""
+        """The part of the contact forces that bends the fence [N]."""
         return bending_loads(self.shares, normals)
 
-    def _every(self, loads: tuple[Array, ...]) -> tuple[Array, ...]:
-        """These loads with that of a clutch behind them."""
-        return loads if self.hinge is None else self.hinge.every(loads)
+    def _with_clutch(self, loads: tuple[Array, ...]) -> tuple[Array, ...]:
+        """These loads, followed by that of the clutch, if there is one."""
+        return loads if self.hinge is None else self.hinge.with_clutch(loads)
 
     def bending_compliance(self, k: int, other: int):
-        """How far [m/N] and how fast [m/s/N] the fence gives way at place k at the step's end for
-        a force at another place there."""
+        """The compliances of the deflection [m/N] and of its rate [m/s/N] at place k, at the step's
+        end, for a force at another place there."""
         give, give_rate, _ = self.affine[k][1][other]
         if self.hinge is not None:
             turn, turn_rate = self.hinge.turns[other]
@@ -204,8 +218,8 @@ class FenceEnd(eqx.Module):
         return give, give_rate
 
     def compliance(self, k: int, other: int, normal: Array):
-        """The same of the gap there: with the cover, under the force `normal` [N] at place k, and
-        for the share of a force that bends the fence."""
+        """The compliances of the gap and of its rate at place k. They include the cover, under the
+        force `normal` [N] at place k, and count the shares of the forces that bend the fence."""
         give, give_rate = self.bending_compliance(k, other)
         if self.pads and k == other:
             load = self.shares[k] * normal if self.shares else normal
@@ -217,9 +231,10 @@ class FenceEnd(eqx.Module):
         return give, give_rate
 
     def drift(self, k: int, other: int, slope: Array) -> Array:
-        """How fast [m/s/N] a corner slides at place k, of that `slope`, at the step's end for a
-        force at another place there, as the fence moves along itself. To the first order in the
-        bending, and not of chords: for Newton's method alone."""
+        """The sliding speed [m/s/N] of a corner at place k, where the fence has that `slope`, by a
+        force at another place at the step's end, as the fence moves along itself. It is of the
+        first order in the bending, and leaves out the chords' geometry: it serves Newton's method
+        alone."""
         give, give_rate = self.compliance(k, other, self.expected[other])
         speed = self.drive.speed
         if self.hinge is not None and self.hinge.hinge.driven:
@@ -231,19 +246,19 @@ class FenceEnd(eqx.Module):
             rate = rate + (along * self.shares[other % len(self.shares)] if self.shares else along)
         return rate
 
-    def points(self, normals, drags=()) -> tuple[FencePoint, ...]:
-        """The point of the fence under each corner, or where else it is loaded, by the normal
-        forces [N] and, where friction loads it, that."""
+    def points(self, normals, friction_forces=()) -> tuple[FencePoint, ...]:
+        """The point of the fence at each place where it is loaded, by the normal forces [N] there
+        and, where friction loads it, by the friction."""
         if not self.flexible:
             zero = jnp.zeros_like(self.drive.angle)
             return tuple(small_point(s.place, *s.from_line(zero, zero, zero)) for s in self.shapes)
-        loads = self.loads(normals) + (self.loads(drags) if drags else ())
-        normals = self._every(loads)
+        loads = self.loads(normals) + (self.loads(friction_forces) if friction_forces else ())
+        normals = self._with_clutch(loads)
         return tuple(self._point(k, normals) for k in range(len(self.shapes)))
 
     def deflection(self, k: int, normals) -> tuple[Array, Array, Array]:
-        """How far the fence gives way [m] at place k, how fast [m/s] and the slope there, without
-        its cover and where all are small."""
+        """Deflection [m] at place k, its rate [m/s] and the slope, to the first order and without
+        the fence's cover."""
         deflection, rate, slope = self._bending(k, normals)
         if self.hinge is not None:
             arm, (turn, turn_rate) = self.shapes[k].place, self.hinge.twist(normals)
@@ -301,8 +316,8 @@ class FenceEnd(eqx.Module):
         return ResidualMode(force, self._lagged_rate(before.rate, before.force, force))
 
     def _lagged_rate(self, rate, before, now):
-        """rdot at the step's end where r + beta rdot = f, from its value before and f before and
-        now, exact for f linear over the step; finite as beta -> 0."""
+        """rdot at the step's end for r + beta rdot = f, from `rate` at its start and from f at both
+        ends. It is exact for f linear over the step, and finite as beta -> 0."""
         return self.stride.lag_decay * rate + self.stride.lag_gain * (now - before)
 
     def _vibration(self, normals) -> Vibration:
@@ -314,45 +329,51 @@ class FenceEnd(eqx.Module):
                 amplitude = [q - p * share for q, p in zip(amplitude, pushed, strict=True)]
                 rate = [v - p * share for v, p in zip(rate, struck, strict=True)]
             return Vibration(tuple(amplitude), tuple(rate))
-        for (load, hold), normal in zip(self._loadings(), normals, strict=True):
+        for (load, weight), normal in zip(self._loadings(), normals, strict=True):
             share = normal / self.link.mass_scale
             for i, (phi, m) in enumerate(zip(load, self.stride.maps, strict=True)):
-                q_end, v_end = _ends(m, hold)
+                q_end, v_end = _ends(m, weight)
                 amplitude[i] = amplitude[i] - q_end * phi * share
                 rate[i] = rate[i] - v_end * phi * share
         return Vibration(tuple(amplitude), tuple(rate))
 
-    def begun(self, before: FenceState, normals, frictions) -> FenceState:
-        """The state at the start of the step, with the friction of its end that acts from there, by
-        the normal forces and the `frictions` over them [1] at its end."""
-        drags = [mu * n for mu, n in zip(frictions, self.loads(normals), strict=True)]
-        return before._replace(modal_force=self._rubbed(before.modal_force, drags, self.holds))
+    def state_before(self, before: FenceState, normals, frictions) -> FenceState:
+        """The state at the start of the step, with the friction of sticking corners at its end,
+        which acts from there on. `normals` [N] are the forces at its end and `frictions` [1] the
+        friction there as shares of them."""
+        forces = [mu * n for mu, n in zip(frictions, self.loads(normals), strict=True)]
+        modal_force = self._with_friction(before.modal_force, forces, self.sticking)
+        return before._replace(modal_force=modal_force)
 
-    def _rubbed(self, force: Blocks, drags, holds) -> Blocks:
-        """A modal force with the `drags` [N] that load the fence, by the shares they `hold` [1]."""
-        rubbing = self.loadings[len(self.shapes) :]
-        for load, drag, hold in zip(rubbing, drags, holds, strict=False):
-            share = hold * drag / self.link.mass_scale
+    def _with_friction(self, force: Blocks, friction_forces, sticking) -> Blocks:
+        """A modal force with the load by `friction_forces` [N] on the fence, each counted by its
+        weight `sticking` [1]."""
+        loadings = self.loadings[len(self.shapes) :]
+        for load, friction, weight in zip(loadings, friction_forces, sticking, strict=False):
+            share = weight * friction / self.link.mass_scale
             force = tuple(f - phi * share for f, phi in zip(force, load, strict=True))
         return force
 
-    def state(self, normals, frictions=(), holds=()) -> FenceState:
-        """The fence under the solved forces, with those `frictions` over them [1] that load it,
-        and as far as these hold it now [1]."""
-        normals, shapes, held = self.loads(normals), self.shapes, None
-        every = normals
+    def state(self, normals, frictions=(), sticking=()) -> FenceState:
+        """The fence under the solved forces: `normals` [N], and the friction that loads it, as
+        shares `frictions` [1] of these; `sticking` [1] are the weights of the contacts that stick
+        now."""
+        normals, shapes, sticking_load = self.loads(normals), self.shapes, None
+        all_loads = normals
         if frictions:
-            every = every + tuple(mu * n for mu, n in zip(frictions, normals, strict=True))
-            shapes = tuple(shape.rubbed(mu) for shape, mu in zip(shapes, frictions, strict=True))
-            nothing = tuple(jnp.zeros_like(f) for f in self.inertia)
-            held = self._rubbed(nothing, every[len(normals) :], holds)
-        every = self._every(every)
+            all_loads = all_loads + tuple(mu * n for mu, n in zip(frictions, normals, strict=True))
+            shapes = tuple(
+                shape.with_friction(mu) for shape, mu in zip(shapes, frictions, strict=True)
+            )
+            no_load = tuple(jnp.zeros_like(f) for f in self.inertia)
+            sticking_load = self._with_friction(no_load, all_loads[len(normals) :], sticking)
+        all_loads = self._with_clutch(all_loads)
         load = self.link.loaded(self.inertia, shapes, normals)
-        vibration, clutch = self._vibration(every), None
+        vibration, clutch = self._vibration(all_loads), None
         if self.hinge is not None:
             coupling = self.hinge.hinge.coupling(vibration.rate)
             load = tuple(f + g for f, g in zip(load, coupling, strict=True))
-            clutch = self.hinge.clutch(every)
+            clutch = self.hinge.clutch(all_loads)
         if clutch is not None and self.hinge is not None:
             relief, turn = clutch.relief / self.link.mass_scale, blocks(self.hinge.hinge.turn)
             load = tuple(f + a * relief for f, a in zip(load, turn, strict=True))
@@ -366,13 +387,13 @@ class FenceEnd(eqx.Module):
         pads = tuple(pad.state(n) for pad, n in zip(self.pads, normals, strict=False))
         return FenceState(
             self.drive, vibration, load, shapes, lagged, rates, residual, self.shares, pads,
-            clutch, held,
+            clutch, sticking_load,
         )  # fmt: skip
 
 
-def _ends(maps: Propagator, hold: Array | float | None) -> tuple[Array, Array]:
-    """What amplitude and rate take from a load at the step's end, of which as much as friction
-    holds acts from its start."""
-    if hold is None:
+def _ends(maps: Propagator, weight: Array | float | None) -> tuple[Array, Array]:
+    """Amplitude and rate by a unit of load at the step's end. The share `weight` of it, that of a
+    sticking contact's friction, acts from the step's start on."""
+    if weight is None:
         return maps.q_end, maps.v_end
-    return maps.q_end + hold * maps.q_start, maps.v_end + hold * maps.v_start
+    return maps.q_end + weight * maps.q_start, maps.v_end + weight * maps.v_start

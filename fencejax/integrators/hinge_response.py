@@ -1,4 +1,4 @@
-"""The hinge on a shaft that gives way at the end of a step, as a function of the loads there."""
+"""The hinge on a flexible shaft at the end of a step, as a function of the loads there."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -7,16 +7,17 @@ from jaxtyping import Array
 from ..model import Blocks, ClutchState, FlexibleLink, Hinge, Vibration, blocks
 from .step_size import Stride
 
-# Least share [1] of a clutch's moment that is its own at a step's end. It is 1 less what spring and
-# damper take of it within the step, which steps that resolve the shaft keep small.
+# Least value of D, the derivative [1] of the shaft's moment in the clutch's load (`HingeEnd`). D is
+# 1 less what spring and damper take up within the step, which steps that resolve the shaft keep
+# small.
 _OWN = 0.1
 
 
 class HingeEnd(eqx.Module):
-    """How the modes answer to each load at the end of a step, how the hinge turns, and whether the
-    clutch slips.
+    """The response of modes and hinge to each load at the end of a step, and the slip of the
+    clutch.
 
-    A clutch acts as one more load, of the moment L = k_t s + c_t s' that its slip s takes off the
+    A clutch acts as one more load, the moment L = k_t s + c_t s' by which its slip s relieves the
     shaft. At the step's end either nothing slips, s' = 0 and L = k_t s_0, or |T| = T_c. Both are
     one condition, piecewise linear in the other loads:
 
@@ -40,9 +41,9 @@ class HingeEnd(eqx.Module):
         pushes: tuple[Vibration, ...],
         before: ClutchState | None,
     ):
-        """`free` is the vibration at the end without loads; `pushes` what a unit of each makes of
-        the modes without the shaft's damping, in units of 1 / m_0; `before` the clutch at the
-        start."""
+        """`free` is the vibration at the end without loads. `pushes` are the modes' responses to a
+        unit of each load, without the shaft's damping, in units of 1 / m_0. `before` is the clutch
+        at the start."""
         assert link.hinge is not None
         self.hinge, self.stride, self.before = link.hinge, stride, before
         self.free = self.hinge.twist(free)
@@ -54,7 +55,7 @@ class HingeEnd(eqx.Module):
         self.turns = tuple((angle / mass, rate / mass) for angle, rate in turns)
 
     def _push(self, load: Blocks) -> Vibration:
-        """What a unit load at the step's end makes of the modes, in units of 1 / m_0."""
+        """The modes' response to a unit load at the step's end, in units of 1 / m_0."""
         maps = self.stride.maps
         pushed = tuple(m.q_end * share for m, share in zip(maps, load, strict=True))
         struck = tuple(m.v_end * share for m, share in zip(maps, load, strict=True))
@@ -62,26 +63,26 @@ class HingeEnd(eqx.Module):
 
     def twist(self, loads: tuple[Array, ...]) -> tuple[Array, Array]:
         """theta [rad] and its rate [rad/s] under contact forces [N], each against its direction,
-        and, where they follow them, the clutch's load."""
+        and under the clutch's load, if `loads` has it after them."""
         angle, rate = self.free
         for load, (give, give_rate) in zip(loads, self.turns, strict=False):
             angle, rate = angle - give * load, rate - give_rate * load
         return angle, rate
 
-    def every(self, loads: tuple[Array, ...]) -> tuple[Array, ...]:
-        """The contact forces with the clutch's load, -L [N m], if there is one."""
+    def with_clutch(self, loads: tuple[Array, ...]) -> tuple[Array, ...]:
+        """The contact forces, followed by the clutch's load -L [N m], if there is a clutch."""
         clutch = self.hinge.clutch
         if clutch is None or self.before is None:
             return loads
-        held = clutch.stiffness * clutch.slip(self.before)
+        stuck = clutch.stiffness * clutch.slip(self.before)
         give, give_rate = self.turns[-1]
         own = jnp.maximum(1 + clutch.moment(give, give_rate), _OWN)
-        moment = held * own + clutch.moment(*self.twist(loads))
+        moment = stuck * own + clutch.moment(*self.twist(loads))
         excess = moment - jnp.clip(moment, -clutch.limit, clutch.limit)
-        return (*loads, excess / own - held)
+        return (*loads, excess / own - stuck)
 
     def clutch(self, loads: tuple[Array, ...]) -> ClutchState | None:
-        """The clutch at the end under all loads, its own the last."""
+        """The clutch at the end. The last of the `loads` is its own."""
         clutch, before = self.hinge.clutch, self.before
         if clutch is None or before is None:
             return None

@@ -3,11 +3,11 @@
 Forces are taken to vary linearly over the step. The modes then advance exactly, whatever their
 frequency, and the parcel's motion is a cubic. Unknown at the step's end are the parcel's three
 velocities and one normal force a corner at the fence; everything else follows from these. Newton's
-method finds them, and their derivative comes from the converged equations.
+method finds them, and their derivatives come from the converged equations.
 
 The foot of each corner on the fence is tracked: one Newton step on (C - U).t = 0 from the place
 that the sliding speed predicts. The gap is stationary at the foot, so that the error of that place
-enters it squared. The error of a step is of the third order, that of a solution of the second.
+enters the gap squared. The error of a step is of the third order, that of a solution of the second.
 """
 
 import equinox as eqx
@@ -36,19 +36,20 @@ from .step_size import Clock, Stride, next_step_size
 
 
 def _rotated(arm, turn):
-    """An arm turned on by a small angle, to the second order (it is of the third in the step)."""
+    """An arm turned by a small angle, to the second order (the angle is of the third in the
+    step)."""
     x, y = arm
     half = 1 - 0.5 * turn * turn
     return half * x - turn * y, half * y + turn * x
 
 
 class _End(eqx.Module):
-    """What the equations at the end of a step are made of."""
+    """The equations of a step for the unknowns at its end."""
 
     mechanics: Mechanics
     body: Body
     acceleration: Acceleration
-    held: Acceleration | None
+    sticking_acceleration: Acceleration | None
     belt_lag: friction_tangent.BeltLag | None
     sticking: tuple[Array, ...]
     pressed: tuple[Array | None, ...]
@@ -60,7 +61,8 @@ class _End(eqx.Module):
     stride: Stride
 
     def body_at(self, rates) -> Body:
-        """The parcel at the end with the velocities `rates`, its acceleration linear between."""
+        """The parcel at the end with the velocities `rates`, for an acceleration linear over the
+        step."""
         h = self.stride.length
         moved = (
             q + h * (2 * v0 + v1) / 3 + h * h * a0 / 6
@@ -71,7 +73,8 @@ class _End(eqx.Module):
         return Body(*moved, *rates)
 
     def split(self, unknowns) -> tuple[tuple[Array, ...], tuple[Array, ...], tuple[Array, ...]]:
-        """The velocities, the normal forces and, where it loads the fence, the friction there."""
+        """The velocities, the normal forces at the fence and, where friction loads it, the
+        friction."""
         end = 3 + len(self.mechanics.fence_corners)
         return unknowns[:3], unknowns[3:end], unknowns[end:]
 
@@ -87,34 +90,37 @@ class _End(eqx.Module):
         return self.mechanics.forces(after, arms, self.frame, points, normals or None)
 
     def evaluate(self, unknowns):
-        """Residual of the step's equations, their derivative at frozen directions and arms, the
-        largest unbalanced force against what is tolerated, and the forces with that unbalance [N].
+        """Residual of the step's equations; its derivative at fixed directions and arms; the
+        largest unbalanced force over the tolerated one; and the forces with that unbalance [N], and
+        the state to carry over.
 
-        Unknown are three velocities, a normal force a corner at a flexible fence and, where it
-        loads the fence, the friction there.
+        The unknowns are three velocities, one normal force a corner at a flexible fence and, where
+        friction loads the fence, the friction there.
         """
         h, mechanics = self.stride.length, self.mechanics
-        rates, normals, rubs = self.split(unknowns)
+        rates, normals, frictions = self.split(unknowns)
         points = self.points(unknowns)
         forces = self.forces(unknowns, points)
         begin, end = self.acceleration, forces.acceleration
-        holds = friction_tangent.held(mechanics, forces, self.sticking, self.pressed)
-        changed = None
-        if holds is not None and self.held is not None:
-            changed = [b - a for a, b in zip(self.held, holds, strict=True)]
-            begin = [a - f for a, f in zip(begin, self.held, strict=True)]
-            end = Acceleration(*map(jnp.add, end, holds))
-        on_belt = 1.0
+        at_start, sticking_change = self.sticking_acceleration, None
+        at_end = friction_tangent.sticking_acceleration(
+            mechanics, forces, self.sticking, self.pressed
+        )
+        if at_end is not None and at_start is not None:
+            sticking_change = [b - a for a, b in zip(at_start, at_end, strict=True)]
+            begin = [a - f for a, f in zip(begin, at_start, strict=True)]
+            end = Acceleration(*map(jnp.add, end, at_end))
+        belt_weight = 1.0
         if self.belt_lag is not None and forces.belt is not None:
             lag, was = self.belt_lag
-            on_belt = 1 + lag
+            belt_weight = 1 + lag
             now = mechanics.acceleration(*forces.belt[:3])
             begin = [a - lag * f for a, f in zip(begin, was, strict=True)]
             end = Acceleration(*(a + lag * f for a, f in zip(end, now, strict=True)))
         turns = friction_turn.turns(
             mechanics, forces, self.sticking, self.pressed, self.starts, h
         )
-        way = friction_turn.way(mechanics, forces, turns, changed, h)
+        extra_motion = friction_turn.extra_motion(mechanics, forces, turns, sticking_change, h)
         end = friction_turn.turned(mechanics, forces, turns, end)
         residual = [
             v1 - v0 - 0.5 * h * (a0 + a1)
@@ -122,11 +128,11 @@ class _End(eqx.Module):
         ]
         scales = (0.5 * h / mechanics.mass, 0.5 * h / mechanics.mass, 0.5 * h / mechanics.inertia)
         shares = friction_turn.shares(forces, turns)
-        drags = newton_matrix.drags(
+        slopes = newton_matrix.friction_slopes(
             mechanics, forces, h, self.sticking, self.pressed, turns
         )
         block = newton_matrix.rate_matrix(
-            mechanics, forces, h, bool(normals), shares, drags, on_belt
+            mechanics, forces, h, bool(normals), shares, slopes, belt_weight
         )
         matrix = [[float(i == j) + scales[i] * block[i][j] for j in range(3)] for i in range(3)]
         drifts = self.drifts(points)
@@ -136,19 +142,19 @@ class _End(eqx.Module):
             assert law is not None
             assert response is not None
             residual.append(normal - law)
-            press = response.gap * h / 3 + response.gap_rate
-            row = [press * parts.normal[j] for j in range(3)]
-            for other in range(len(normals + rubs)):
+            stiffness = response.gap * h / 3 + response.gap_rate
+            row = [stiffness * parts.normal[j] for j in range(3)]
+            for other in range(len(normals + frictions)):
                 give, give_rate = self.fence.compliance(k, other, normal)
                 row.append(float(k == other) + response.gap * give + response.gap_rate * give_rate)
             matrix.append(row)
             for i in range(3):
                 along = parts.normal[i] + shares[k] * parts.tangent[i]
-                for drag, drift, other in zip(drags, drifts, forces.fence, strict=False):
+                for drag, drift, other in zip(slopes, drifts, forces.fence, strict=False):
                     along = along + drag * drift[k] * other.touch.tangent[i]
                 matrix[i].append(-scales[i] * along)
-        if rubs:
-            newton_matrix.add_frictions(matrix, residual, forces, rubs, scales, drags, drifts)
+        if frictions:
+            newton_matrix.add_frictions(matrix, residual, forces, frictions, scales, slopes, drifts)
         unbalance = mechanics.mass * jnp.maximum(jnp.abs(residual[0]), jnp.abs(residual[1]))
         turning = mechanics.inertia * jnp.abs(residual[2]) / mechanics.size
         unbalance = 2 * self.stride.rate * jnp.maximum(unbalance, turning)
@@ -156,22 +162,23 @@ class _End(eqx.Module):
         for defect in residual[3:]:
             unbalance = jnp.maximum(unbalance, jnp.abs(defect))
         size = unbalance / (force_tolerance(scale.dtype) * scale)
-        sticking = friction_tangent.weights(mechanics, forces, h)
-        carried = friction_tangent.carried(mechanics, forces, self.sticking, sticking)
-        extra = (forces, unbalance, sticking, carried, way, drifts)
+        sticking = friction_tangent.sticking_weights(mechanics, forces, h)
+        carried = friction_tangent.carried_over(mechanics, forces, self.sticking, sticking)
+        extra = (forces, unbalance, sticking, carried, extra_motion, drifts)
         return tuple(residual), matrix, size, extra
 
     def drifts(self, points: tuple[FencePoint, ...]) -> list[list[Array]]:
-        """How fast each corner slides for each force as the fence moves along itself [m/s/N];
-        empty where no friction minds."""
+        """The sliding speed of each corner by each force, as the fence moves along itself [m/s/N];
+        empty for a rigid fence or one without friction."""
         if self.fence is None or not self.fence.flexible or self.mechanics.fence_friction is None:
             return []
         loads = range(len(self.fence.loadings))
         return [[self.fence.drift(k, j, p.slope) for j in loads] for k, p in enumerate(points)]
 
     def force_jump(self, guess, root, forces: Forces) -> Array:
-        """How far the forces are from those of the guess, relative to their size [1]: each normal
-        force to itself and a twentieth of the size of all, the parcel's motion to that size."""
+        """The largest difference of the forces from those of the guess [1]: of each normal force
+        relative to itself and a twentieth of the size of all forces, and of the force that the
+        parcel's motion corresponds to, relative to that size."""
         mechanics, scale = self.mechanics, self.mechanics.force_scale(forces)
         x, y, turn = (jnp.abs(a - b) for a, b in zip(guess[:3], root[:3], strict=True))
         turn = mechanics.inertia * turn / mechanics.size
@@ -182,26 +189,28 @@ class _End(eqx.Module):
         return jax.lax.stop_gradient(off)
 
     def at_rest(self, guess):
-        """The guess with the corners that friction held at rest.
+        """The guess with the sticking corners at rest.
 
-        From there Newton's method finds the root at rest, if there is one: under a static friction
-        above the kinetic one the equations have another beside it, which slides.
+        From there Newton's method finds the root with the corners at rest, if there is one. With a
+        static friction above the kinetic one the equations have a second root, with sliding
+        corners.
         """
         if not self.sticking:
             return guess
         forces = self.forces(guess, self.points(guess))
-        slides = friction_tangent.slides(self.mechanics, forces, self.sticking)
+        slides = friction_tangent.sliding_velocities(self.mechanics, forces, self.sticking)
         rates = (v - w for v, w in zip(guess[:3], slides, strict=True))
         return (*rates, *guess[3:])
 
     def shorten(self, extra, change, last):
-        """Share of a Newton step that stops a reversal of sliding, or of slip on the belt, at rest.
+        """Share of a Newton step that stops at rest where the sliding of a corner, or the slip on
+        the belt, would reverse.
 
-        The friction force there is a smoothed jump, convex on either side: from rest Newton's
-        method climbs to the root without overshooting, from beyond it would jump to and fro. It
-        would so too on the slope between static and kinetic friction, which bends both ways: a step
-        back by more than half the `last` one goes where the secant through the two points has its
-        root.
+        The friction force is a smoothed jump there, convex on either side: from rest Newton's
+        method goes to the root without overshooting; from beyond it would alternate between the two
+        sides. It would do so on the fall from static to kinetic friction too, which has an
+        inflection: a step back by more than half the `last` one goes where the secant through the
+        two points has its root.
         """
         share = friction_tangent.reversal(self.mechanics, extra[0], change, extra[-1])
         mass, inertia = self.mechanics.mass, self.mechanics.inertia
@@ -217,8 +226,8 @@ class _End(eqx.Module):
 def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: Array):
     """Advance from sample `begin` to sample `end`, counted in the clock's steps.
 
-    Returns the new memory, the scene's state there, the length of the step [s] and the largest
-    force [N] that the solved equations leave unbalanced.
+    Returns the new memory, the scene's state at `end`, the length of the step [s] and the largest
+    force [N] by which the solved equations are out of balance.
     """
     stride = clock.stride(end - begin)
     h = stride.length
@@ -245,32 +254,34 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         if leans:
             loaded = tuple(map(mechanics.loaded, places, leans))
         shapes = tuple(map(mechanics.link.shape, loaded))
-        shares, drags, holds = tuple(lean.share for lean in leans), (), ()
+        shares = tuple(lean.share for lean in leans)
+        friction_forces = sticking_before = ()
         if mechanics.link.second_order is not None:
-            drags = tuple(
+            friction_forces = tuple(
                 n * mechanics.drag(w) for n, w in zip(expected, memory.sliding, strict=True)
             )
-            holds = tuple(friction_tangent.spread(mechanics, memory.sticking))
+            sticking_before = tuple(friction_tangent.by_contact(mechanics, memory.sticking))
         fence = FenceEnd(
-            mechanics.link, stride, drive, memory.fence, loads, shapes, shares, expected, drags,
-            holds,
+            mechanics.link, stride, drive, memory.fence, loads, shapes, shares, expected,
+            friction_forces, sticking_before,
         )  # fmt: skip
     guess = tuple(
         rate + h * (a + 0.5 * ratio * (a - before))
         for rate, a, before in zip(body[3:], start, memory.before, strict=True)
     )
     if fence is not None and fence.flexible:
-        guess = guess + expected + fence.drags
+        guess = guess + expected + fence.friction_forces
     frame = mechanics.frame(drive, places, loaded, memory.gone)
     predicted = body.angle + h * (body.spin + 0.5 * h * start.angle)
     arms = mechanics.arms(predicted)
     equations = _End(
-        mechanics, body, start, memory.held, friction_tangent.belt_lag(mechanics, memory.body, h),
-        memory.sticking, (*memory.normals, *memory.normals_still),
+        mechanics, body, start, memory.sticking_acceleration,
+        friction_tangent.belt_lag(mechanics, memory.body, h), memory.sticking,
+        (*memory.normals, *memory.normals_still),
         starts(mechanics, memory.sliding), predicted, arms, frame, fence, stride,
     )  # fmt: skip
     guess = equations.at_rest(jax.lax.stop_gradient(guess))
-    root, (forces, unbalance, sticking, (acceleration, held), way) = newton.solve(
+    root, (forces, unbalance, sticking, carried, extra_motion) = newton.solve(
         _End.evaluate,
         _End.shorten,
         equations,
@@ -279,13 +290,14 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         lambda extra: (extra[0].outcome(), *extra[1:-1]),
         mechanics.fidelity.gradient == "forward",
     )
+    acceleration, sticking_acceleration = carried
     after = equations.body_at(root[:3])
     normals = tuple(meeting.contact.normal for meeting in forces.fence)
-    frictions = holding = ()
-    if fence is not None and fence.drags:
+    frictions = sticking_now = ()
+    if fence is not None and fence.friction_forces:
         frictions = tuple(mechanics.drag(meeting.contact.sliding) for meeting in forces.fence)
-        holding = friction_tangent.spread(mechanics, sticking)
-    state = None if fence is None else fence.state(normals, frictions, holding)
+        sticking_now = friction_tangent.by_contact(mechanics, sticking)
+    state = None if fence is None else fence.state(normals, frictions, sticking_now)
     size = None
     if memory.step_size is not None:
         jump = equations.force_jump(guess, root, forces)
@@ -303,8 +315,8 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             )
             was = memory.fence
             if fence is not None and was is not None and frictions:
-                was = fence.begun(was, normals, frictions)
-            unforeseen = tuple(
+                was = fence.state_before(was, normals, frictions)
+            prediction_errors = tuple(
                 normal * (meeting.touch.lean.share - lean.share)
                 for normal, meeting, lean in zip(normals, forces.fence, leans, strict=False)
             )
@@ -312,7 +324,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
             unsolved = unbalance > 2 * force_tolerance(scale.dtype) * scale
             size = controlled(
                 pair, tolerance, clock, control, size, end, stride, now, fence, was, state,
-                unsolved, mechanics.belt_defect(body, after), unforeseen,
+                unsolved, mechanics.belt_defect(body, after), prediction_errors,
             )  # fmt: skip
     touches = tuple(meeting.touch for meeting in forces.fence)
     sliding = tuple(meeting.contact.sliding for meeting in forces.fence)
@@ -325,7 +337,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         )
     memory = Memory(
         body=after,
-        way=way,
+        extra_motion=extra_motion,
         acceleration=acceleration,
         before=memory.acceleration,
         fence=None if state is None else state.kept(),
@@ -340,7 +352,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
                 forces.still, mechanics.frictions[len(forces.fence) :], strict=True
             )
         ),
-        held=held,
+        sticking_acceleration=sticking_acceleration,
         sticking=sticking,
         gone=tuple(
             mechanics.gone(g, p, t) for g, p, t in zip(memory.gone, feet, touches, strict=True)

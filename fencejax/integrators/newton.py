@@ -17,8 +17,8 @@ from ..derivatives import pushed
 Unknowns = tuple[Array, ...]
 Matrix = list[list[Array]]
 
-# Share of what is good enough [1] at which the iteration ends by itself. Above it one more step is
-# taken, which squares what is left.
+# Ratio of the residual to the tolerated one [1] below which the iteration ends at once. Above it
+# one more step is taken, which squares the residual.
 _BALANCED = 0.1
 
 
@@ -53,25 +53,25 @@ def solve(
     wanted: Callable[[Any], Any] = lambda extra: extra,
     together: bool = False,
 ) -> tuple[Unknowns, Any]:
-    """A root near `guess` by at most `most` steps of Newton's method, and what goes with it.
+    """A root near `guess`, by at most `most` steps of Newton's method, and further results there.
 
-    - `evaluate(given, x)` returns the residual at x, a matrix close to its derivative in x, the
-      size of the residual against what is tolerated (at most 1: good enough), and whatever else is
-      wanted at the root.
-    - `shorten(given, extra, change, last)` returns the share of a step x - change that may be
-      taken after the change `last`, so that no friction force is carried across its jump.
-    - `wanted(extra)`: what of it is returned, and differentiated.
-    - `together`: make the derivative for all directions of a batch at once, which is shorter, and
-      not to be transposed as reverse mode would.
-    - `most` is a traced number (floating-point). The compiler so keeps the loop: one copy of
-      `evaluate` in the program, its results in memory.
+    - `evaluate(given, x)` returns the residual at x; a matrix close to its derivative in x; the
+      ratio of the residual's size to the tolerated one (at most 1: good enough); and further
+      results.
+    - `shorten(given, extra, change, last)` returns the share of a step x - change that may be taken
+      after the change `last`, so that no friction force passes its jump in it.
+    - `wanted(extra)`: the part of the further results that is returned, and differentiated.
+    - `together`: compute the derivative for all directions of a batch at once, which takes fewer
+      operations, but cannot be transposed for reverse mode.
+    - `most` is a traced number (floating-point). So the compiler keeps the loop, with one copy of
+      `evaluate` in the program and its results in memory.
 
-    In a batch the loop goes on until the last lane is done, and each lane's root is the one that
-    it has by itself. The derivative is by the implicit function theorem, dx = -F_x^-1 dF at fixed
-    x, with the exact F_x whatever the iterations used.
+    In a batch the loop goes on until the last lane is done, and each lane's root is the one that it
+    has by itself. The derivative is by the implicit function theorem, dx = -F_x^-1 dF at fixed x,
+    with the exact F_x whatever matrix the iterations used.
     """
 
-    # Traced once, however often it is looked at.
+    # Traced once, however often it is called.
     evaluate = jax.jit(evaluate)
 
     @jax.custom_jvp
@@ -79,12 +79,12 @@ def solve(
         def trip(carry):
             count, was, x, before, _ = carry
             residual, matrix, size, extra = evaluate(given, x)
-            # What was good enough before is as good as rounding lets it be.
+            # A residual that was good enough before the last step is now at round-off.
             left = jnp.where((size <= _BALANCED) | (was <= 1), 0.0, size)
             change = eliminate(matrix, residual)
             last = tuple(a - b for a, b in zip(before, x, strict=True))
             share = shorten(given, extra, change, last)
-            # A lane that is done stays where it is, whatever the others of its batch still do.
+            # A lane that is done keeps its root while other lanes of the batch go on.
             after = tuple(
                 jnp.where(left > 0, a - share * b, a) for a, b in zip(x, change, strict=True)
             )
@@ -129,7 +129,7 @@ def solve(
 
 
 def _together(along, directions):
-    """`along(leaves, root, dots)`, which in a batch of `dots` alone is made by `directions`."""
+    """`along(leaves, root, dots)`; for a batch of `dots` alone it is computed by `directions`."""
     along = jax.custom_batching.custom_vmap(along)
 
     @along.def_vmap
@@ -150,10 +150,10 @@ def _together(along, directions):
 
 
 def _directions(at, leaves, root, dots):
-    """The derivatives of a root and of what goes with it, along all directions.
+    """The derivatives of a root and of the further results there, along all directions.
 
-    `dots` are the derivatives of some of the `leaves` by their number, the directions in a first
-    axis. `at(leaves, x)` gives the residual at x and what goes with it.
+    `dots` are the derivatives of some of the `leaves`, by the leaf's number, with the directions in
+    the first axis. `at(leaves, x)` gives the residual at x and the further results.
     """
     traced, shapes = jax.make_jaxpr(at, return_shape=True)(leaves, root)
     size = len(root)

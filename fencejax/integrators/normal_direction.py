@@ -1,5 +1,5 @@
-"""The normal direction alone: a parcel with one coordinate strikes the fence held still, or an
-undeformable wall.
+"""The normal direction alone: a parcel with one coordinate strikes a fence at rest, or a rigid
+wall.
 
 Everything but the contact law is linear, so that the gap and its rate at the end of a step are
 affine in the force there: one scalar equation a step, whatever the number of modes.
@@ -26,8 +26,9 @@ from .step_size import Clock, StepSize, stride_counts, units
 
 
 class _Memory(NamedTuple):
-    """Advance of the parcel [m] beyond the fence at rest and its rate [m/s], the contact force [N]
-    and that of one step back, the fence, and under error control the length of steps."""
+    """The state between steps: the parcel's displacement [m] from first contact, `advance`, and its
+    rate [m/s], the contact force [N] now and one step back, the fence, and under error control the
+    length of steps."""
 
     advance: Array
     rate: Array
@@ -50,7 +51,8 @@ class _Blow(NamedTuple):
     pad: PadEnd | None
 
     def evaluate(self, unknowns):
-        """Residual, its slope, its size against what is tolerated, and gap, rate, unbalance."""
+        """Residual, its slope, the ratio of its size to the tolerated one, and gap, rate,
+        unbalance."""
         (force,) = unknowns
         gap, rate = self.gap - self.give * force, self.rate - self.give_rate * force
         give, give_rate = self.give, self.give_rate
@@ -67,12 +69,13 @@ class _Blow(NamedTuple):
         return (value,), [[slope]], size, (gap, rate, unbalance)
 
     def shorten(self, extra, change, last):
-        """Whole Newton steps: the residual rises all along."""
+        """Always 1, as the residual is monotone."""
         return jnp.ones_like(self.gap)
 
 
 def prepared(scene: NormalScene, fidelity: Fidelity) -> FlexibleLink | None:
-    """The fence's flexible link, where the scene has a fence that gives way."""
+    """The flexible link of the scene's fence; `None` without a fence, and for a rigid one without
+    cover."""
     if scene.fence is None:
         return None
     if not (fidelity.mode_count or scene.fence.pad or scene.fence.shaft):
@@ -88,10 +91,11 @@ def run(
     history: bool,
 ) -> tuple[Any, Any, Array, Array | None]:
     """Integrate m_p pddot = -N(D, Ddot), D = p - w(sigma), from p = 0, pdot = v_n, with the fence's
-    deflection w along the blow; without a `link` w = 0.
+    deflection w in the direction of the blow; without a `link` w = 0.
 
-    Returns the observer's record, what it saved at every sample if asked for, the start time 0 [s],
-    and whether the steps missed more than is tolerated (`None` without error control).
+    Returns the observer's record, the values that it saves at every sample if `history` is set, the
+    start time 0 [s], and whether the steps' errors exceed the tolerated ones (`None` without error
+    control).
     """
     steps = time_loop.count_steps(scene.duration, fidelity.step)
     fidelity = fidelity.replace(longest_stride=1)
@@ -133,8 +137,8 @@ def run(
 
 
 def _step(fidelity: Fidelity, given, memory: _Memory, begins: Array, ends: Array):
-    """The memory one step on, the scene's state there, the step's length [s] and the force that its
-    equation leaves unbalanced [N]."""
+    """The memory after one step, the scene's state there, the step's length [s] and the force by
+    which its equation is out of balance [N]."""
     parcel, link, shape, clock = given
     stride = clock.stride(ends - begins)
     h = stride.length
@@ -161,24 +165,24 @@ def _step(fidelity: Fidelity, given, memory: _Memory, begins: Array, ends: Array
         _Blow.evaluate, _Blow.shorten, blow, guess, clock.iterations,
         together=fidelity.gradient == "forward",
     )  # fmt: skip
-    held = None if fence is None else fence.state((force,))
+    fence_after = None if fence is None else fence.state((force,))
     size = None
     if memory.step_size is not None:
         tolerance = fidelity.step_tolerance
         assert tolerance is not None
-        foreseen = StepSize(ends - begins, jnp.full_like(ends, clock.unit))
+        proposed = StepSize(ends - begins, jnp.full_like(ends, clock.unit))
         now = (Ends(force, gap, rate),)
         size = controlled(
             Pair(law, blow.viscosity, parcel.mass), tolerance, clock, memory.step_size.control,
-            foreseen, ends, stride, now, fence, memory.fence, held,
+            proposed, ends, stride, now, fence, memory.fence, fence_after,
         )
     after = _Memory(
         advance=memory.advance + h * memory.rate - h * share * (memory.force / 3 + force / 6),
         rate=memory.rate - 0.5 * share * (memory.force + force),
         force=force,
         force_before=memory.force,
-        fence=None if held is None else held.kept(),
+        fence=None if fence_after is None else fence_after.kept(),
         step_size=size,
     )
-    state = NormalState(clock.time(ends), after.advance, after.rate, force, gap, rate, held)
+    state = NormalState(clock.time(ends), after.advance, after.rate, force, gap, rate, fence_after)
     return after, state, h, unbalance

@@ -1,4 +1,4 @@
-"""What a time loop shows its samples to."""
+"""The interface by which a time loop passes its samples on."""
 
 from typing import Any, Protocol
 
@@ -9,7 +9,7 @@ from ..scenes import Body
 
 
 class Observer(Protocol):
-    """Whoever watches a scene advance. The loop carries its record along and looks at none of it.
+    """A recorder of a scene as it advances. The time loop carries its record and does not read it.
 
     A record is a pytree of floating-point arrays whose shapes never change.
     """
@@ -21,8 +21,8 @@ class Observer(Protocol):
     def update(
         self, record: Any, state: SceneState | NormalState, length: Array, unbalance: Array
     ) -> Any:
-        """The record with the next sample, one step of `length` [s] after the last (0 for the first
-        sample), whose equations leave a force of `unbalance` [N] unbalanced."""
+        """The record with the next sample, after a step of `length` [s] (0 for the first sample)
+        whose equations are out of balance by the force `unbalance` [N]."""
 
     def saved(self, record: Any) -> Any:
-        """What of a record a history keeps at every sample."""
+        """The part of a record that a history keeps at every sample."""

@@ -9,9 +9,9 @@ from .step_size import Stride
 
 
 class PadEnd(NamedTuple):
-    """A cover at the end of a step that it began in the state `before`.
+    """A cover at the end of a step, with the state `before` at its start.
 
-    Its settled strain e_s is taken to run straight over the step. e + tau edot = e_s is then solved
+    Its settled strain e_s is taken as linear over the step. e + tau edot = e_s is then solved
     exactly, and stably for any tau:
 
         edot_1 = exp(-h / tau) edot_0 + (1 - exp(-h / tau)) (e_s1 - e_s0) / h.
@@ -42,7 +42,7 @@ class PadEnd(NamedTuple):
         return self.at(self.cover.settled(load))
 
     def compression(self, load: Array) -> tuple[Array, Array]:
-        """How far the cover is pressed [m], and how fast [m/s], under a load [N]."""
+        """The compression of the cover [m] and its rate [m/s] under a load [N]."""
         return self.cover.compression(self.state(load))
 
     def compliance(self, load: Array) -> tuple[Array, Array]:

@@ -1,16 +1,16 @@
-"""A corner that slides on a surface, over a step: its speed and its friction at either end and in
+"""A corner that slides on a surface over a step: its speed, and its friction at both ends and in
 the mean.
 
 A step passes the fall from static to kinetic friction, over w_s, in a small part of its time, and
-what friction is at the step's very end may say little of the rest. So frictions on the way to rest
-and from it are means over the speeds between w_0 and rest, and between rest and w_1
-(`mean_coefficient`). Where a corner slides on, coefficient and direction are means over a speed
-that goes straight,
+the friction at the step's very end may say little about the rest. So the frictions before and after
+rest are means over the speeds between w_0 and rest, and between rest and w_1 (`mean_coefficient`).
+Where a corner slides on without a reversal, coefficient and direction are means over a speed that
+is linear in time,
 
     mu_k + [w_1 d(w_1) - w_0 d(w_0)] / (w_1 - w_0),   (w_0 + w_1) / (r_0 + r_1),
 
-with d what static friction adds in the mean from rest to w, and r^2 = w^2 + eps^2. Where it turns
-round, they are so on the way to rest, w_1 = 0.
+with d the mean of what static friction adds between rest and w, and r^2 = w^2 + eps^2. Where the
+sliding reverses, they are those until rest, w_1 = 0.
 """
 
 from typing import NamedTuple
@@ -25,8 +25,8 @@ from ..parts import AbstractFriction
 
 
 class MeanFriction(NamedTuple):
-    """A coefficient of friction, the `direction` of the sliding, -1 to 1, and its `turn` with the
-    sliding speed [s/m]."""
+    """A coefficient of friction, the smoothed `direction` of the sliding, -1 to 1, and the
+    derivative `turn` of the direction in the sliding speed [s/m]."""
 
     of: Coefficient
     direction: Array
@@ -39,7 +39,7 @@ class MeanFriction(NamedTuple):
 
     @property
     def mu_slope(self) -> Array:
-        """That of the coefficient with the sliding speed [s/m]."""
+        """The slope of the coefficient with the sliding speed [s/m]."""
         return self.of.smooth_slope + self.of.near_rest_slope
 
     @property
@@ -49,13 +49,13 @@ class MeanFriction(NamedTuple):
 
     @property
     def slope(self) -> Array:
-        """That of the share [s/m]."""
+        """The slope of the share with the sliding speed [s/m]."""
         return -(self.mu_slope * self.direction + self.mu * self.turn)
 
 
 def mean_friction(friction: AbstractFriction, sliding: Array, smoothing: Smoothing) -> MeanFriction:
-    """In the mean from rest to a sliding speed; its direction is that at the speed itself, so that
-    a corner at rest has the friction that holds it."""
+    """The mean friction from rest to a sliding speed. The direction is that at the speed itself, so
+    that a corner at rest has the static friction that acts on it."""
     of = mean_coefficient(friction, sliding, smoothing)
     inverse = jax.lax.rsqrt(sliding * sliding + smoothing.slip_speed**2)
     turn = (smoothing.slip_speed * inverse) ** 2 * inverse
@@ -64,7 +64,7 @@ def mean_friction(friction: AbstractFriction, sliding: Array, smoothing: Smoothi
 
 class Start(NamedTuple):
     """A corner at a step's start: the sliding speed [m/s], the friction there as a `share` of the
-    normal force [1] with its `slope` [s/m], and in the mean on the way from there to rest."""
+    normal force [1] with its `slope` [s/m], and the mean friction between that speed and rest."""
 
     speed: Array
     share: Array
@@ -73,8 +73,8 @@ class Start(NamedTuple):
 
 
 def starts(mechanics: Mechanics, sliding: tuple[Array, ...]) -> tuple[Start | None, ...]:
-    """Of each contact, the first of which slide at these speeds [m/s]; `None` where there is no
-    friction, or no speed. They are the same for all of Newton's iterations."""
+    """The start of each contact. The first contacts slide at the speeds `sliding` [m/s]; the result
+    is `None` where there is no friction, or no speed. It is the same for all Newton iterations."""
     smoothing = mechanics.fidelity.smoothing
     speeds = (*sliding, *[None] * (len(mechanics.frictions) - len(sliding)))
     return tuple(
@@ -88,10 +88,10 @@ def starts(mechanics: Mechanics, sliding: tuple[Array, ...]) -> tuple[Start | No
 
 
 class Corner(NamedTuple):
-    """The corner at the step's `start`, and at its end: the sliding speed `after` [m/s], the
-    friction as a `share` of the normal force [1] with its `slope` [s/m], and that in the mean on
-    the way from rest (`end`); and what friction of mu = 1 changes the sliding by in a whole step
-    [m/s], and eps [m/s]."""
+    """A corner over a step: at its `start`; at its end the sliding speed `after` [m/s], the
+    friction as a `share` of the normal force [1], the `slope` of that [s/m], and the mean friction
+    between rest and that speed, `end`; `gain` [m/s], the change of the sliding speed by friction of
+    mu = 1 in a whole step; and eps [m/s]."""
 
     start: Start
     after: Array
@@ -102,45 +102,48 @@ class Corner(NamedTuple):
     eps: float
 
 
-class Counted(NamedTuple):
-    """What is counted of friction, as a `share` of the normal force [1], and its `slope` with the
-    sliding speed [s/m]."""
+class MeanShare(NamedTuple):
+    """A friction that enters the step's equations, as a `share` of the normal force [1], and the
+    `slope` of that with the sliding speed [s/m]."""
 
     share: Array
     slope: Array
 
 
-def passed(corner: Corner) -> tuple[Array, MeanFriction]:
-    """Whether the sliding speed changes at all, and the coefficient in its mean as it goes straight
-    from one end of the step to the other, with the direction at the end. What static friction adds
-    is a quotient of differences, of numbers that far from rest do not go with the speed: so it has
-    no roundings of theirs. Where the speed does not change, the end tells instead."""
+def mean_over_step(corner: Corner) -> tuple[Array, MeanFriction]:
+    """Whether the sliding speed changes in the step; and, where it does, the mean coefficient over
+    a speed that changes linearly, with the direction at the end.
+
+    What static friction adds is a quotient of differences of numbers that tend to constants far
+    from rest, and the smooth part is a plain mean. So round-off of the smooth part is not divided
+    by a small change of the speed.
+    """
     before, after = corner.start.speed, corner.after
     here, there = corner.start.mean.of, corner.end.of
     change = after - before
-    some = jnp.abs(change) > 1e-4 * corner.eps
-    change = jnp.where(some, change, 1.0)
+    changes = jnp.abs(change) > 1e-4 * corner.eps
+    change = jnp.where(changes, change, 1.0)
     near_rest = (after * there.near_rest - before * here.near_rest) / change
     slope = (there.near_rest + after * there.near_rest_slope - near_rest) / change
     smooth = 0.5 * (here.smooth + there.smooth)
     mean = Coefficient(smooth, 0.5 * there.smooth_slope, near_rest, slope)
-    return some, corner.end._replace(of=mean)
+    return changes, corner.end._replace(of=mean)
 
 
-def straight(corner: Corner) -> Counted:
-    """Twice the mean friction of a corner whose sliding speed goes straight from one end of the
-    step to the other, or to rest where it turns round."""
+def linear_mean(corner: Corner) -> MeanShare:
+    """Twice the mean friction of a corner whose sliding speed changes linearly from one end of the
+    step to the other, or to rest where it reverses."""
     before, eps = corner.start.speed, corner.eps
     turns = before * corner.after < 0
     after = jnp.where(turns, 0.0, corner.after)
-    some, end = passed(corner._replace(after=after))
-    # The mean of w / sqrt(w^2 + eps^2), which goes with the root.
-    both = jnp.sqrt(before * before + eps * eps) + jnp.sqrt(after * after + eps * eps)
-    direction = (before + after) / both
-    turn = jnp.where(turns, 0.0, (1 - direction * end.direction) / both)
-    falls = jnp.where(turns, 0.0, end.of.near_rest_slope)
-    mean = MeanFriction(end.of._replace(near_rest_slope=falls), direction, turn)
-    return Counted(
-        jnp.where(some, 2 * mean.share, corner.start.share + corner.share),
-        jnp.where(some, 2 * mean.slope, corner.slope),
+    changes, end = mean_over_step(corner._replace(after=after))
+    # The mean of w / sqrt(w^2 + eps^2), the derivative of the root.
+    sum_of_sizes = jnp.sqrt(before * before + eps * eps) + jnp.sqrt(after * after + eps * eps)
+    direction = (before + after) / sum_of_sizes
+    turn = jnp.where(turns, 0.0, (1 - direction * end.direction) / sum_of_sizes)
+    fall_slope = jnp.where(turns, 0.0, end.of.near_rest_slope)
+    mean = MeanFriction(end.of._replace(near_rest_slope=fall_slope), direction, turn)
+    return MeanShare(
+        jnp.where(changes, 2 * mean.share, corner.start.share + corner.share),
+        jnp.where(changes, 2 * mean.slope, corner.slope),
     )

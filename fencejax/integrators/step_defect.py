@@ -1,14 +1,15 @@
-"""The defect of a step: how far the contact forces inside it are from the straight lines that the
-step is built on.
+"""The defect of a step: the distance of the contact forces inside it from the straight lines that
+the step is built on.
 
-A step takes each contact force as linear in time, and all else follows exactly or to the same
-order. So the error that a step adds is made by what the contact law says inside it, less that line:
+A step takes each contact force as linear in time; everything else follows exactly or to the same
+order. So the error of a step comes from the difference between the contact law inside the step and
+that line:
 
     d = max over theta of |law(D(theta), Ddot(theta)) - (N_0 + theta (N_1 - N_0))|.
 
 D(theta) is the step's own dense output: the modes and the residual mode advance exactly to theta h
-under the linear force, and the rest of the gap is smooth. Two inner points, a quarter and a half of
-the step, see deviations of even and of odd shape; their maps are those of shorter steps.
+under the linear force, and the rest of the gap is smooth. Two inner points, at a quarter and at a
+half of the step, see deviations of even and of odd shape. Their maps are those of shorter steps.
 """
 
 from typing import NamedTuple
@@ -32,12 +33,12 @@ from .pad_response import PadEnd
 from .step_size import Stride
 
 INNER = (0.25, 0.5)
-"""The points of a step [1] at which the contact law is asked."""
+"""The points of a step [1] at which the contact law is evaluated."""
 
 
 class Pair(NamedTuple):
-    """What makes a contact force: the contact law, its `viscosity` for the parcel, and the parcel's
-    `mass` [kg]; the friction of each contact, if it has any, and how it is smoothed."""
+    """The data of a contact force: the contact law, its `viscosity` for the parcel, and the
+    parcel's `mass` [kg]; the friction of each contact, if it has any, and how it is smoothed."""
 
     law: AbstractContactLaw
     viscosity: Array
@@ -66,10 +67,13 @@ def _smooth(
     high: tuple[Array, Array],
     bend: Array,
 ) -> tuple[Array, Array]:
-    """The rest of a gap and its rate inside a step, from both at its ends: the rate goes straight
-    but for `bend` [m/s], what a linear force makes of the parcel's. The gap follows the rates'
-    difference and not the rates: where the geometry is at its limits they are not quite the
-    derivative of the gap, and that is no defect of the step."""
+    """The smooth part of a gap and its rate inside a step, from their values at both ends.
+
+    The rate is linear but for `bend` [m/s], the effect of a linear force on the parcel's rate. The
+    gap follows from the difference of the rates and not from the rates themselves: where the
+    geometry is at its limits, these are not quite the derivative of the gap, which is no defect of
+    the step.
+    """
     (gap, gap_rate), (gap_after, rate_after) = low, high
     inner = 0.5 * theta * (1 - theta)
     turn = rate_after - gap_rate
@@ -79,8 +83,8 @@ def _smooth(
 
 
 class _Ringing(NamedTuple):
-    """What the modes, the residual mode and the cover give to the gap at a corner: their deflection
-    [m], and its rate [m/s]."""
+    """The part of the gap at a corner by the modes, the residual mode and the cover: their
+    deflection [m], and its rate [m/s]."""
 
     deflection: Array
     rate: Array
@@ -92,7 +96,7 @@ def _ringing(
     residual: tuple[ResidualMode, ...],
     pads: tuple[PadState, ...],
 ) -> list[_Ringing]:
-    """At each corner, in the shapes of the step's end."""
+    """This part of the gap at each corner, by the mode shapes at the step's end."""
     found = []
     for k, shape in enumerate(fence.shapes):
         deflection = dot(shape.deflection, vibration.amplitude)
@@ -116,7 +120,7 @@ def _ringing(
 def _inside(
     fence: FenceEnd, before: FenceState, after: FenceState, inner: Stride, theta: float
 ) -> list[_Ringing]:
-    """At each corner at theta, to which a step of the length `inner` leads."""
+    """This part of the gap at each corner at theta h, the end of the shorter step `inner`."""
     load = tuple(
         start + theta * (end - start)
         for start, end in zip(before.modal_force, after.modal_force, strict=True)
@@ -137,9 +141,9 @@ def _inside(
 
 
 def share_defect(was: Ends, now: Ends) -> Array:
-    """How far the normal force of a contact [N] is from its line inside a step in which it begins
-    to end near the tip, or comes to its end there: by half of what that takes away, at most, as it
-    may do all of that in either half of the step."""
+    """Distance of a contact's normal force [N] from its line inside a step in which the contact
+    begins to end near the tip, or comes to its end there. It is at most half of what the end takes
+    away, as all of that may happen in either half of the step."""
     if was.share is None or now.share is None:
         return jnp.zeros_like(now.normal)
     kinks = (was.share != now.share) & (
@@ -156,12 +160,12 @@ def friction_defect(
     was: Ends,
     now: Ends,
 ) -> Array:
-    """How far the friction of a contact [N] is from its line inside a step, where the corner slides
-    at a speed that goes straight under a normal force that does.
+    """Distance of a contact's friction [N] from its line inside a step, with a sliding speed and a
+    normal force that are linear in time.
 
-    Friction bends where the corner comes to rest, and where it falls from static to kinetic, by a
-    curve that may be as much above its line as below. So two points tell: half way from rest to
-    either end, or a quarter from each.
+    Friction bends where the corner comes to rest, and where it falls from static to kinetic, and
+    that curve may be as much above its line as below. So two points are evaluated: half way from
+    rest to either end, or a quarter from each end.
     """
     assert was.sliding is not None
     assert now.sliding is not None
@@ -194,10 +198,10 @@ def defects(
     before: FenceState | None,
     after: FenceState | None,
 ) -> list[Array]:
-    """The defect of each contact [N], of a step of the `length` [s] from `was` to `now`.
+    """The defect of each contact [N] for a step of the `length` [s] from `was` to `now`.
 
-    `pair` is what meets; `strides` are the steps that lead to the points of `INNER`; the fence, if
-    any, goes from the state `before` to the state `after`.
+    `pair` is what makes the contact forces; `strides` are the steps that lead to the points of
+    `INNER`; the fence, if any, goes from the state `before` to the state `after`.
     """
     first = last = []
     inside: list[list[_Ringing]] = [[] for _ in INNER]

@@ -1,4 +1,4 @@
-"""What a step hands on to the next one."""
+"""The state that a step hands on to the next one."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from .step_size import StepSize, stride_counts
 
 
 class Leans(NamedTuple):
-    """How a corner loads the fence: now, one step back, and as it was foreseen for now."""
+    """How a corner loads the fence: now, one step back, and as predicted for now."""
 
     now: Lean
     before: Lean
@@ -24,21 +24,26 @@ class Leans(NamedTuple):
 class Memory(NamedTuple):
     """The state of the integrator at a sample.
 
-    `body` is where the forces at the sample are those of; `way` (x, y [m], angle [rad]) how much
-    further the parcel has gone by friction on corners (`friction_turn.way`), absent without it;
-    `fence` holds the vibration, its modal forces, the rates of the loads that the modes left out
-    carry and their residual mode, and nothing else; `before` is the acceleration and
-    `normals_before` the forces one step back, for the first guess alone; `normals_still` those of
-    still surfaces that have friction;
-    `drifts`, under error control, is how much faster [m/s] each corner's foot moves along the fence
-    than the corner does: steps of different lengths must find the same foot;
-    `held` is the acceleration by the frictions that hold a corner, by the weights `sticking`, both
-    absent without friction; `gone` is 1 for a corner that has left over the tip. Where the tip may
-    carry a contact, `leans` say how each corner loads the fence.
+    - `body`: the position at which the forces at the sample are computed;
+    - `extra_motion` (x, y [m], angle [rad]): what friction on corners that come to rest within the
+      step adds to the parcel's displacement (`friction_turn`), `None` without friction;
+    - `acceleration`, at the sample, and `before`, one step back;
+    - `fence`: the vibration, its modal forces, the rates of the loads that the modes left out carry
+      and their residual mode, and nothing else;
+    - `places`, `sliding`: the corners' feet on the fence [m] and their sliding speeds [m/s];
+    - `drifts`, under error control: how much faster [m/s] each corner's foot moves along the fence
+      than the corner does, so that steps of different lengths find the same foot;
+    - `normals` and `normals_before`: the normal forces at the fence [N] now and one step back;
+      like `before`, the latter serves the first guess alone;
+    - `normals_still`: those at still surfaces that have friction;
+    - `sticking_acceleration`: the parcel's acceleration by static friction at sticking corners,
+      each weighted by `sticking` [1]; both empty without friction;
+    - `gone`: 1 for a corner that has left over the tip;
+    - `leans`: how each corner loads the fence, where the tip may carry a contact.
     """
 
     body: Body
-    way: Acceleration | None
+    extra_motion: Acceleration | None
     acceleration: Acceleration
     before: Acceleration
     fence: FenceState | None
@@ -48,7 +53,7 @@ class Memory(NamedTuple):
     normals: tuple[Array, ...]
     normals_before: tuple[Array, ...]
     normals_still: tuple[Array | None, ...]
-    held: Acceleration | None
+    sticking_acceleration: Acceleration | None
     sticking: tuple[Array, ...]
     gone: tuple[Array, ...]
     leans: tuple[Leans, ...]
@@ -56,11 +61,11 @@ class Memory(NamedTuple):
 
     @property
     def parcel(self) -> Body:
-        """Where the next step begins."""
-        body, way = self.body, self.way
-        if way is None:
+        """The parcel at the start of the next step."""
+        body, extra = self.body, self.extra_motion
+        if extra is None:
             return body
-        return body._replace(x=body.x + way.x, y=body.y + way.y, angle=body.angle + way.angle)
+        return body._replace(x=body.x + extra.x, y=body.y + extra.y, angle=body.angle + extra.angle)
 
     @classmethod
     def at_rest(
@@ -87,20 +92,20 @@ class Memory(NamedTuple):
                 for k in mechanics.fence_corners
             )
             fence = FenceState.unloaded(mechanics.link, vibration, len(places))
-        none = tuple(zero for _ in places)
+        zeros = tuple(zero for _ in places)
         still = Acceleration(zero, zero, zero)
         upright = Lean(zero + 1, zero)
         leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
         size = StepSize(zero, zero + 1) if stride_counts(mechanics.fidelity)[-1] > 1 else None
         if mechanics.fidelity.step_tolerance is not None:
             size = StepSize(zero, zero + 1, Control.start(mechanics.frictions, len(places), zero))
-        sticking = tuple(zero for _ in range(friction_tangent.count(mechanics)))
-        held = way = still if sticking else None
-        drifts = () if mechanics.fidelity.step_tolerance is None else none
-        rubbing = tuple(
+        sticking = tuple(zero for _ in range(friction_tangent.corner_count(mechanics)))
+        at_rest = still if sticking else None
+        drifts = () if mechanics.fidelity.step_tolerance is None else zeros
+        normals_still = tuple(
             None if friction is None else zero for friction in mechanics.frictions[len(places) :]
         )
         return cls(
-            body, way, still, still, fence, places, none, drifts, none, none, rubbing, held,
-            sticking, none, leans, size,
+            body, at_rest, still, still, fence, places, zeros, drifts, zeros, zeros, normals_still,
+            at_rest, sticking, zeros, leans, size,
         )  # fmt: skip

@@ -1,6 +1,8 @@
-"""The lengths of steps: what advances with a step of each length, and how long the next one may be:
-long in free flight and where forces change smoothly, one step where something is about to touch,
-to part or to turn round."""
+"""The lengths of steps: the maps over a step of each length, and how long the next step may be.
+
+Steps are long in free flight and where forces change smoothly. They are one unit of the clock where
+a contact is about to begin or end, or sliding to reverse.
+"""
 
 import math
 from typing import Any, NamedTuple
@@ -16,12 +18,14 @@ from ..parts import AbstractTorqueDrive
 
 
 class Stride(NamedTuple):
-    """A step of one length: `length` h [s] and `rate` 1 / h [1/s]; the modes' exact maps over it;
-    of the load that the modes left out carry, exp(-h / lag) [1] and (1 - exp(-h / lag)) / h [1/s];
-    and the same of the fence's cover and of its clutch (`None` without one).
+    """The numbers of a step of one length: its `length` h [s] and `rate` 1 / h [1/s]; the modes'
+    exact maps over it; for the load that the modes left out carry, exp(-h / lag) [1] and (1 -
+    exp(-h / lag)) / h [1/s]; and the same two for the fence's cover and for its clutch (`None`
+    without one).
 
-    A scene begins with a step of no length: nothing moves in it and the forces come out that belong
-    to the state. Its `rate` is 0, and the modes left out carry the contact forces without lag.
+    A scene begins with a step of length 0, in which nothing moves: it computes the forces that
+    belong to the state. Its `rate` is 0, and the modes left out carry the contact forces without
+    lag.
     """
 
     length: Array
@@ -36,18 +40,19 @@ class Stride(NamedTuple):
 
     @property
     def begins(self) -> Array:
-        """Whether this is the step of no length."""
+        """Whether this is the step of length 0."""
         return self.length == 0
 
 
 class Clock(eqx.Module):
-    """The start time [s] on the drive's clock, the strides, one a row of a `table` (one lookup a
-    step finds all their numbers), and the most Newton iterations.
+    """The start time [s] on the drive's clock, the strides and the largest number of Newton
+    iterations. The numbers of each stride are one row of the `table`, so that one lookup a step
+    finds them all.
 
-    `counts` is how many steps [1] each stride stands for: none, one and, where the fidelity allows
-    longer ones, the powers of two up to the longest. Under error control a step is the shortest
-    one, and `unit` of them make one of `Fidelity.step`; a half and a quarter of the shortest one
-    are there for the points inside it. Otherwise the `unit` is 1.
+    `counts` are the lengths of the strides in the clock's steps [1]: none, one and, where the
+    fidelity allows longer ones, the powers of two up to the longest. Under error control the
+    clock's step is the shortest one, and `unit` of them make one of `Fidelity.step`; there are also
+    strides of a half and a quarter of it for the points inside a step. Otherwise the `unit` is 1.
     """
 
     start: Array
@@ -105,7 +110,7 @@ class Clock(eqx.Module):
         self.table = jnp.concatenate([leaf.reshape(len(self.counts), -1) for leaf in leaves], 1)
 
     def stride(self, count: Array) -> Stride:
-        """The stride of so many steps [1]."""
+        """The stride of `count` steps [1]."""
         kind = sum((count >= each).astype(jnp.uint32) for each in self.counts[1:])
         row = jax.lax.dynamic_index_in_dim(self.table, kind, keepdims=False)
         leaves, at = [], 0
@@ -127,39 +132,40 @@ class Clock(eqx.Module):
 
 
 def _lagged(lag: Array, lengths: list[Array], zero: Array) -> tuple[Array, Array]:
-    """exp(-h / lag) [1] and (1 - exp(-h / lag)) / h [1/s] of no step and of steps of the
-    `lengths` h [s]."""
+    """exp(-h / lag) [1] and (1 - exp(-h / lag)) / h [1/s] for h = 0 and for the `lengths` h [s]."""
     decay = [zero + 1, *(relaxation(lag, h) + zero for h in lengths)]
     gain = [zero, *((1 - d) / h for d, h in zip(decay[1:], lengths, strict=True))]
     return jnp.stack(decay), jnp.stack(gain)
 
 
 def is_whole(end: Array, count: Array | float) -> Array:
-    """Whether a time [1] is a multiple of so many of the clock's steps, a power of two."""
+    """Whether the time `end` is a multiple of `count`, a power of two, both in the clock's steps
+    [1]."""
     return jnp.floor(end / count) * count == end
 
 
 def units(fidelity: Fidelity) -> int:
-    """How many of a clock's steps [1] make one of `Fidelity.step`."""
+    """The number of a clock's steps in one of `Fidelity.step`."""
     return 1 if fidelity.step_tolerance is None else 2**fidelity.halvings
 
 
 def stride_counts(fidelity: Fidelity) -> tuple[float, ...]:
-    """How many steps [1] each of a clock's strides stands for, of a settled fidelity."""
+    """The lengths of a clock's strides in its steps [1], for a fidelity whose settings are all
+    numbers."""
     assert fidelity.longest_stride is not None
     longest = fidelity.longest_stride.bit_length()
     if fidelity.step_tolerance is None:
         return (0, *(2**k for k in range(longest)))
     return (0, 0.25, 0.5, *(2**k for k in range(fidelity.halvings + longest)))
 
-# What the rate of a gap may change by in free flight [m/s^2]: the drive's swing, friction and the
-# ringing of the fence, with room to spare.
+# Bound on the acceleration of a gap in free flight [m/s^2], by the drive's swing, friction and the
+# vibration of the fence, with a margin.
 _CHANGE = 50.0
 
 
 class StepSize(NamedTuple):
-    """How many of the clock's steps [1] the `last` step stood for, and the `next` one may; and what
-    the error control carries along, if steps follow one (`fencejax.integrators.step_control`)."""
+    """The lengths of the `last` step and of the `next` one, at most, in the clock's steps [1]; and
+    the state of error control, if there is one (`fencejax.integrators.step_control`)."""
 
     last: Array
     next: Array
@@ -174,14 +180,16 @@ def next_step_size(
     forces: Forces,
     normals_before: tuple[Array, ...],
 ) -> StepSize:
-    """How many steps [1] the next one may stand for, after one that stood for `last`.
+    """The largest length of the next step after one of the length `last`, in the clock's steps [1].
 
-    - The forces are expected to leave their straight continuation by no more than
-      `Fidelity.stride_tolerance`: they left it by `jump` [1], relative to their size, over the last
-      step, which grows with the square of the length. The next step is at most twice the last one.
-    - A corner that is free stays free: D + 3 |Ddot| h + a h^2 / 2 < 0, or it stays off the fence.
-    - A corner at the fence that is being let go is not gone by the end of the step.
-      `normals_before` are the forces of the fence [N] one step back.
+    - The forces are expected to leave their linear extrapolation by no more than
+      `Fidelity.stride_tolerance`. Over the last step they left it by `jump` [1], relative to their
+      size, and this grows with the square of the length. The next step is at most twice as long as
+      the last one.
+    - A corner without contact has none within the step either: D + 3 |Ddot| h + a h^2 / 2 < 0, or
+      it stays beyond the ends of the fence.
+    - A corner whose normal force at the fence falls still has one at the end of the step.
+      `normals_before` are the forces at the fence [N] one step back.
     """
     tolerance, longest = mechanics.fidelity.stride_tolerance, jnp.maximum(last, 1.0)
     best = jnp.full_like(last, clock.unit)
@@ -208,8 +216,8 @@ def next_step_size(
             free = reach < 0
             if k < len(forces.fence):
                 slide = 3 * jnp.abs(corner.sliding) * length
-                near, far = _span(mechanics, k)
-                free = free | (corner.place - slide > far) | (corner.place + slide < near)
+                begin, end = _span(mechanics, k)
+                free = free | (corner.place - slide > end) | (corner.place + slide < begin)
             stays = corner.normal + 2 * count * change > 0
             fine = fine & jnp.where(corner.normal > 0, stays, free)
         best = jnp.where(fine, float(count), best)
@@ -217,10 +225,10 @@ def next_step_size(
 
 
 def _span(mechanics: Mechanics, k: int) -> tuple[float, Array]:
-    """Between which arc coordinates [m] the k-th corner at the fence can meet it. A corner further
-    beyond the tip than its side is long cannot have the tip on that side."""
+    """The arc coordinates [m] between which the k-th corner at the fence can meet it. A corner that
+    is further beyond the tip than its side is long cannot have the tip on that side."""
     assert mechanics.link is not None
     fade = mechanics.fidelity.tip_fade
     side = mechanics.sides.get(mechanics.fence_corners[k], 0.0)
-    far = mechanics.link.reach + fade + side
-    return -fade, far if mechanics.edge_radius is None else far + mechanics.edge_radius
+    end = mechanics.link.reach + fade + side
+    return -fade, end if mechanics.edge_radius is None else end + mechanics.edge_radius

@@ -1,9 +1,9 @@
-"""Integration by this package's own solver: a step that diffrax could take too, stepped by hand.
+"""Integration by this package's own solver, in loops of its own.
 
-Its clock counts steps, so that it is exact and the same for every lane of a batch whatever the
-lane's own start time. Where all steps are of one length their number is known beforehand, and a
-plain scan runs them; where free flight is taken in longer ones, a loop that ends when the last
-sample is reached. The private types that diffrax asks of a solver are met here and nowhere else.
+Its clock counts steps, so that times are exact and the same for every lane of a batch whatever the
+lane's own start time. Where all steps have one length their number is known beforehand, and a plain
+scan runs them. Where steps have several lengths, a loop runs until the last sample is reached. The
+step can be run by diffrax as well (`as_diffrax`).
 """
 
 import itertools
@@ -32,8 +32,8 @@ def as_diffrax(advance: Callable[[Any, Any, Any, Any], Any]) -> tuple[Any, Any]:
     import diffrax
 
     class Scene(diffrax.AbstractTerm):
-        """The scene as a whole. The solver knows its structure and asks for no vector field: what
-        diffrax wants to see of one is the state itself."""
+        """The scene as a whole. The solver needs no vector field; where diffrax evaluates one, it
+        gets the state itself."""
 
         def vf(self, t, y, args):
             return y
@@ -79,15 +79,15 @@ def run_steps(
     fidelity: Fidelity,
     clock: Clock | None = None,
 ):
-    """Run over `steps` steps, from a first one of no length.
+    """Run over `steps` steps, after a first one of length 0.
 
     **Arguments:**
 
     - `advance`: the one-step map `(args, y, t0, t1) -> y`; times are counted in steps.
     - `begin`: the state before anything; all its leaves are floating-point scalars or vectors.
-    - `sample`: what of a state to keep at each step, or `None`.
-    - `clock`: where its steps are of several lengths, the state is a pair of a memory and a record,
-      and `memory.step_size` says how long the next step is to be and whether the last one is good.
+    - `sample`: the part of a state to keep at each step, or `None`.
+    - `clock`: where its steps have several lengths, the state is a pair of a memory and a record;
+      `memory.step_size` has the length of the next step and whether the last one is accepted.
 
     Returns the last state and the samples: `steps` + 1 of them, the last one repeated where longer
     steps have left room.
@@ -104,8 +104,8 @@ def run_steps(
     def step(y, begins, ends):
         return trip(y, (begins, ends, args))
 
-    # One row of numbers a step: XLA fuses several buffers into one kernel, which then writes all of
-    # them out anew at every step.
+    # All numbers of a step go into one row: with several buffers, XLA makes one kernel that writes
+    # each buffer as a whole at every step.
     def row(y):
         leaves = [] if sample is None else jax.tree.leaves(sample(y))
         return jnp.concatenate([jnp.ravel(leaf) for leaf in leaves]) if leaves else None
@@ -151,8 +151,8 @@ def _checkpoints(steps: int, unit: int) -> int:
 
 
 def _settled(old, new):
-    """The state after a trial under error control, which is the `old` one but for the next step's
-    length where the trial is rejected, and whether it is accepted."""
+    """The state after a trial under error control, and whether the trial is accepted. Where it is
+    rejected, this is the `old` state with the next step's length."""
     accepted = new[0].step_size.control.accepted > 0
     memory, record = jax.tree.map(lambda a, b: jnp.where(accepted, b, a), old, new)
     size = memory.step_size._replace(next=new[0].step_size.next)
@@ -162,7 +162,8 @@ def _settled(old, new):
 def _run_adaptively(step, begin, clock: Clock, row, steps: int, reverse: bool):
     first = jax.tree.leaves(begin)[0]
     zero = jnp.zeros_like(first)
-    # The counters below are one a lane as soon as their loop has begun: so they are from the start.
+    # The loop makes the counters below one a lane; they are so from the start, as the types of its
+    # carry must not change.
     if not reverse:
         zero = one_a_lane(zero, first)
     unit, total = clock.unit, steps * clock.unit
@@ -185,8 +186,9 @@ def _run_adaptively(step, begin, clock: Clock, row, steps: int, reverse: bool):
             end = jnp.where(accepted, end, now)
             went = jnp.where(accepted & is_whole(end, unit), 1.0, 0.0)
         if saved is not None:
-            # What is no sample goes into a last row that nobody reads: reverse mode gives every
-            # write into a row the derivative of that row, not of the last write alone.
+            # A step that is no sample writes into an extra row that is never read: reverse mode
+            # would give every write into a row the derivative of that row, not the last write
+            # alone.
             place = jnp.where(went > 0, taken, steps + 1.0)
             saved = saved.at[place.astype(jnp.int32)].set(row(new))
         return new, end, taken + went, saved
@@ -211,7 +213,7 @@ def _run_adaptively(step, begin, clock: Clock, row, steps: int, reverse: bool):
 
 
 def unmet(memory: Any) -> Array | None:
-    """Whether the steps that led to a memory missed more than the error control tolerates."""
+    """Whether the errors of the steps before a memory exceed those that error control tolerates."""
     size = memory.step_size
     return None if size is None or size.control is None else size.control.unmet
 
@@ -224,10 +226,10 @@ def modal(
     observer: Observer,
     history: bool,
 ) -> tuple[Any, Any, Array | None]:
-    """Integrate a scene by the package's own solver. Returns the observer's record, if asked for
-    what it saved at every sample, and whether the steps missed more than is tolerated (`None`
-    without error control)."""
-    # Traced once, however often the loop and the transformations around it look at the step.
+    """Integrate a scene by the package's own solver. Returns the observer's record, the values that
+    it saves at every sample if `history` is set, and whether the steps' errors exceed the tolerated
+    ones (`None` without error control)."""
+    # Traced once, however often the loop and the transformations around it call the step.
     step = jax.jit(modal_step.step)
 
     def advance(args, y, begins, ends):

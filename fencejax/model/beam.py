@@ -22,7 +22,7 @@ _GAUSS_POINTS = 10
 
 
 class BeamTables(NamedTuple):
-    """What the simulation needs of the clamped flexible link, dimensionless.
+    """The tables of the clamped flexible link for a simulation, dimensionless.
 
     n elements, m modes; the shapes are mass-normalised, positive at the tip; node 0 is the root.
     """

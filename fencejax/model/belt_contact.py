@@ -24,9 +24,9 @@ class BeltForce(NamedTuple):
 
 
 class BeltSlip(NamedTuple):
-    """Slip on the belt: the velocity (x, y) relative to it [m/s], where what it carries has its
-    middle, and c phidot [m/s]; c [m], and by how much that middle is behind C_s across the belt,
-    `lever` [m], `None` where it is under C_s."""
+    """Slip on the belt: the velocity (x, y) [m/s] relative to it at the middle of the pressure
+    under the parcel, and c phidot [m/s]; c [m]; and the distance of that middle behind C_s across
+    the belt, `lever` [m], `None` where it is under C_s."""
 
     x: Array
     y: Array
@@ -41,8 +41,9 @@ class BeltSlip(NamedTuple):
 
 
 class BeltDefect(NamedTuple):
-    """Of the belt's friction inside a step: how far it is from its line, and that friction itself,
-    both squared [N^2]; and how steeply it falls at most as the slip grows, `fall` [N s/m]."""
+    """The defect of the belt's friction inside a step: `off`, its distance from its line, and
+    `most`, that friction itself, both squared [N^2]; and the steepest `fall` of friction as the
+    slip grows [N s/m]."""
 
     off: Array
     most: Array
@@ -66,13 +67,13 @@ class BeltContact(eqx.Module):
 
     @classmethod
     def of(cls, belt: Belt, parcel: Parcel) -> "BeltContact":
-        """Of a parcel on a belt."""
+        """The contact of a parcel with a belt."""
         edge = BeltEdge(belt, parcel) if belt.edge else None
         weight = parcel.mass * belt.gravity
         return cls(belt.speed, belt.friction, weight, parcel.mean_distance, edge)
 
     def slip(self, body: Body) -> BeltSlip:
-        """On the belt."""
+        """The slip on the belt."""
         return self._carried(body)[0]
 
     def _carried(self, body: Body) -> tuple[BeltSlip, Array]:
@@ -85,7 +86,7 @@ class BeltContact(eqx.Module):
         return BeltSlip(x + lever * body.spin, y, arm * body.spin, arm, lever), weight
 
     def grip(self, body: Body, square: Array, smoothing: Smoothing) -> tuple[Array, Array]:
-        """What `belt_grip` gives of a parcel that slips at a speed of that `square` [m^2/s^2]."""
+        """`belt_grip` of a parcel whose squared slip is `square` [m^2/s^2]."""
         return belt_grip(self.friction, self._carried(body)[1], square, smoothing)
 
     def force(self, body: Body, smoothing: Smoothing) -> tuple[BeltForce, tuple[Array, Array]]:
@@ -99,13 +100,13 @@ class BeltContact(eqx.Module):
         return BeltForce(-grip * x, -grip * y, moment, grip * square), (grip, bend)
 
     def defect(self, smoothing: Smoothing, was: Body, now: Body) -> BeltDefect:
-        """How far the friction is from its line inside a step, where the slip goes straight; a
+        """The distance of the friction from its line inside a step in which the slip is linear; a
         moment counts as a force at the distance c.
 
-        It turns with the slip, where that passes near rest, and falls from static to kinetic by a
-        curve that may be as much above its line as below. So two points tell, half way from rest
-        to either end, or a quarter from each: at theta the slip is (1 - theta) s_0 + theta s_1,
-        friction g s, and what it differs from its line by
+        Friction turns with the slip where that passes near rest, and falls from static to kinetic,
+        and this curve may be as much above its line as below. So it is evaluated at two points,
+        half way from rest to either end, or a quarter from each. At theta the slip is (1 - theta)
+        s_0 + theta s_1, friction g s, and its distance from the line
 
             (1 - theta) (g - g_0) s_0 + theta (g - g_1) s_1.
         """

@@ -1,12 +1,12 @@
-"""The belt's edge under the parcel: what of it the belt still carries, and where.
+"""The belt's edge under the parcel: the weight that the belt still carries, and where.
 
 While C_s is above the belt, by d inside the edge, the part of the parcel that lies on it carries
-the whole weight. The resultant of its pressure is under C_s, as the weight's moment asks: here the
-pressure is uniform over the part of the rectangle that is within d of C_s across the belt, on
-either side. Of all uniform pressures none else balances and presses nowhere beyond the edge; the
-linear one without tension has a mean distance c of the points that carry larger by 5 % at most. So
-F <= mu_1 m_p g stays as it is, and c falls from the rectangle's to a quarter of the edge's length
-inside it.
+the whole weight. The resultant of the pressure must be under C_s, to balance the weight's moment.
+Here the pressure is uniform over the part of the rectangle that is within d of C_s across the belt,
+on either side. No other uniform pressure balances the weight without pressing beyond the edge; the
+linear one without tension has a mean distance c of the carrying points that is larger by at most 5
+%. So F <= mu_1 m_p g is unchanged, and c falls from the rectangle's to a quarter of the edge's
+length inside it.
 
 Beyond, the parcel begins to tip about the edge. A body that turns about a line at the distance
 delta from its centre of gravity, from rest, presses on it with
@@ -14,10 +14,10 @@ delta from its centre of gravity, from rest, presses on it with
     m_p g k^2 / (k^2 + delta^2),
 
 k its radius of gyration, for which that about the vertical axis is taken, sqrt(I_p / m_p). The belt
-carries that at the foot E of C_s on the edge, with the pressure uniform along the edge as far as it
-is inside the rectangle on both sides of E: u is the velocity at E, and the moment of the force
-about C_s has the arm delta. It ends as this part of the edge does. That the parcel is tilted by
-then, and what takes it up in the chute, is not modelled.
+carries this at the foot E of C_s on the edge, with a pressure that is uniform along the edge as far
+as it is inside the rectangle on both sides of E: u is the velocity at E, and the moment of the
+force about C_s has the arm delta. The force ends where this part of the edge ends. That the parcel
+is tilted by then, and the support by the chute, are not modelled.
 """
 
 from typing import NamedTuple
@@ -30,16 +30,16 @@ from ..parts import Belt, Parcel
 from ..scenes import Body
 from .contact import fade
 
-# Least distance of C_s to the edge [m] and least sine between the parcel's sides and the edge: what
-# is nearer is as good as on it, or parallel.
+# Least distance of C_s to the edge [m], and least sine between the parcel's sides and the edge.
+# Smaller values are taken as these.
 _NEAR, _PARALLEL = 1e-5, 1e-9
-# Half the length of the edge [m] under the parcel below which what it carries ends.
+# Half the length of the edge under the parcel [m] over which its load ends.
 _LAST = 0.02
 
 
 class Carried(NamedTuple):
-    """What the belt carries: the `weight` [N], the mean distance c [m] of what presses from its
-    middle, and by how much this is behind C_s across the belt, `lever` [m]."""
+    """The load on the belt: the `weight` [N], the mean distance c [m] of the pressing points from
+    their middle, and the distance of this middle behind C_s across the belt, `lever` [m]."""
 
     weight: Array
     mean_distance: Array
@@ -81,8 +81,8 @@ def strip_mean_distance(length: Array, breadth: Array, angle: Array, half_width:
 
 class BeltEdge(eqx.Module):
     """The edge of a belt of the `width` s [m] under a rectangle of `length` and `breadth` [m], with
-    the mean distance c [m] of the whole, what its own integral says that to be if C_s is in its
-    middle, `centred` [m], and the square of its radius of gyration [m^2]."""
+    the mean distance c [m] of the whole rectangle, the same for a C_s in its middle, `centred` [m],
+    and the square of its radius of gyration [m^2]."""
 
     width: Array
     length: Array
@@ -100,8 +100,8 @@ class BeltEdge(eqx.Module):
         self.gyration = parcel.inertia / parcel.mass
 
     def carried(self, body: Body, weight: Array) -> Carried:
-        """What of the `weight` m_p g [N] the belt carries. A C_s that is not in the rectangle's
-        middle is taken to be there, but for c of the whole rectangle."""
+        """The part of the `weight` m_p g [N] that the belt carries. C_s is taken to be in the
+        rectangle's middle, except for c of the whole rectangle."""
         inside = self.width - body.y
         beyond = jnp.maximum(-inside, 0.0)
         # Half of the edge inside the rectangle, on the shorter side of E.

@@ -1,4 +1,4 @@
-"""Where a contact force ends: at the ends of a surface."""
+"""The end of a contact force at the ends of a surface."""
 
 import jax.numpy as jnp
 from jaxtyping import Array

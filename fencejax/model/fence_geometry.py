@@ -1,4 +1,4 @@
-"""Where a point of the bent fence is, in the frame that turns with the rigid link.
+"""The position of a point of the bent fence, in the frame that turns with the rigid link.
 
 Three geometries: the paper's chain of chords; an arc, to the third order in the slope; and a small
 deflection normal to the straight line.
@@ -34,8 +34,8 @@ class FencePoint(NamedTuple):
 
 
 class Arc(NamedTuple):
-    """What the small-deflection geometry leaves out: points of a bent fence are nearer to the hinge
-    by `short` [m] and lower by `lower` [m], and their rates [m/s]."""
+    """The terms that the small-deflection geometry leaves out: points of a bent fence are nearer to
+    the hinge by `short` [m] and lower by `lower` [m]; and their rates [m/s]."""
 
     short: Array
     lower: Array
@@ -52,11 +52,11 @@ def small_point(place: Array, deflection: Array, rate: Array, slope: Array) -> F
 
 
 def arc(pairs: Sequence[Array], cube: Array, q: Sequence[Array], v: Sequence[Array]) -> Arc:
-    """How far an arc brings a point back and down, and how fast.
+    """The displacements of a point back and down by an arc, and their rates.
 
     `pairs` [1/m] are the integrals of phi_i' phi_j' / 2 from the root to the point, i <= j, and
     `cube` [1/m^2] that of phi_1'^3 / 6; `q` and `v` are the amplitudes [m] of the first modes and
-    their rates [m/s]. All of them count in the second order and the first one in the third.
+    their rates [m/s]. The second order includes all of them, the third order the first one.
     """
     short = short_rate = jnp.zeros_like(cube)
     at = 0

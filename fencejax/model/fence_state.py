@@ -1,4 +1,4 @@
-"""The fence at an instant: its vibration, the loads on it, and what the modes left out carry."""
+"""The fence at an instant: its vibration, the loads on it, and those on the modes left out."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,8 @@ from .vibration import Vibration
 
 
 def bending_loads(shares: tuple[Array, ...], normals: tuple[Array, ...]) -> tuple[Array, ...]:
-    """What of the contact forces [N] bends the fence [N]: their `shares` [1]; without any, all."""
+    """The parts of the contact forces [N] that bend the fence, `shares` [1] of them; by default
+    all."""
     if not shares:
         return normals
     return tuple(share * n for share, n in zip(shares, normals, strict=True))
@@ -41,7 +42,8 @@ class FenceState(NamedTuple):
     its modal forces, the shapes where it is loaded, the contact loads as the modes left out carry
     them (lagged force r [N] and its rate [N/s]), their residual mode under each, the `shares` [1]
     of the contact forces that bend it (empty where they do so whole), its cover under each
-    (empty without one), and its clutch (`None` without one)."""
+    (empty without one), its clutch (`None` without one), and the part of the modal forces by
+    friction at sticking corners, `sticking_load`."""
 
     drive: DriveMotion | None
     vibration: Vibration
@@ -53,11 +55,11 @@ class FenceState(NamedTuple):
     shares: tuple[Array, ...] = ()
     pads: tuple[PadState, ...] = ()
     clutch: ClutchState | None = None
-    held: Blocks | None = None
+    sticking_load: Blocks | None = None
 
     @classmethod
     def unloaded(cls, link: FlexibleLink, vibration: Vibration, places: int) -> "FenceState":
-        """What a first step needs to know of a fence without a load at any of its `places`."""
+        """The state for a first step, without a load at any of the `places`."""
         zero = jnp.zeros_like(link.mass_scale)
         rates = (zero,) * places if link.corrected else ()
         residual = tuple(ResidualMode(zero, zero) for _ in rates)
@@ -69,16 +71,16 @@ class FenceState(NamedTuple):
         return cls(None, vibration, still, (), (), rates, residual, (), pads, clutch)
 
     def loads(self, forces: Forces) -> tuple[Array, ...]:
-        """What of the contact forces bends the fence [N]."""
+        """The parts of the contact forces that bend the fence [N]."""
         return bending_loads(self.shares, tuple(meeting.contact.normal for meeting in forces.fence))
 
     def kept(self) -> "FenceState":
-        """What the next step needs to know."""
+        """The part of the state that the next step needs."""
         rates = self.lagged_rate if self.residual else ()
         force = self.modal_force
-        if self.held is not None:
-            force = tuple(f - held for f, held in zip(force, self.held, strict=True))
+        if self.sticking_load is not None:
+            force = tuple(f - load for f, load in zip(force, self.sticking_load, strict=True))
         return self._replace(
             drive=None, modal_force=force, shapes=(), lagged=(), lagged_rate=rates, shares=(),
-            held=None,
+            sticking_load=None,
         )  # fmt: skip

@@ -113,7 +113,7 @@ class FlexibleLink(eqx.Module):
             fence.stiffness_scale * self.length * block for block in blocks(tables.moment)
         )
         if self.hinge is not None and self.hinge.driven:
-            # A load at rest turns the hinge away: what it bends is that of the clamped modes.
+            # A static load turns the free hinge; the bending by it is that of the clamped modes.
             static = self.mass_scale * self.hinge.link.eigenvalues[None]
             flexibility = self.hinge.clamped_loads(clamped_moment / static)
             self.bending_flexibility = tuple(
@@ -132,7 +132,7 @@ class FlexibleLink(eqx.Module):
 
     @property
     def corrected(self) -> bool:
-        """Whether more gives way under a load than the modes."""
+        """Whether there is a compliance besides that of the modes kept."""
         return self.table.corrected or (self.section is not None and self.section.shear is not None)
 
     @property
@@ -161,8 +161,8 @@ class FlexibleLink(eqx.Module):
         return self.eigenvalues[int(free)]
 
     def motion(self, drive: DriveMotion, state: Vibration, force: Blocks = ()) -> DriveMotion:
-        """The drive's motion, or, where it is the hinge's that a torque drives, that of the `state`
-        under the modal forces [m/s^2]; without these, but for its acceleration."""
+        """The drive's motion; of a torque drive the hinge's motion in the `state` under the modal
+        forces [m/s^2]; without these, the acceleration is 0."""
         if self.hinge is None or not self.hinge.driven:
             return drive
         angle, speed = self.hinge.twist(state)
@@ -187,7 +187,7 @@ class FlexibleLink(eqx.Module):
         return propagator(stiffness, damping, steps)
 
     def inertia_force(self, drive: DriveMotion) -> Blocks:
-        """-p_i alpha'' [m/s^2]: what the swing of the root does to each mode."""
+        """-p_i alpha'' [m/s^2]: the modal forces by the swing of the root."""
         if self.hinge is not None and drive.torque is not None:
             return tuple(a * drive.torque for a in blocks(self.hinge.driving))
         return tuple(-p * drive.acceleration for p in self.swing)
@@ -247,8 +247,8 @@ class FlexibleLink(eqx.Module):
         )
 
     def followed(self, shape: Shape, amplitude: Blocks) -> Shape:
-        """The shape as a force loads the bent fence there, by its second-order loads and the modes'
-        amplitudes [m]."""
+        """The shape for a force that loads the bent fence there, with its second-order loads, by
+        the modes' amplitudes [m]."""
         assert self.second_order is not None
         assert self.section is not None
         index, s = self._element(shape.place)
@@ -264,13 +264,13 @@ class FlexibleLink(eqx.Module):
         normal, friction = following(self.second_order, chords)
         at = tuple(zip(self.deflection, shape.deflection, shape.slope, strict=True))
         more = tuple(normal.load(chords, *each) for each in at)
-        rubs = tuple(friction.load(chords, *each) for each in at)
+        added = tuple(friction.load(chords, *each) for each in at)
         if self.hinge is not None:
             turn, arm = blocks(self.hinge.turn), normal.arm - shape.place
             more = tuple(f + arm * a for f, a in zip(more, turn, strict=True))
-            rubs = tuple(f + friction.arm * a for f, a in zip(rubs, turn, strict=True))
+            added = tuple(f + friction.arm * a for f, a in zip(added, turn, strict=True))
         load = tuple(phi + f for phi, f in zip(shape.load, more, strict=True))
-        return shape._replace(load=load, following=normal, rubbing=(friction, rubs))
+        return shape._replace(load=load, following=normal, friction=(friction, added))
 
     def _element(self, place):
         """Element [0, n) and local coordinate in [0, 1] of an arc coordinate sigma:
@@ -311,14 +311,14 @@ class FlexibleLink(eqx.Module):
         return point if self.hinge is None else point.turned_by(*self.hinge.twist(state))
 
     def point_on(self, drive: DriveMotion, shape: Shape, state: Vibration) -> FencePoint:
-        """The same in the frame of the `drive`, that of `motion`."""
+        """The point of the fence in the frame of the `drive`, that of `motion`."""
         point = self.point(shape, state)
         if self.hinge is None or not self.hinge.driven:
             return point
         return point.turned_by(-drive.angle, -drive.speed)
 
     def _bent_point(self, shape: Shape, state: Vibration) -> FencePoint:
-        """The same from the line of the rigid link."""
+        """The point of the fence relative to the line of the rigid link."""
         zero = jnp.zeros_like(shape.place)
         if not self.frequency_squared:
             return small_point(shape.place, *shape.from_line(zero, zero, zero))
@@ -332,7 +332,7 @@ class FlexibleLink(eqx.Module):
         return small_point(shape.place, *bent)
 
     def arc(self, shape: Shape, state: Vibration) -> Arc:
-        """What an arc takes off the place of a point, from the first modes."""
+        """The displacements of a point by an arc, from the first modes."""
         assert shape.arc is not None
         modes = self.table.arc_modes
         if self.hinge is not None:

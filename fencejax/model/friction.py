@@ -84,6 +84,6 @@ def belt_grip(
 
 
 def belt_slope(grip: Array, bend: Array, speed_squared: Array) -> Array:
-    """How steeply the belt's friction grip s rises with the slip s [N s/m], below 0 where it falls:
-    grip + 2 s^2 d grip / d s^2, with `grip` and `bend` of `belt_grip`."""
+    """Slope of the belt's friction grip s with the slip s [N s/m], below 0 where it falls: grip + 2
+    s^2 d grip / d s^2, with `grip` and `bend` of `belt_grip`."""
     return grip + 2 * bend * speed_squared

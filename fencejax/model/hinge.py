@@ -1,4 +1,4 @@
-"""The fence whose hinge is a state, on a shaft that gives way or driven by a torque: its modes with
+"""The fence whose hinge angle is a state, on a flexible shaft or driven by a torque: its modes with
 the hinge free to turn.
 
 With theta [rad] the hinge's angle ahead of the motor and eta [m] the clamped-root modes,
@@ -18,10 +18,10 @@ kappa = c_t - beta k_t,
 
 and the last term, linear over a step as all loads are, is found in closed form at its end.
 
-On a torque drive theta is the hinge's own angle and alpha_w = 0: T(t) takes the place of
--J alpha_w'', J holds the drive's inertia, k_t and c_t are the drive's spring and damping. k_t may
-be 0, and one Omega_j with it. As c_t theta' may then be much to a mode that nothing else damps, all
-of kappa a_j theta' is in the last term, a_j xi_j' left in.
+On a torque drive theta is the hinge's own angle and alpha_w = 0: T(t) takes the place of -J
+alpha_w'', J holds the drive's inertia, k_t and c_t are the drive's spring and damping. k_t may be
+0, and one Omega_j with it. As c_t theta' may then be large for a mode without other damping, all of
+kappa a_j theta' is in the last term, including a_j xi_j'.
 """
 
 from typing import NamedTuple
@@ -39,9 +39,8 @@ from .vibration import Vibration, blocks, dot, flat
 
 
 class ClampedLink(NamedTuple):
-    """Of the fence clamped at its root: omega_i^2 [1/s^2] and p_i [m] of its modes, (m,) each;
-    m_0 [kg]; its inertia J [kg m^2] about the hinge, with the hub's; its lag c_i / omega_i^2
-    [s]."""
+    """The fence clamped at its root: omega_i^2 [1/s^2] and p_i [m] of its modes, (m,) each; m_0
+    [kg]; its inertia J [kg m^2] about the hinge, with the hub's; its lag c_i / omega_i^2 [s]."""
 
     eigenvalues: Array
     swing: Array
@@ -124,12 +123,12 @@ class Hinge(eqx.Module):
 
     @property
     def damping(self) -> Array:
-        """kappa a_j^2 / m_0 [1/s], (m + 1,), as far as it is the modes' own."""
+        """kappa a_j^2 / m_0 [1/s], (m + 1,): the part that acts on each mode by its own rate."""
         return jnp.zeros_like(self.turn) if self.driven else self.excess * self.turn**2
 
     @property
     def driving(self) -> Array:
-        """a_j / m_0 [1/(kg m)]: what a torque on the hinge does to each mode."""
+        """a_j / m_0 [1/(kg m)]: the modal forces by a unit torque on the hinge."""
         return self.turn / self.link.mass_scale
 
     def clamped_loads(self, table: Array) -> Array:
@@ -175,8 +174,8 @@ class Hinge(eqx.Module):
         return (values,) if jnp.ndim(like[0]) else blocks(values)
 
     def coupling(self, rate: Blocks) -> Blocks:
-        """-kappa a_j (theta' - a_j xi_j') / m_0 [m/s^2]: what the shaft's damping does to each mode
-        by the others, at their rates [m/s]."""
+        """-kappa a_j (theta' - a_j xi_j') / m_0 [m/s^2]: the modal forces by the shaft's damping
+        and the rates [m/s] of the other modes."""
         turn, own = (self._split(part, rate) for part in (self.turn, self.damping))
         turning = self.excess * dot(turn, rate)
         return tuple(d * v - a * turning for a, d, v in zip(turn, own, rate, strict=True))
@@ -202,7 +201,7 @@ class Hinge(eqx.Module):
 
 
 def _sprung(stiffness: Array, link: ClampedLink) -> tuple[Array, Array, Array]:
-    """Of modes with a spring in the hinge: `turn`, `clamped` and eigenvalues, slowest first."""
+    """`turn`, `clamped` and eigenvalues of the modes with a spring in the hinge, slowest first."""
     # A = K^-1/2 M K^-1/2, whose eigenvalues are 1 / Omega^2: for a stiff shaft the large ones,
     # of the slow modes, are those of the clamped fence to round-off.
     precision = link.eigenvalues.dtype
@@ -224,8 +223,8 @@ def _sprung(stiffness: Array, link: ClampedLink) -> tuple[Array, Array, Array]:
 
 
 def _free(stiffness: Array, link: ClampedLink) -> tuple[Array, Array, Array]:
-    """The same of a hinge that is free, or as good as free: by L^-1 M L^-T with L L^T = K + s M,
-    whose eigenvalues are 1 / (Omega^2 + s). With s = omega_1^2 no Omega is lost beside another."""
+    """The same for a hinge that is free, or nearly so: by L^-1 M L^-T with L L^T = K + s M, whose
+    eigenvalues are 1 / (Omega^2 + s). With s = omega_1^2 no Omega is lost beside another."""
     precision = link.eigenvalues.dtype
     modes = link.eigenvalues.size
     # In units of m_0, and of theta sqrt(J / m_0): a mass matrix of ones on the diagonal.

@@ -31,15 +31,15 @@ class Corner(NamedTuple):
 
 
 class Lean(NamedTuple):
-    """How a contact near the tip loads the fence: the `share` [1] of its force that bends it, and
-    by how much [m] the line of that force meets the fence nearer to the tip than the corner's
-    foot."""
+    """The load of a contact near the tip on the fence: the `share` [1] of its force that bends it,
+    and the `shift` [m] from the corner's foot towards the tip of the place where the line of that
+    force meets the fence."""
 
     share: Array
     shift: Array
 
     def ahead(self, before: "Lean", ratio) -> "Lean":
-        """Continued in a straight line over the next step, `ratio` times as long as the last."""
+        """Linear extrapolation over the next step, `ratio` times as long as the last one."""
         share = self.share + ratio * (self.share - before.share)
         shift = self.shift + ratio * (self.shift - before.shift)
         return Lean(jnp.clip(share, -1.0, 1.0), shift)
@@ -52,9 +52,9 @@ class Touch(NamedTuple):
     `normal` and `tangent` are the directions (x, y, moment) in which a unit force acts on the
     parcel; `rates` is the velocity of U along the normal and the tangent [m/s]. Where the tip may
     carry the contact, `lean` says how it loads the fence, and `lasting` [1] is the share of the
-    contact law that has not ended at the far end of the parcel's side; `missed` is 1.0 where a
-    corner beside this one is under the fence that the scene does not let touch it (`None` where
-    both may).
+    contact law that has not ended at the other end of the parcel's side; `missed` is 1.0 where a
+    neighbouring corner that is not among the scene's `fence_corners` is under the fence (`None`
+    where both neighbours are).
     """
 
     gap: Array
@@ -69,7 +69,7 @@ class Touch(NamedTuple):
     missed: Array | None = None
 
     def remaining(self, share):
-        """What has not ended near the tip of a `share` [1] of the contact law."""
+        """The part of a `share` [1] of the contact law that has not ended near the tip."""
         if self.lasting is None:
             return share
         return share * self.lasting
@@ -133,7 +133,8 @@ def fence_touch(
 
 
 def surface_touch(corner: Corner, point: SurfacePoint) -> Touch:
-    """The same at a still surface: Ddot = -v_C.n, w = v_C.t, t the normal n turned by -pi / 2."""
+    """Gap, its rate and sliding speed at a still surface: Ddot = -v_C.n, w = v_C.t, t the normal n
+    turned by -pi / 2."""
     x, y = point.normal
     zero = jnp.zeros_like(corner.x)
     return Touch(

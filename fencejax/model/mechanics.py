@@ -1,7 +1,7 @@
 """Newton-Euler for a parcel on the belt, at the fence and at still surfaces: the forces at an
-instant, and how they answer to a small change.
+instant, and their derivatives.
 
-Everything a scene does not hold is `None` or an empty tuple here, and traces to nothing.
+Parts that a scene does not have are `None` or an empty tuple here, and trace to nothing.
 """
 
 from typing import NamedTuple
@@ -31,11 +31,11 @@ from .friction import corner_share
 from .kinematics import Acceleration, Lean, Touch, corner_from_arm, fence_touch, surface_touch
 from .tip import LEAST_SHARE, Side, around
 
-_BEFORE = {far: number for number, far in SIDES.items()}
+_PREVIOUS_CORNER = {end: begin for begin, end in SIDES.items()}
 
 
 class Contact(NamedTuple):
-    """What happens at one corner, against the fence or a still surface.
+    """The state of one corner at the fence or at a still surface.
 
     `normal` N [N]; `friction` F [N] along the tangent; `gap` D [m], positive inside; `gap_rate`
     [m/s]; `place` [m], the arc coordinate on the fence, x on the border or the coordinate along
@@ -51,8 +51,8 @@ class Contact(NamedTuple):
 
 
 class Response(NamedTuple):
-    """How a contact answers to a small change: the law's derivatives in D [N/m] and in Ddot
-    [N s/m], and that of the friction's share of N in the sliding speed [s/m]."""
+    """A contact's derivatives: of the law in D [N/m] and in Ddot [N s/m], and of the friction's
+    share of N in the sliding speed [s/m]; and that share [1]."""
 
     gap: Array
     gap_rate: Array
@@ -61,8 +61,8 @@ class Response(NamedTuple):
 
 
 class Meeting(NamedTuple):
-    """One corner at one surface: what happens, the kinematics, the normal force [N] that the
-    contact law gives, and how the contact answers to a small change."""
+    """One corner at one surface: its state, the kinematics, the normal force [N] by the contact
+    law, and the derivatives."""
 
     contact: Contact
     touch: Touch
@@ -70,8 +70,8 @@ class Meeting(NamedTuple):
     response: Response | None
 
     def outcome(self) -> "Meeting":
-        """What counts of it once the motion is found: not how it answers to a change, and
-        directions where the fence's slope does not tell them."""
+        """The part that is needed after the step is solved: without derivatives, and with
+        directions only where they do not follow from the fence's slope."""
         normal = () if self.touch.lean is None else self.touch.normal
         return Meeting(self.contact, self.touch._replace(normal=normal, tangent=()), None, None)
 
@@ -90,16 +90,16 @@ class Forces(NamedTuple):
 
     @property
     def still(self) -> tuple[Meeting, ...]:
-        """Those at still surfaces."""
+        """The meetings at still surfaces."""
         return sum(self.surfaces, self.border)
 
     @property
     def meetings(self) -> tuple[Meeting, ...]:
-        """All of them, in the order of `Mechanics.frictions`."""
+        """All meetings, in the order of `Mechanics.frictions`."""
         return self.fence + self.still
 
     def outcome(self) -> "Forces":
-        """What counts of them once the motion is found."""
+        """The part of them that is needed after the step is solved."""
         fence, border, *surfaces = (
             tuple(meeting.outcome() for meeting in group)
             for group in (self.fence, self.border, *self.surfaces)
@@ -108,7 +108,7 @@ class Forces(NamedTuple):
 
 
 class FenceFrame(NamedTuple):
-    """What the contacts need of the fence at an instant: (cos, sin) of alpha_w, its rate [rad/s],
+    """The fence at an instant, as the contacts need it: (cos, sin) of alpha_w, its rate [rad/s],
     and for each of `fence_corners` the arc coordinate under it [m], the share of the contact law
     that acts there [1] and, where the tip may carry the contact, the arc [m] from the point where
     the fence is loaded to the tip."""
@@ -121,7 +121,7 @@ class FenceFrame(NamedTuple):
 
 
 class Mechanics(eqx.Module):
-    """The parts of a scene, made ready for one fidelity: what the forces need, worked out once."""
+    """The parts of a scene, prepared for one fidelity: all that the forces need, computed once."""
 
     mass: Array
     inertia: Array
@@ -152,8 +152,8 @@ class Mechanics(eqx.Module):
         if scene.tip_contact:
             self.edge_radius = None if scene.fence is None else scene.fence.edge_radius
             self.sides = {number: parcel.side(number) for number in self.fence_corners}
-            alone = (n for n in self.fence_corners if _BEFORE[n] not in self.fence_corners)
-            self.before = {number: parcel.side(_BEFORE[number]) for number in alone}
+            alone = (n for n in self.fence_corners if _PREVIOUS_CORNER[n] not in self.fence_corners)
+            self.before = {number: parcel.side(_PREVIOUS_CORNER[number]) for number in alone}
         behind = {SIDES[number] for number in self.sides}
         still = {*self.border_corners, *self.surface_corners}
         touching = sorted({*self.fence_corners, *still, *behind})
@@ -172,7 +172,7 @@ class Mechanics(eqx.Module):
 
     @property
     def frictions(self) -> tuple[AbstractFriction | None, ...]:
-        """Of each contact, in the order of `Forces.meetings`."""
+        """The friction of each contact, in the order of `Forces.meetings`."""
         found = (self.fence_friction,) * len(self.fence_corners)
         if self.border is not None:
             found += (self.border.friction,) * len(self.border_corners)
@@ -189,7 +189,7 @@ class Mechanics(eqx.Module):
 
     def fade(self, place: Array) -> Array:
         """Share of the contact law [1] that acts at an arc coordinate: 1 on the fence, 0 off it.
-        Where the tip may carry the contact, it does not end there."""
+        Where the tip may carry the contact, it does not end at the tip."""
         assert self.link is not None
         length = self.fidelity.tip_fade
         on_link = fade(-place, length)
@@ -230,7 +230,7 @@ class Mechanics(eqx.Module):
         return jnp.minimum(place + lean.shift, last)
 
     def belt_defect(self, was: Body, now: Body) -> BeltDefect | None:
-        """What `BeltContact.defect` says of the belt's friction; `None` without a belt."""
+        """The result of `BeltContact.defect`; `None` without a belt."""
         return None if self.belt is None else self.belt.defect(self.fidelity.smoothing, was, now)
 
     def drag(self, sliding: Array) -> Array:
@@ -241,8 +241,8 @@ class Mechanics(eqx.Module):
         return -corner_share(self.fence_friction, sliding, self.fidelity.smoothing)[0]
 
     def gone(self, before: Array, place: Array, touch: Touch) -> Array:
-        """Whether a corner has left over the tip: from where its force has faded, until it is clear
-        of the fence's line again."""
+        """Whether a corner has left over the tip: from where its force has faded, until it is no
+        longer behind the fence's line."""
         assert self.link is not None
         over = place > self.link.reach + self.fidelity.tip_fade
         if touch.lasting is not None:
@@ -250,8 +250,8 @@ class Mechanics(eqx.Module):
         return jnp.where(touch.gap <= 0, 0.0, jnp.where(over, 1.0, before))
 
     def ends(self, k: int, what: Contact, touch: Touch) -> Array:
-        """Whether the force of the k-th corner at the fence is being ended beyond the tip, with
-        nothing in the scene to take over from it."""
+        """Whether the force of the k-th corner at the fence ends beyond the tip, and nothing in the
+        scene takes over from it."""
         assert self.link is not None
         if touch.lasting is None:
             return (what.place > self.link.reach) & (what.gap > 0) & (what.normal > 0)
@@ -260,11 +260,11 @@ class Mechanics(eqx.Module):
         return (what.normal > 0) & (touch.lasting < 1)
 
     def _side(self, number: int, arms: dict[int, tuple[Array, Array]]) -> Side:
-        (x, y), (far_x, far_y) = arms[number], arms[SIDES[number]]
+        (x, y), (end_x, end_y) = arms[number], arms[SIDES[number]]
         length = self.sides[number]
         return Side(
-            (far_x - x) / length,
-            (far_y - y) / length,
+            (end_x - x) / length,
+            (end_y - y) / length,
             length,
             SIDES[number] in self.fence_corners,
             self.before.get(number),
@@ -292,7 +292,7 @@ class Mechanics(eqx.Module):
         body: Body,
         arms: dict[int, tuple[Array, Array]],
     ) -> tuple[Meeting, ...]:
-        """What happens at a still surface. Beyond its end the contact law ends as at the fence's
+        """The meetings at a still surface. Beyond its end the contact law ends as at the fence's
         hinge."""
         found = []
         for number in corners:
@@ -372,11 +372,11 @@ class Mechanics(eqx.Module):
         )
 
     def acceleration(self, x: Array, y: Array, moment: Array) -> Acceleration:
-        """What a force [N] and its moment about C_s [N m] give the parcel."""
+        """The parcel's acceleration by a force [N] and its moment about C_s [N m]."""
         return Acceleration(x / self.mass, y / self.mass, moment / self.inertia)
 
     def force_scale(self, forces: Forces) -> Array:
-        """Size of the forces at play [N]: the normal ones, and the weight on a belt."""
+        """Size of the forces [N]: of the normal forces, and of the weight on a belt."""
         scale = jnp.full_like(forces.acceleration.x, 1e-6)
         if self.belt is not None:
             scale = scale + self.belt.weight
@@ -388,13 +388,13 @@ class Mechanics(eqx.Module):
         return scale
 
     def lightness(self, parts: Touch, other: Touch | None = None) -> Array:
-        """How a unit force along the surface, there or at an `other`, speeds a corner up [1/kg]."""
+        """A corner's acceleration by a unit force along its surface, there or at an `other`
+        [1/kg]."""
         x, y, turn = parts.tangent
         forced = parts.tangent if other is None else other.tangent
         return (x * forced[0] + y * forced[1]) / self.mass + turn * forced[2] / self.inertia
 
 
 def force_tolerance(dtype) -> float:
-    """Unbalanced force that is let be, relative to the forces: 5e-7 in double precision, 2e-3 in
-    single precision."""
+    """Tolerated unbalanced force over the forces: 5e-7 in double precision, 2e-3 in single."""
     return float(jnp.finfo(dtype).eps) ** 0.4

@@ -1,5 +1,5 @@
-"""What the flexible link is between its nodes: the elements' polynomials in one table, and their
-values at one place."""
+"""The mode shapes between the nodes of the flexible link: the elements' polynomials in one table,
+and their values at one place."""
 
 from typing import NamedTuple
 
@@ -37,10 +37,10 @@ class Sampled(NamedTuple):
     def yielding(
         self, flexibility: Array, scale: Array, shear: tuple[Array, Array] | None
     ) -> tuple[Array, tuple[Array, Array], Array] | None:
-        """What gives way at the place beside the modes kept: the compliance there [m/N], the
-        residual mode's deflection [m/J^0.5] and slope [rad/J^0.5], and the compliance at the tip
-        [m/N]; `None` if nothing does. `flexibility` is l_p^3 / (E I_1), `scale` n / l_p [1/m], and
-        `shear` the compliance in shear [m/N] and its derivative along the link, if it yields."""
+        """The compliance at the place besides that of the modes kept [m/N], the residual mode's
+        deflection [m/J^0.5] and slope [rad/J^0.5], and the compliance at the tip [m/N]; `None`
+        without any. `flexibility` is l_p^3 / (E I_1), `scale` n / l_p [1/m], and `shear` the
+        compliance in shear [m/N] and its derivative along the link, if it yields in shear."""
         if self.residual is None:
             if shear is None:
                 return None
@@ -50,7 +50,7 @@ class Sampled(NamedTuple):
         assert self.residual_rise is not None
         assert self.residual_tip is not None
         own = flexibility * self.residual
-        # As far as round-off it may be negative, and the root of 0 has no derivative.
+        # It may be negative by round-off, and the root of 0 has no derivative.
         kept = jnp.maximum(self.residual, 0.0) + jnp.finfo(own.dtype).eps
         if shear is None:
             mode = jnp.sqrt(flexibility * kept)
@@ -64,8 +64,8 @@ class Sampled(NamedTuple):
 
 class ShapeTable(eqx.Module):
     """The coefficients of the elements' polynomials, dimensionless: constants of the program unless
-    the taper is traced. Each is an array of its own over the elements: on a CPU the compiler runs
-    a step without ado only while no array of it exceeds 512 bytes.
+    the taper is traced. Each is an array of its own over the elements: on a CPU the compiler makes
+    one kernel of a step only while no array of it exceeds 512 bytes.
     """
 
     cubics: tuple[tuple[Array, ...], ...]
@@ -124,7 +124,7 @@ class ShapeTable(eqx.Module):
 
 
 def arc_modes(fidelity: Fidelity) -> int:
-    """How many modes an arc takes; none in the other geometries."""
+    """The number of modes that an arc is computed from; 0 in the other geometries."""
     return min(fidelity.mode_count, ARC_MODES) if fidelity.geometry == "arc" else 0
 
 
@@ -134,7 +134,7 @@ def _columns(modes: int) -> list:
 
 
 def entry(column: Array, index: Array) -> Array:
-    """That of one element of an array over the elements."""
+    """The entry of one element in an array over the elements."""
     return jax.lax.dynamic_index_in_dim(column, index, keepdims=False)
 
 
@@ -156,8 +156,8 @@ def cubics(value, slope, elements: int):
 
 
 def _lines(value):
-    """The same of linear functions between the nodes: a load at d shared by the two nodes beside
-    it as 1 - d / Delta l and d / Delta l.
+    """The coefficients of linear functions between the nodes: a load at d shared by the two nodes
+    beside it as 1 - d / Delta l and d / Delta l.
 
     Paper: (2.8).
     """

@@ -9,15 +9,15 @@ from ..parts import Fence, Pad
 
 
 class PadState(NamedTuple):
-    """The cover under one load: its compression over its thickness, at rest under that load, e_s
-    [1], and the rate edot [1/s] of what it has, e = e_s - tau edot."""
+    """The cover under one load: the strain e_s [1] that it settles at under that load, and the rate
+    edot [1/s] of its present strain e = e_s - tau edot."""
 
     settled: Array
     rate: Array
 
 
 class Cover(eqx.Module):
-    """A pad on a fence, made ready: the part and its force scale F_0 = E a z [N]."""
+    """A pad on a fence: the part and its force scale F_0 = E a z [N]."""
 
     pad: Pad
     scale: Array
@@ -36,7 +36,7 @@ class Cover(eqx.Module):
         return self.pad.strain(load, self.scale)
 
     def settled_slope(self, load: Array) -> Array:
-        """Its derivative [1/N]."""
+        """The derivative of e_s in the load [1/N]."""
         return self.pad.strain_slope(load, self.scale)
 
     def compression(self, state: PadState) -> tuple[Array, Array]:

@@ -57,7 +57,7 @@ def _series(stiffness, damping, step):
 
 
 def _closed(stiffness, damping, step):
-    """The same in closed form, for underdamped and overdamped oscillators.
+    """g', g and its integrals in closed form, for underdamped and overdamped oscillators.
 
     Near critical damping sin(s)/s and sinh(s)/s are taken from their common series in s^2.
     """
@@ -106,8 +106,8 @@ def _response(stiffness, damping, step):
     size = jnp.maximum(jnp.sqrt(stiffness), damping) * step
     small = size < _SERIES_RANGE
     safe = jnp.where(small, 0.0, 1.0)
-    # Each branch sees harmless numbers where the other one counts, so that neither spoils a
-    # derivative.
+    # Each branch gets harmless numbers where the other one is used, so that neither makes a
+    # derivative non-finite.
     outer = _closed(safe * stiffness + (1 - safe) / step**2, safe * damping, step)
     inner = _series((1 - safe) * stiffness, (1 - safe) * damping, step)
     return tuple(jnp.where(small, a, b) for a, b in zip(inner, outer, strict=True))
@@ -137,7 +137,7 @@ def propagator(stiffness: Array, damping: Array, step: Array | float) -> Propaga
 
 
 def relaxation(lag: Array, step: Array | float) -> Array:
-    """exp(-h / lag) [1], what is left after a step h [s] of a rate that follows with a lag [s];
-    0, with no derivative, where the lag is too short to matter."""
+    """exp(-h / lag) [1], the share of a rate with this lag [s] that is left after a step h [s]; 0,
+    with no derivative, where the lag is negligible."""
     slow = lag > 1e-2 * step
     return jnp.where(slow, jnp.exp(-step / jnp.where(slow, lag, 1.0)), 0.0)

@@ -80,7 +80,8 @@ class RestTable(eqx.Module):
             )
 
     def at(self, share: Array, index: Array, s: Array) -> Rest:
-        """At the `share` x / l_p [1], in the element `index` at its local coordinate s [1]."""
+        """The rest shape at the `share` x / l_p [1], in the element `index` at its local coordinate
+        s [1]."""
         found = []
         for column in self.columns:
             a, b, c, d = (entry(part, index) for part in column)

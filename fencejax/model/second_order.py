@@ -1,4 +1,4 @@
-"""Loads of the second order: how a contact force bends the fence where it is bent.
+"""Second-order loads: the modal forces of a contact force on the bent fence.
 
 With U on the chain of chords, of the lengths d_k and the angles theta_k, delta_k = theta_k - w' the
 angles against the tangent at U, and rho = F_f / N, the virtual work of the force at U is, per
@@ -23,8 +23,8 @@ from jaxtyping import Array
 
 from ..parts import SecondOrderLoads
 
-# Least part of an element [1] by which the angle of the chord to U is told: with a shorter one the
-# difference that the chord turns is nothing.
+# Least part of an element [1] that the angle of the chord to U is computed with. With a shorter
+# chord the difference that its rotation makes is negligible.
 _SHORT = 1e-6
 
 
@@ -47,29 +47,29 @@ class Chords(NamedTuple):
         cls, place: Array, position: Array, size: Array, deflection: tuple[Array, Array],
         slope: Array, half_thickness: tuple[Array, Array],
     ) -> "Chords":
-        """To U at the `position` [1], counted in elements of the `size` [m], by the deflections
+        """The chords to U at the `position` [1], in elements of the `size` [m], by the deflections
         [m] and half the thicknesses [m] of the nodes and at U, and the slope there."""
         nodes, end = deflection
         numbers = jnp.arange(nodes.shape[0], dtype=nodes.dtype)
         inside = numbers <= position
         part = jnp.clip(position - numbers[:-1], 0.0, 1.0)
-        told = size * jnp.maximum(part, _SHORT)
-        angles = jnp.diff(jnp.where(inside, nodes, end)) / told
-        tapers = jnp.diff(jnp.where(inside, *half_thickness)) / told
+        divisor = size * jnp.maximum(part, _SHORT)
+        angles = jnp.diff(jnp.where(inside, nodes, end)) / divisor
+        tapers = jnp.diff(jnp.where(inside, *half_thickness)) / divisor
         return cls(place, inside, size * part, angles, tapers, slope, half_thickness[1])
 
     def rises(self, table: Array, end: Array) -> Array:
-        """What of a `table` over the nodes, (n + 1,) or (n + 1, m), each chord rises by, with its
-        value at U, `end`."""
+        """The difference of a `table` over the nodes, (n + 1,) or (n + 1, m), along each chord,
+        with its value `end` at U."""
         inside = self.inside if table.ndim == 1 else self.inside[:, None]
         return jnp.diff(jnp.where(inside, table, end), axis=0)
 
 
 class Following(NamedTuple):
-    """A contact force that follows the bent fence, per newton: its `arm` about the hinge [m]; by
-    how much it presses the nodes' sections, (n,), beyond a force across a straight fence, `moment`
-    [m]; and by how much it `turns` the chords beyond that [1], (n,), and the section at U,
-    `couple` [m]."""
+    """A contact force that follows the bent fence, per newton: its `arm` about the hinge [m]; and
+    the differences from a force across a straight fence of its moment at the nodes' sections,
+    `moment` [m], (n,), of its share in each chord's rotation, `turns` [1], (n,), and of the
+    `couple` [m] at U."""
 
     arm: Array
     moment: Array
@@ -77,15 +77,15 @@ class Following(NamedTuple):
     couple: Array
 
     def load(self, chords: Chords, table: Array, end: Array, slope: Array) -> Array:
-        """What it loads modes with beyond phi_i [1], of a `table` of them over the nodes, by their
-        values and slopes [1/m] at U."""
+        """The modes' share of the load beyond phi_i [1], from a `table` of the modes over the nodes
+        and their values `end` and slopes [1/m] at U."""
         rises = chords.rises(table, end)
         turns = self.turns if table.ndim == 1 else self.turns[:, None]
         return jnp.sum(turns * rises, axis=0) + self.couple * slope
 
 
 def following(loads: SecondOrderLoads, chords: Chords) -> tuple[Following, Following]:
-    """The normal force at the end of the chords, and friction there."""
+    """The normal force at the end of the chords, and the friction there."""
     zero = jnp.zeros_like(chords.place)
     delta = chords.angles - chords.slope
     cosine, sine = jnp.cos(chords.slope), jnp.sin(chords.slope)
@@ -106,5 +106,5 @@ def following(loads: SecondOrderLoads, chords: Chords) -> tuple[Following, Follo
 
 
 def _beyond(parts: Array) -> Array:
-    """The sum over the chords from each node on."""
+    """The sum of `parts` over the chords from each node to U."""
     return jnp.cumsum(parts[::-1])[::-1]

@@ -1,4 +1,4 @@
-"""The flexible link's cross-section at one place: its thickness, and how it yields in shear."""
+"""The flexible link's cross-section at one place: its thickness and its compliance in shear."""
 
 from typing import Any
 
@@ -56,7 +56,7 @@ class SectionTable(eqx.Module):
 
     def shear_compliance(self, place: Array, index: Array, s: Array) -> tuple[Array, Array] | None:
         """c [m/N] at the arc coordinate `place` [m] in the element `index` at its local coordinate
-        s, and dc / dsigma [1/N]; `None` of a link that does not yield in shear."""
+        s, and dc / dsigma [1/N]; `None` for a link that does not yield in shear."""
         if self.shear is None:
             return None
         g = jnp.sqrt(self._square(index, s))

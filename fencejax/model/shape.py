@@ -10,15 +10,20 @@ from .second_order import Following
 
 
 class Shape(NamedTuple):
-    """The mode shapes at one arc coordinate: deflection [1] and slope [1/m] from the line of the
-    rigid link, as blocks; `load` [1], the share of a force there that each mode gets; of the modes
-    left out (`None` where there are none) the compliance G at the place itself [m/N], deflection
-    sqrt(G) [m/J^0.5] and slope [rad/J^0.5] of the residual mode, and the compliance at the tip
-    [m/N]; the `arc` integrals (`None` unless the geometry needs them); and the link's rest shape
-    (`None` where it is straight). A link that yields in shear has that in the residual mode and at
-    the tip, and `of_modes` [m/N] what of it is theirs, `()` if none is. A normal force that follows
-    the bent fence is `following`, and its `load` that by its virtual work; so has friction
-    `rubbing`, per newton of its own."""
+    """The mode shapes at one arc coordinate.
+
+    - `deflection` [1] and `slope` [1/m] from the line of the rigid link, as blocks; `load` [1],
+      each mode's share of a force there.
+    - Of the modes left out (`None` where there are none): the compliance G at the place itself,
+      `residual` [m/N]; deflection sqrt(G) [m/J^0.5] and slope [rad/J^0.5] of the residual mode; and
+      the compliance at the tip, `residual_tip` [m/N]. The residual mode and the tip include the
+      yielding of the link in shear; `of_modes` [m/N] is then the modes' part of the compliance,
+      `()` if none is.
+    - The `arc` integrals (`None` unless the geometry needs them), the `place` [m] and the link's
+      rest shape (`None` where it is straight).
+    - `following`: a normal force that follows the bent fence, with `load` by its virtual work; and
+      the same of `friction`, per newton of its own.
+    """
 
     deflection: Blocks
     slope: Blocks
@@ -31,7 +36,7 @@ class Shape(NamedTuple):
     rest: Rest | None = None
     of_modes: Array | tuple[()] | None = None
     following: Following | None = None
-    rubbing: tuple[Following, Blocks] | None = None
+    friction: tuple[Following, Blocks] | None = None
 
     @property
     def left_out(self) -> Array | None:
@@ -42,17 +47,17 @@ class Shape(NamedTuple):
 
     @property
     def arm(self) -> Array:
-        """Of a unit load about the hinge [m]."""
+        """Arm of a unit load about the hinge [m]."""
         return self.place if self.following is None else self.following.arm
 
-    def rubbed(self, ratio: Array) -> "Shape":
-        """With friction of a `ratio` [1] to the normal force, which loads the fence with it."""
-        if self.following is None or self.rubbing is None:
+    def with_friction(self, ratio: Array) -> "Shape":
+        """The shape for a load by the normal force and by friction of a `ratio` [1] to it."""
+        if self.following is None or self.friction is None:
             return self
-        more, load = self.rubbing
+        more, load = self.friction
         what = (a + ratio * b for a, b in zip(self.following, more, strict=True))
         load = tuple(a + ratio * b for a, b in zip(self.load, load, strict=True))
-        return self._replace(following=Following(*what), load=load, rubbing=None)
+        return self._replace(following=Following(*what), load=load, friction=None)
 
     def from_line(self, bending: Array, rate: Array, slope: Array) -> tuple[Array, Array, Array]:
         """Deflection [m] from the rigid link's line, its rate [m/s] and slope, by that of the

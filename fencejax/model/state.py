@@ -1,4 +1,4 @@
-"""A scene at one instant, as an integrator hands it on to whoever measures it."""
+"""A scene at one instant, as an integrator passes it to its observer."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""A fence that has swung free of contact."""
+"""The state of a fence that has swung without contact."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,5 @@
-"""The fence's tip against the parcel's side: from the first touch, or after a corner ran over it.
+"""The fence's tip against the parcel's side, from the first touch or after a corner ran over the
+tip.
 
 A corner C inside the fence by D, at the arc coordinate R_z - s, meets the fence along its normal n.
 The side of the parcel behind it, from this corner to the next one, has the inward normal m, turned
@@ -45,8 +46,9 @@ from .kinematics import Lean, Touch
 
 class Side(NamedTuple):
     """The side of the parcel behind a corner: its direction from there, (x, y) in fixed axes, and
-    its length [m]; whether its far corner can touch the fence, and the length [m] of the side
-    before the corner where the one that begins it cannot (`None` where it can)."""
+    its length [m]; whether the corner at its other end can touch the fence; and the length [m] of
+    the side before the corner, if the corner that begins it cannot touch the fence (else
+    `None`)."""
 
     x: Array
     y: Array
@@ -56,8 +58,8 @@ class Side(NamedTuple):
 
 
 LEAST_SHARE = 0.1
-"""Share of a contact force that bends the fence [1] below which the place where the line of that
-force meets the fence is not followed further: it goes to infinity as the share goes to 0."""
+"""Least share [1] of a contact force that bends the fence with which the place is computed where
+the line of that force meets the fence: the place goes to infinity as the share goes to 0."""
 
 
 def _lesser(x: Array, length: float) -> tuple[Array, Array]:
@@ -82,12 +84,12 @@ def around(
     length: float,
     radius: Array | None = None,
 ) -> Touch:
-    """A corner's `touch` as it is near the tip: under the corner, at the tip, or between the two.
+    """The `touch` of a corner near the tip: under the corner, at the tip, or between the two.
 
     `touch` is that of the corner against the straight line through the fence's point U; `spin`
     phidot [rad/s]; `edge` [m] the arc from U to the tip; `length` l [m] the smoothing; `radius`
     r [m] that of the tip's edge, `None` for a sharp one. The contact ends over l where the tip
-    comes to the far end of the side, or the far corner to the tip. There that corner takes over.
+    comes to the other end of the side, or the corner there to the tip: that corner takes over.
     """
     along_x, along_y, along_turn = touch.tangent
     up_x, up_y, up_turn = touch.normal
@@ -104,8 +106,8 @@ def around(
     by_turn = cosine * lesser - share * half * under
     reached = under * sine - before_tip * cosine
     on_side = 1 - share * (1 - fade(reached - side.length + length, length))
-    far_corner = jnp.minimum(before_tip, 0.0) + side.length * cosine
-    lasting = jnp.where(sine > 0, on_side, fade(length - far_corner, length))
+    next_corner = jnp.minimum(before_tip, 0.0) + side.length * cosine
+    lasting = jnp.where(sine > 0, on_side, fade(length - next_corner, length))
     across, along = touch.rates
     return Touch(
         gap=depth + sine * lesser,
@@ -130,8 +132,9 @@ def around(
 
 
 def _missed(side: Side, depth: Array, before_tip: Array, sine: Array, cosine: Array):
-    """1.0 where a corner beside this one that cannot touch the fence lies lower and under it, or
-    its side under the tip, else 0.0; `None` where both can. On the fence's straight continuation.
+    """1.0 where a neighbouring corner that cannot touch the fence is lower than this one and under
+    the fence, or its side under the tip, else 0.0; `None` where both neighbours can. The fence is
+    continued along its tangent.
     """
     found = []
     if not side.follows:

@@ -1,7 +1,7 @@
-"""What a scene is made of, as a designer writes it: fence, with its material, taper, pad, shaft and
-rest shape, drive, parcel, contact law, belt, still surfaces, friction law, and units. Parts know no
-scene and no instant: a contact law here is a function of a gap and its rate, a friction law one of
-a speed, a surface one of a point, and what acts when is the model's.
+"""The parts of a scene, as a designer writes them: fence, with its material, taper, pad, shaft and
+rest shape, drive, parcel, contact law, belt, still surfaces, friction law, and units. Parts do not
+depend on a scene or an instant: a contact law here is a function of a gap and its rate, a friction
+law one of a speed, a surface one of a point. When they act is decided in the model.
 
 May import: no other room. A new taper, drive, contact law, friction law or surface is a subclass
 of `AbstractTaper`, `AbstractDrive`, `AbstractContactLaw`, `AbstractFriction` or `AbstractSurface`

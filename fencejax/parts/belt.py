@@ -14,8 +14,8 @@ from .friction_laws import AbstractFriction, Friction
 class Belt(Part):
     """A belt that runs along +x and carries the parcel by friction.
 
-    With `edge` it ends at s under the parcel, and how it carries it is in
-    `fencejax.model.belt_edge`; without, it carries the parcel beyond s too.
+    With `edge` the belt ends at s under the parcel (see `fencejax.model.belt_edge`); without, it
+    carries the parcel beyond s too.
 
     >>> fj.Belt(speed=2.5, friction=fj.Friction(kinetic=0.6, static=0.8))
     Belt(

@@ -87,16 +87,15 @@ class Fence(Part):
         - `thickness`: h_1 [m] of the flexible link at its root, above 0.
         - `material`: default `Material()`.
         - `taper`: the profile of the thickness, default `ConstantStrength()`.
-        - `pad`: an elastic cover, where the parcel meets it; by default none.
-        - `shaft`: what the fence hangs on and gives way between motor and hinge; by default nothing
-          gives way there.
+        - `pad`: an elastic cover between parcel and fence; by default none.
+        - `shaft`: a flexible shaft between motor and hinge; by default the connection is rigid.
         - `rest_shape`: the curve of the flexible link at rest, at most
           `RestShape.steepest` steep; by default it is straight.
         - `edge_radius`: r [m] of the tip's edge, at least 0: an arc about the point r behind the
           end of the face, where the tip carries a contact on the parcel's side
           (`fencejax.model.tip`); by default the tip is sharp. It has no mass of its own.
-        - `shear`: how the flexible link yields in shear; by default it does not.
-        - `second_order`: which loads of the second order act; by default none, as in the paper.
+        - `shear`: the compliance of the flexible link in shear; by default there is none.
+        - `second_order`: the second-order loads that act; by default none, as in the paper.
         """
         _check.fields(
             self, rigid_length=rigid_length, flexible_length=flexible_length, width=width,
@@ -145,7 +144,7 @@ class Fence(Part):
         return self.rigid_length + self.flexible_length
 
     def rise(self, place: ArrayLike) -> Array:
-        """How far the face at rest is ahead of the rigid link's line [m], at an arc coordinate
+        """Distance of the face at rest ahead of the rigid link's line [m], at an arc coordinate
         [m]."""
         if self.rest_shape is None:
             return jnp.zeros_like(self.rigid_length + place)
@@ -153,8 +152,8 @@ class Fence(Part):
         return self.rest_shape.at(share, self.flexible_length).deflection
 
     def height(self, place: ArrayLike, angle: ArrayLike) -> Array:
-        """How far the face at rest is from the border's line through the hinge [m], at an arc
-        coordinate [m], the rigid link being at an `angle` [rad] to that line."""
+        """Distance of the face at rest from the border's line through the hinge [m], at an arc
+        coordinate [m], with the rigid link at an `angle` [rad] to that line."""
         return jnp.asarray(place) * jnp.sin(angle) + self.rise(place) * jnp.cos(angle)
 
     def _mean(self, weight: Callable[[Array], Array]) -> Array:

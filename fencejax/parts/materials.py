@@ -322,7 +322,7 @@ MATERIALS: Mapping[str, Callable[[], DataSheet]] = {
     "spring steel": spring_steel,
     "aluminium": aluminium,
 }
-"""What makes each of the materials, by its name."""
+"""The function that makes each material, by the material's name."""
 
 
 def _plain(name: str) -> str:

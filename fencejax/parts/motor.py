@@ -11,8 +11,8 @@ from ..printing import Part
 
 
 class Motor(Part):
-    """What the drive can give at the fence's hinge, behind its gear. A number that is `None` is not
-    known, and bounds nothing.
+    """The motor's limits at the fence's hinge, behind its gear. A number that is `None` is not
+    known, and sets no limit.
 
     >>> motor = fj.Motor(rated_torque=400.0, rotor_inertia=2e-3, gear_ratio=20.0)
     >>> f"{motor.reflected_inertia:.2f} kg m^2"
@@ -51,9 +51,9 @@ class Motor(Part):
     ):
         """**Arguments,** torques and speeds at the hinge, that is times, and over, the gear ratio:
 
-        - `torque` [N m]: the largest that it gives, either way, above 0.
-        - `rated_torque` [N m]: the root mean square that it gives for ever, above 0.
-        - `no_load_speed` [rad/s]: omega_0, where its torque has fallen to nothing, above 0.
+        - `torque` [N m]: the largest torque, in either direction, above 0.
+        - `rated_torque` [N m]: the largest continuous root mean square of the torque, above 0.
+        - `no_load_speed` [rad/s]: omega_0, at which its torque has fallen to 0, above 0.
         - `stall_torque` [N m]: T_s, where the line of torque over speed begins, at standstill, by
           default `torque`: T = T_s (1 - omega / omega_0).
         - `rotor_inertia` [kg m^2]: J of rotor, brake and coupling, at the motor's own shaft, at
@@ -93,20 +93,20 @@ class Motor(Part):
 
     @property
     def reflected_inertia(self) -> Array | float:
-        """J i^2 [kg m^2]: the rotor's inertia as the hinge feels it; 0 where it is not known."""
+        """J i^2 [kg m^2]: the rotor's inertia reflected to the hinge; 0 where it is not known."""
         if self.rotor_inertia is None:
             return 0.0
         return self.rotor_inertia * (1.0 if self.gear_ratio is None else self.gear_ratio) ** 2
 
     @property
     def reduction(self) -> Array | float:
-        """By how much a torque at the hinge is larger than one of the motor's numbers [1]: i where
-        these are at its shaft, 1 where they are at the hinge."""
+        """Ratio of a torque at the hinge to one of the motor's numbers [1]: i where these are at
+        its shaft, 1 where they are at the hinge."""
         return self.gear_ratio if self.at_shaft and self.gear_ratio is not None else 1.0
 
     @property
     def line(self) -> tuple[Array, Array] | None:
-        """Stall torque [N m] and no-load speed [rad/s] as they are given; `None` where they are not
+        """Stall torque [N m] and no-load speed [rad/s] as given; `None` where they are not
         known."""
         stall = self.torque if self.stall_torque is None else self.stall_torque
         if stall is None or self.no_load_speed is None:
@@ -115,7 +115,7 @@ class Motor(Part):
 
     @property
     def known(self) -> bool:
-        """Whether any of its numbers is."""
+        """Whether any of its numbers is known."""
         return any(getattr(self, name) is not None for name in self.bounds)
 
     @property

@@ -1,4 +1,4 @@
-"""An elastic cover of the fence, where the parcel meets it."""
+"""An elastic cover of the fence."""
 
 from typing import ClassVar
 
@@ -18,13 +18,13 @@ class Pad(Part):
 
         N = (2 F_0 / pi) tan((pi / 2) (e + tau edot)),  F_0 = E a z,
 
-    e [1] its compression over H. So N = E a z e where e is small, and no force closes the layer
-    (e < 1). The corner goes into it by D - H e, the rest of the gap D, and feels the same N. With
-    H = 0 the cover is not there.
+    e [1] its compression over H. So N = E a z e where e is small, and no force closes the layer (e
+    < 1). The corner itself is compressed by D - H e, the rest of the gap D, under the same N. H = 0
+    is a fence without a cover.
 
-    Each corner presses a strip of its own, and takes it along as it slides: what is left of a
-    compression counts for the same corner's next touch. The cover's free surface is the fence's
-    line; friction on it is that of the fence; the parcel's other contacts do not meet it.
+    Each corner presses a strip of its own, which moves along as the corner slides: a compression
+    that is left remains until the same corner's next touch. The cover's free surface is the fence's
+    line; friction on it is that of the fence; the parcel's other contacts do not involve it.
 
     R. D. Mindlin, Dynamics of package cushioning, Bell System Tech. J. 24 (1945) 353-461, section
     1.5 (tangent elasticity). There the force over the displacement of a cushion.

@@ -87,7 +87,7 @@ class Parcel(Part):
           law (2.2), and `None` in a parcel with another one.
         - `contact`: another contact law of the corners; by default `Kelvin(stiffness, damping)`.
         - `height` [m] above the belt, `critical_load` A_c [1], an acceleration in g, and
-          `critical_velocity_change` dV_c [m/s], above 0: what tipping and damage are judged by (see
+          `critical_velocity_change` dV_c [m/s], above 0: the limits of tipping and damage (see
           `fencejax.design.sorting.tipping`, `fencejax.design.shock.damage_boundary`). No motion
           depends on them; `None`: not known.
 

@@ -1,4 +1,4 @@
-"""The line of a flexible link that is curved when nothing loads it."""
+"""The line of a flexible link that is curved without load."""
 
 from typing import ClassVar, NamedTuple
 
@@ -11,8 +11,8 @@ from ..printing import Part
 
 
 class RestLine(NamedTuple):
-    """A rest shape at one place: w_0 [m] and its slope w_0' [rad], and how far it brings the point
-    back to the hinge [m] and down [m], the integrals of w_0'^2 / 2 and of w_0'^3 / 6."""
+    """A rest shape at one place: w_0 [m], its slope w_0' [rad], and the displacements of the point
+    towards the hinge [m] and down [m], the integrals of w_0'^2 / 2 and of w_0'^3 / 6."""
 
     deflection: Array
     slope: Array
@@ -53,13 +53,13 @@ class RestShape(Part):
     }
 
     steepest: ClassVar[float] = 0.5
-    """What |3 d_2| / l_p and 3 |d_3 - d_2| / l_p, between which all slopes are, may be [rad]: then
+    """Largest value of |3 d_2| / l_p and 3 |d_3 - d_2| / l_p, which bound all slopes [rad]: then
     the arc geometry, of the third order in the slope, is within l_p / 1900 of a parabola."""
 
     def __init__(self, tip: ArrayLike = 0.0, middle: ArrayLike = 0.0):
         """**Arguments:**
 
-        - `tip`: d_3 [m], how far the tip is from the rigid link's line.
+        - `tip`: d_3 [m], the distance of the tip from the rigid link's line.
         - `middle`: d_2 [m], the control point at two thirds of the link.
 
         A `fencejax.Fence` raises `ValueError` where the slope would be above 0.5.
@@ -73,8 +73,8 @@ class RestShape(Part):
         return 3 * ends / length
 
     def at(self, share: ArrayLike, length: ArrayLike) -> RestLine:
-        """At the `share` s [1] of a link of the `length` l_p [m]; beyond the tip it goes on
-        straight."""
+        """The line at the `share` s [1] of a link of the `length` l_p [m]; straight beyond the
+        tip."""
         s = jnp.clip(share, 0.0, 1.0)
         a, b = 3 * self.middle, self.tip - 3 * self.middle
         slope = s * (2 * a + 3 * b * s) / length

@@ -1,4 +1,4 @@
-"""Which loads of the second order act on the fence."""
+"""Second-order loads on the fence."""
 
 import equinox as eqx
 
@@ -7,7 +7,7 @@ from ..printing import Part
 
 
 class SecondOrderLoads(Part):
-    """How a contact force loads the bent fence, beyond N across the rigid link's line (2.8).
+    """The loads of a contact force on the bent fence, beyond N across the rigid link's line (2.8).
 
     On the fence act -N n and the friction F_f t, at the face and in the directions of the bent
     line. By their virtual work, with U the contact's place and q the deflection's amplitudes, they
@@ -15,20 +15,20 @@ class SecondOrderLoads(Part):
 
         Q_i = (F_f t - N n) . dU / dq_i - F_f integral of (h / 2) phi_i'' from root to U,
 
-    which is -N phi_i where the fence is straight. What is more is in three parts, each on or off:
-    `friction_moment`, F_f half the thickness off the neutral axis; `friction_force`, F_f t . dU /
-    dq_i, which bends the fence across the rigid link's line and stiffens it along that; and
+    which is -N phi_i where the fence is straight. The additional terms are in three parts, each on
+    or off: `friction_moment`, F_f half the thickness off the neutral axis; `friction_force`, F_f t
+    . dU / dq_i, which bends the fence across the rigid link's line and stiffens it along that; and
     `normal_force`, N (phi_i - n . dU / dq_i). The parts of a force along the rigid link's line and
-    across it nearly cancel: those along it alone, as of a beam-column, would be no better than
-    none.
+    across it nearly cancel: the part along it alone, as in a beam-column, would be no better than
+    neither.
 
-    The face that contacts meet is straight, and the back takes the taper: the moment at a section
-    is F_f times half its own thickness, and none about the hinge, which is on the face's line.
+    The contact face is straight, and the taper is on the back: the moment at a section is F_f times
+    half its own thickness, and 0 about the hinge, which is on the face's line.
 
     They act in the modes, the moment of the drive and the bending stress. U moves as in the chords'
-    geometry, whatever the fidelity's. The corner slides against the line that U is on, which does
-    not stretch as a face does. Where the tip carries the contact on a parcel's side, what loads the
-    fence along itself there is left out.
+    geometry, whatever the fidelity's. The corner slides against the line of U, which does not
+    stretch as a face does. Where the tip carries the contact on a parcel's side, the load along the
+    fence there is left out.
 
     V. V. Bolotin, Nonconservative Problems of the Theory of Elastic Stability, Pergamon 1963
     (forces that follow a bent rod). There at its end.
@@ -45,7 +45,7 @@ class SecondOrderLoads(Part):
     def __init__(
         self, friction_moment: bool = True, friction_force: bool = True, normal_force: bool = True
     ):
-        """**Arguments:** which of them act, all by default.
+        """**Arguments:** whether each of them acts, by default all.
 
         Raises `TypeError` for anything but True and False.
         """
@@ -55,5 +55,5 @@ class SecondOrderLoads(Part):
 
     @property
     def act(self) -> bool:
-        """Whether any of them does."""
+        """Whether any of them acts."""
         return self.friction_moment or self.friction_force or self.normal_force

@@ -1,4 +1,4 @@
-"""The shaft that the fence hangs on: what gives way between motor and hinge."""
+"""A flexible shaft between motor and hinge."""
 
 from typing import ClassVar
 
@@ -14,17 +14,17 @@ class Shaft(Part):
 
         T = -k_t theta - c_t theta',
 
-    T [N m] the moment on the fence and theta [rad] how far the hinge is ahead of the motor, behind
-    it under a parcel. The hinge's angle alpha_w + theta is then a state. Without a shaft theta = 0.
+    T [N m] the moment on the fence and theta [rad] the angle of the hinge ahead of the motor, below
+    0 under a parcel. The hinge's angle alpha_w + theta is then a state. Without a shaft theta = 0.
 
-    With a slipping clutch between motor and shaft |T| is at most T_c: what has slipped, s [rad], is
-    no twist any more,
+    With a slipping clutch between motor and shaft |T| is at most T_c; the angle s [rad] by which it
+    has slipped is not part of the twist,
 
         T = -k_t (theta - s) - c_t (theta' - s'),  s' = 0 where |T| < T_c.
 
-    At the arc coordinate R it adds the compliance R^2 / k_t [m/N] to that of the fence. What turns
-    on the motor's side of the shaft follows alpha_w whatever the load: its inertia counts in the
-    motor's torque alone (`fencejax.Motor`).
+    At the arc coordinate R it adds the compliance R^2 / k_t [m/N] to that of the fence. The motor's
+    side of the shaft follows alpha_w whatever the load: its inertia enters the motor's torque alone
+    (`fencejax.Motor`).
 
     >>> fence = fj.Fence(shaft=fj.Shaft(stiffness=2e5, slip_torque=600.0))
     >>> fence.shaft

@@ -1,4 +1,4 @@
-"""Shear of the flexible link, beside its bending."""
+"""Shear of the flexible link, in addition to its bending."""
 
 from typing import ClassVar
 
@@ -10,13 +10,14 @@ from ..printing import Part
 
 
 class Shear(Part):
-    """The flexible link yields in shear as well as in bending: a force N at the arc coordinate
+    """The flexible link deforms in shear as well as in bending: a force N at the arc coordinate
     sigma moves its own place by
 
         c N,  c = integral from l_s to sigma of 1 / (k G z h) dx,  G = E / (2 (1 + nu)),
 
-    with the material's lag, and the tip by as much. Each corner yields under its own force; the
-    modes, and with them the inertia, are those of bending alone. As k grows the shear goes away.
+    with the material's lag, and the tip by as much. The shear under each corner is that by its own
+    force; the modes, and with them the inertia, are those of bending alone. For large k the shear
+    vanishes.
 
     G. R. Cowper, The shear coefficient in Timoshenko's beam theory, J. Appl. Mech. 33 (1966)
     335-340: k = 10 (1 + nu) / (12 + 11 nu) of a rectangle, 0.85 at nu = 0.4; E. Reissner's is 5/6.

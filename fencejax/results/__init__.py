@@ -1,5 +1,5 @@
-"""What is measured of a scene, and whether it can be relied on: samples, running sums and peaks,
-the result, its status and its errors.
+"""The measures of a scene, and their reliability: samples, running sums and peaks, the result, its
+status and its errors.
 
 May import: `model` and what is below it. Nothing here knows how a scene is advanced.
 

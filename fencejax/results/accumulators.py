@@ -1,8 +1,8 @@
-"""What is summed and compared from sample to sample: peaks, integrals, times in contact.
+"""Accumulators: peaks, integrals and times in contact, updated from sample to sample.
 
-An accumulator is a state with a start and an update. `fencejax.results.measures` reads the
-measures of a result from these states, `resolution` adds those that tell whether steps, modes and
-smoothing resolve the motion. What nobody reads is not in the compiled program.
+An accumulator is a state with a start and an update. `fencejax.results.measures` reads the measures
+of a result from these states; `resolution` adds those that show whether steps, modes and smoothing
+resolve the motion. What is not read is not in the compiled program.
 """
 
 import dataclasses
@@ -22,13 +22,13 @@ _PRESSING = 1.0
 
 
 class Step(NamedTuple):
-    """Two samples next to each other, as an accumulator sees them.
+    """Two consecutive samples, as an accumulator sees them.
 
-    `unbalance` [N] is the force that the step's equations leave unbalanced; `second` whether `now`
-    is the scene's second sample; `smoothing` how dry friction is smoothed; `unit` [s] the length of
-    a step that nothing makes shorter; `cutoff` the square of an angular frequency [1/s^2] up to
-    which the fence's modes are kept, `None` without any; `known` the states of all accumulators
-    before this step; `scene` what is simulated.
+    `unbalance` [N] is the force by which the step's equations are out of balance; `second` whether
+    `now` is the scene's second sample; `smoothing` how dry friction is smoothed; `unit` [s] the
+    length of a step that nothing shortens; `cutoff` the square of an angular frequency [1/s^2] up
+    to which the fence's modes are kept, `None` without modes; `known` the states of all
+    accumulators before this step; `scene` the scene that is simulated.
     """
 
     before: Sample
@@ -43,7 +43,8 @@ class Step(NamedTuple):
     scene: NormalScene | Scene
 
     def integral(self, before: Array, now: Array) -> Array:
-        """Of a signal over the step, by the trapezoidal rule, as the motion's are."""
+        """The integral of a signal over the step by the trapezoidal rule, as in the equations of
+        motion."""
         return 0.5 * self.span.length * (before + now)
 
 
@@ -75,17 +76,17 @@ class Course(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Trace:
-    """A signal that is kept at every sample, for a measure that its whole course has to be known
-    for; the measure is read from a `Course`. In place of an accumulator. No other trace of a
-    simulation has its `name`; `simulate` raises `ValueError` where two that are not the same do."""
+    """A signal that is kept at every sample, in place of an accumulator, for a measure that is read
+    from the whole `Course` of it. No other trace of a simulation has its `name`; `simulate` raises
+    `ValueError` where two different ones do."""
 
     name: str
     signal: Callable[[Sample], Any]
 
 
 def mean_where(value: tuple[Array, Array], level: tuple[Array, Array]) -> Array:
-    """Mean over a step of a value where a level is above 0, and of 0 elsewhere; both run straight
-    from what they are before the step to what they are now."""
+    """Mean over a step of a value where a level is above 0, and of 0 elsewhere; both are linear
+    from before the step to now."""
     (a, b), (low, high) = value, level
     apart = (low > 0) != (high > 0)
     share = jnp.where(apart, low, 0.0) / jnp.where(apart, low - high, 1.0)
@@ -98,7 +99,8 @@ def mean_where(value: tuple[Array, Array], level: tuple[Array, Array]) -> Array:
 
 def peak_of(name: str, signal: Callable[[Sample], Array | None]) -> Accumulator:
     """The largest value of a signal that is not negative, and its time. Where a scene lacks the
-    part that makes the signal, which is `None` then, so is the state, and nothing is computed."""
+    part that makes the signal, which is `None` then, the state is `None` too, and nothing is
+    computed."""
 
     def start(nothing: Sample, body: Body) -> Peak | None:
         return None if signal(nothing) is None else Peak.start(nothing.time)
@@ -208,9 +210,9 @@ LARGEST_PLACE = Accumulator(
 
 
 class ContactTimes(NamedTuple):
-    """Times [s] at which the fence's force acts: how long in all, when first, when last; where C_s
-    was then [m]; and of the step before the last one, by which the force is continued, the force at
-    its end [N], its rate of change [N/s] and the step's length [s].
+    """Times [s] at which the fence's force acts: the `total`, the `first` and the `last`; C_s at
+    the last [m]; and for the step before the last one, from which the force is extrapolated, the
+    force at its end [N], its rate of change [N/s] and the step's length [s].
 
     Flags are 0.0 or 1.0: the state that diffrax carries is floating-point throughout.
     """
@@ -252,20 +254,21 @@ class Change(NamedTuple):
 
 
 def last_change(step: Step, force_before: Array) -> Change:
-    """Of the fence's force over the step before this one, which began with `force_before` [N]."""
+    """The change of the fence's force over the step before this one, which began with
+    `force_before` [N]."""
     length = step.span.length * step.span.ratio
     change = step.before.fence_force - force_before
     return Change(change / jnp.where(length > 0, length, 1.0), length)
 
 
 def _release(step: Step, state: ContactTimes, change: Change) -> Array:
-    """Share of the step [1] after which the last of the corners that pressed has let go.
+    """Share of the step [1] after which the last of the corners in contact has let go.
 
-    A corner whose gap has passed zero lets go there. One that is still pressed in recovers its
-    shape more slowly than the two part; its force goes to zero at a finite rate, and so where the
-    parabola through the last three samples under load does: with N(s) = N_0 - b s + c s^2,
-    s = 2 N_0 / (b + sqrt(b^2 - 4 c N_0)). That may be a little beyond the step's end; where it is
-    another step beyond it, the force was ended otherwise, and the step's end counts.
+    A corner whose gap has passed zero lets go there. A corner whose gap is still positive recovers
+    its shape more slowly than the bodies separate: its force goes to zero at a finite rate, at the
+    zero of the parabola through the last three samples under load. With N(s) = N_0 - b s + c s^2
+    this is s = 2 N_0 / (b + sqrt(b^2 - 4 c N_0)). It may be a little beyond the step's end. Where
+    it is a whole step beyond, the force has ended for another reason, and the step's end is taken.
     """
     force, length = step.before.fence_force, step.span.length
     whole = change.length + state.length_before
@@ -304,15 +307,15 @@ def _update_contact(state: ContactTimes, step: Step) -> ContactTimes:
     def between(a: Array, b: Array) -> Array:
         return a + share * (b - a)
 
-    def latest(at_sample: Array, at_moment: Array, known: Array) -> Array:
+    def last_value(at_sample: Array, at_moment: Array, known: Array) -> Array:
         return jnp.where(acts, at_sample, jnp.where(ends, at_moment, known))
 
     return ContactTimes(
         total=state.total + length * part,
         first=jnp.where(begins & (state.touched == 0), moment, state.first),
-        last=latest(now.time, moment, state.last),
-        x=latest(now.body.x, between(before.body.x, now.body.x), state.x),
-        y=latest(now.body.y, between(before.body.y, now.body.y), state.y),
+        last=last_value(now.time, moment, state.last),
+        x=last_value(now.body.x, between(before.body.x, now.body.x), state.x),
+        y=last_value(now.body.y, between(before.body.y, now.body.y), state.y),
         touched=jnp.where(acts, 1.0, state.touched),
         force_before=before.fence_force,
         rate_before=change.rate,
@@ -324,12 +327,13 @@ CONTACT = Accumulator("contact", _no_contact, _update_contact)
 
 
 def _update_impulse(impulse: Array, step: Step) -> Array:
-    """The trapezoidal rule, as the motion has it, but for the step in which the force ends.
+    """The trapezoidal rule, as in the equations of motion, except for the step in which the force
+    ends.
 
-    There it falls to zero after a share s of the step and stays: N h s / 2. The trapezoidal rule
-    would count N h / 2 wherever in the step that is. Its error, between 0 and h^2 |N'| / 8, is
-    small; but the derivative of that error in the instant of parting, h |N'| (1 - 2 s) / 2, is of
-    the first order and changes its sign from step to step.
+    There the force falls to zero after a share s of the step and stays zero: N h s / 2. The
+    trapezoidal rule would give N h / 2 wherever in the step that is. Its error, between 0 and h^2
+    |N'| / 8, is small; but the derivative of that error in the instant of separation, h |N'| (1 - 2
+    s) / 2, is of the first order and changes its sign from step to step.
     """
     before, now = step.before.fence_force, step.now.fence_force
     contact = step.known["contact"]

@@ -1,10 +1,10 @@
-"""Whether the belt, catching a parcel that slid on it, had a choice.
+"""Whether it is certain that the belt stops a parcel that slides on it.
 
-Where static friction is above the kinetic one, a parcel whose slip comes to rest is caught for
-certain if kinetic friction would stop it, too. Where the force at rest is more than that, dry
-friction catches it only if all of its slip passes zero at once: it is what friction is smoothed
-over that decides. The force on the parcel differs by up to (mu_s - mu_k) m_p g as long as it is
-caught.
+Where static friction is above the kinetic one, a parcel whose slip comes to rest sticks for certain
+if kinetic friction would stop it, too. Where more force than that is needed to keep it at rest, dry
+friction holds it only if all of its slip passes zero at once, and then the outcome depends on the
+smoothing of friction. The force on the parcel differs by up to (mu_s - mu_k) m_p g as long as it
+sticks.
 """
 
 from typing import NamedTuple
@@ -17,15 +17,15 @@ from ..fidelity import Smoothing
 from ..scenes import NormalScene, Scene
 from .sample import Sample
 
-# Slips in w_s below which a parcel is at rest on the belt, and above which it slides: exp(-3^2) of
-# the jump of friction is left there.
+# Slips [w_s] below which a parcel is at rest on the belt, and above which it slides: there
+# exp(-3^2) of the jump of friction is left.
 _RESTS, _FREE = 1.0, 3.0
 
 
 class Catch(NamedTuple):
-    """`slid`: 1.0 from when the parcel slid on the belt until it has been caught for a step;
-    `unsure` [N]: the largest jump of friction so far by which it was caught, or might not have
-    been."""
+    """`slid` is 1.0 from when the parcel slides on the belt until it has been at rest on it for a
+    step. `unsure` [N] is the largest jump of friction so far of which it is uncertain whether the
+    parcel stuck by it."""
 
     slid: Array
     unsure: Array
@@ -39,7 +39,7 @@ def caught(
     scene: NormalScene | Scene,
     smoothing: Smoothing,
 ) -> Catch:
-    """What is known after a step to the `sample`, with the slip on the belt [m/s] `before` and
+    """The evidence after a step to the `sample`, with the slip on the belt [m/s] `before` and
     `now`."""
     if isinstance(scene, NormalScene) or scene.belt is None or sample.belt is None:
         return known

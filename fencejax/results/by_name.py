@@ -1,4 +1,4 @@
-"""A dictionary of measures that reads as fields."""
+"""A dictionary of measures whose entries are fields."""
 
 import abc
 from collections.abc import Collection
@@ -10,8 +10,8 @@ from ..printing import Readable, Table
 
 
 class AbstractByName(Readable, eqx.Module):
-    """Numbers by the names of measures, each of them a field: `self.peak_force`. One that is known
-    and not there is `None`."""
+    """Numbers by the names of measures, each of them a field: `self.peak_force`. A known measure
+    without a number is `None`."""
 
     _table: ClassVar[str]
     """The field that holds the numbers by name."""
@@ -32,7 +32,8 @@ class AbstractByName(Readable, eqx.Module):
 
     @abc.abstractmethod
     def _rows(self) -> list[tuple[str, str]] | None:
-        """Names with what is shown of each, or a line with no name; `None` where it is traced."""
+        """Pairs of a name and its text, or of no name and a line; `None` where numbers are
+        traced."""
 
     def _printed(self) -> Table:
         rows, title = self._rows(), type(self).__name__

@@ -1,8 +1,8 @@
-"""Whether the numbers of a simulation can be relied on: what its running sums, its result and its
-derivatives say.
+"""The status of a simulation: whether its numbers can be relied on, by its running evidence, its
+result and its derivatives.
 
-What each of the constants here refuses and lets pass is measured by `thresholds.py`, `runaway.py`
-in `tests/robustness`, and told in `TRUST.md` beside them.
+What each of the constants here refuses and accepts is measured by `thresholds.py` and `runaway.py`
+in `tests/robustness`, and listed in `TRUST.md` beside them.
 """
 
 import functools
@@ -25,74 +25,74 @@ from .sample import Sample
 from .slopes import SlopeEvidence, relative_error
 from .status import DEEPEST, LARGEST_BEND, NUMERICAL, Status, worst
 
-# How far off a peak force may be under a good status [1].
+# Largest relative error of a peak force under a good status [1].
 _PROMISED = 0.025
-# What a finer step, more modes or less smoothing of friction settles.
+# Statuses that a finer step, more modes or less smoothing of friction may remove.
 _SETTLED = NUMERICAL - {Status.LIMIT_REACHED}
-# A force whose second difference from step to step is a larger share of its peak than this is not
-# resolved: the peak is off by up to a fifth of that share (the most that a search finds,
-# `tests/robustness/search.py`), its gradient by up to twice of it.
+# Largest second difference of a force from step to step, as a share of its peak, with which it
+# counts as resolved: the peak is off by up to a fifth of that share (the most that a search finds,
+# `tests/robustness/search.py`), its gradient by up to twice the share.
 _ROUGHNESS = 0.12
-# The same where parcel and fence had parted before the peak: a blow depends on when the one before
-# it ended, and its derivative far more so.
+# The same where parcel and fence have separated before the peak: a blow depends on when the one
+# before it ended, and its derivative much more so.
 _REBOUND_ROUGHNESS = 0.01
-# How far above its samples a force may peak, in tolerances of the error control: that has each
-# contact's force within one of them of the line between two samples, half way too, where a parabola
-# is furthest off; and two corners may press at a time. A peak beyond that is a kink of the force,
-# such as where a corner comes to the tip, seen as a parabola: its derivative follows how the
-# samples happen to lie.
+# Largest height of a force's peak above its samples, in tolerances of the error control. That keeps
+# each contact's force within one of them of the line between two samples, also half way, where a
+# parabola is furthest off; and two corners may press at a time. A higher peak is a kink of the
+# force, such as where a corner comes to the tip, taken as a parabola: its derivative depends on
+# where the samples happen to be.
 _ABOVE_SAMPLES = 2.0
-# The first mode's angular frequency times the step: above it a friction that turns round within a
-# step rings the fence as it would not in time, by little, but the derivative counts its phase.
+# Largest product of the first mode's angular frequency and the step. Above it a friction that
+# reverses within a step excites the fence wrongly; the effect is small, but the derivative has its
+# phase.
 _RINGING = 1.5
-# So it does under a contact that is all damper, which holds the fence to the corner: its time of
-# relaxation dN/dDdot over the secant stiffness N(D, 0) / D, in steps.
+# The same holds under a contact with hardly any stiffness, whose damper ties the fence to the
+# corner: its relaxation time dN/dDdot over the secant stiffness N(D, 0) / D, in steps.
 _DAMPER_HELD = 1e6
-# What the modes left out may bend the fence statically, as a share of the flexible link's length:
-# their deflection and slope are right, not what these do to the arc's length and to other corners.
+# Largest static deflection by the modes left out, as a share of the flexible link's length: it is
+# right itself, with its slope, but not its effect on the arc's length and on other corners.
 _RESIDUAL_DEFLECTION = 0.003
-# A brush of the border, or of the fence: what of it may be rough, in shares of the largest force.
+# Negligible second difference of a weak contact, as a share of the largest force.
 _NEGLIGIBLE_ROUGHNESS = 5e-3
-# Share of the peak force that the belt's friction may lose to its smoothing at the peak.
+# Largest loss of the belt's friction by its smoothing at the peak, as a share of the peak force.
 _SMOOTHED = 0.004
-# Share of it that a parcel may owe to how friction let go of it before.
+# Largest share of the peak force that comes from the way in which the belt let go of the parcel.
 _CREEP_LOSS = 0.00105
-# A parcel that creeps is slower than so many w_s: exp(-3^2) of the jump of friction is left there.
+# Largest speed of a parcel that creeps [w_s]: exp(-3^2) of the jump of friction is left there.
 _CREEP_SPEED = 3.0
-# Share of the slip at the peak that may be the creep of a parcel that stuck before.
+# Largest creep of a parcel that stuck before, as a share of the slip at the peak.
 _CREEP_SHARE = 0.0082
-# Share of the slip at the peak that the belt's friction may add within a step, of a parcel that
-# turned round on it before: when in the step it did so counts.
+# Largest slip by the belt's friction within a step, as a share of the slip at the peak, for a
+# parcel that reversed on the belt before: the slip depends on when in the step it did so.
 _STEP_SLIP = 0.015
-# Share of the peak force that friction on the fence may have jumped by before, or not, within the
-# edge of holding a corner (`hold`).
+# Largest jump of friction on the fence of which it is uncertain whether it happened, as a corner
+# stuck or slid (`hold`), as a share of the peak force.
 _HELD = 0.02
-# Share of the force that the depth of the contact may be worth by which a parcel drifted before, as
-# it let go of the belt within the smoothing: by so much a corner meets the fence sooner or later
-# than dry friction has it, and than the next corner. 2.5 % of the force are promised.
+# Largest effect on the force of the displacement that a parcel owes to the smoothing as it let go
+# of the belt, as a share of the force: by that displacement a corner meets the fence sooner or
+# later than with dry friction, and than the next corner. 2.5 % of the force are promised.
 _DRIFTED = 0.02
-# Blows before the peak. Each multiplies what the ones before are off by, of whatever origin, as a
-# billiard does: no fidelity tells a force after so many.
+# Largest number of blows before the peak. Each multiplies the errors of the ones before, whatever
+# their origin, as in billiards: no fidelity computes a force after more.
 _BLOWS = 3.0
-# One or two of them multiply a step's tolerance by up to 60 or 80: searches found sorts off by
-# 5.6 % at 2e-3, by 3.1 % at a quarter and by 1.5 % at an eighth of it, where the parcel meets the
-# fence flat, as one blow before has turned it; and by 3.9 % at 5e-4, by 1.1 % at an eighth of it
-# and by 0.25 % at a 64th after two. So they ask for tolerances of these.
+# One or two of them multiply a step's tolerance by up to 60 or 80: searches found sorts off by 5.6
+# % at 2e-3, by 3.1 % at a quarter and by 1.5 % at an eighth of it, where the parcel meets the fence
+# flat, turned by one blow before; and after two by 3.9 % at 5e-4, by 1.1 % at an eighth of it and
+# by 0.25 % at a 64th. So they need tolerances of these values.
 _ONE_BLOW, _TWO_BLOWS, _MULTIPLIED = 2.5e-4, 1e-4, 80.0
-# Tip deflection that only a motion out of control has, in limits of the linear beam [1]. From 10 on
-# no force has to do with that of finer steps (`tests/robustness/runaway.py`); up to here it is only
-# said, so that what longer steps have driven there is computed finer.
+# Tip deflection of a motion out of control, in limits of the linear beam [1]. From 10 on no force
+# is near that of finer steps (`tests/robustness/runaway.py`); up to here the status only says so,
+# so that what longer steps have driven there is computed finer.
 _RUNAWAY = 40.0
-# Turn of the hinge's oscillation against its shaft within a step [rad], above which a clutch that
-# slips holds its moment too late.
+# Largest phase of the hinge's oscillation against its shaft in a step [rad] with which the moment
+# of a clutch that slips is limited in time.
 _SLIPPING = 1.0
 
 
 class Evidence(NamedTuple):
-    """What a status is judged by: the last sample, peaks, whether parcel and fence have touched,
-    the depth of the contact [m], whether a corner ran over the tip, the largest force left
-    unbalanced [N], and whether steps, modes and smoothing resolve the motion. Nothing of it has a
-    derivative."""
+    """The evidence for a status: the last sample, peaks, whether parcel and fence have touched, the
+    depth of the contact [m], whether a corner ran over the tip, the largest unbalanced force [N],
+    and the evidence on steps, modes and smoothing. Nothing here has a derivative."""
 
     last: Sample
     force: Peak
@@ -107,7 +107,7 @@ class Evidence(NamedTuple):
 
 
 def evidence(record: Record) -> Evidence:
-    """What of a record tells the status."""
+    """The part of a record that the status is decided by."""
     states = record.states
     return jax.lax.stop_gradient(
         Evidence(
@@ -123,15 +123,15 @@ def evidence(record: Record) -> Evidence:
 
 
 def _smoothed(scene: Scene, mechanics: Mechanics, seen: Evidence, weight: Array) -> Array:
-    """Whether the smoothing of the belt's friction may move the peak force by more than a share.
+    """Whether the smoothing of the belt's friction may change the peak force by more than a share.
 
-    At the peak it takes m_p g (mu_k eps + |mu_s - mu_k| w_s) / s of the force, with s the slip
-    there. A parcel that stuck to the belt and let go before creeps meanwhile, for a time T: it has
-    a head start of eps, and of w_s as far as static and kinetic friction differ; and it is held by
-    up to |mu_s - mu_k| m_p g, as it is not by dry friction: a share of the peak force, times the
-    share |mu_s - mu_k| g T / s of the slip, of which a parcel that creeps is no more than 3 w_s
-    behind. What it drifts by until the next blow is a part of that one's depth, on which the
-    force depends.
+    At the peak the smoothing takes m_p g (mu_k eps + |mu_s - mu_k| w_s) / s off the force, with s
+    the slip there. A parcel that stuck to the belt and let go before creeps meanwhile, for a time
+    T. It has a head start of eps, and of w_s as far as static and kinetic friction differ. And
+    smoothed friction brakes it by up to |mu_s - mu_k| m_p g more than dry friction does: a share of
+    the peak force, times the share |mu_s - mu_k| g T / s of the slip, with at most 3 w_s for a
+    parcel that creeps. Its displacement by that until the next blow is a part of that blow's depth,
+    on which the force depends.
     """
     assert scene.belt is not None
     fidelity = mechanics.fidelity
@@ -139,10 +139,10 @@ def _smoothed(scene: Scene, mechanics: Mechanics, seen: Evidence, weight: Array)
     kinetic, jump, largest = scene.belt.friction.scales(peak.slip)
     lost = kinetic * fidelity.slip_speed + jump * fidelity.static_speed
     now = weight * lost > _SMOOTHED * seen.force.value * peak.slip
-    held = jnp.minimum(
+    slowed = jnp.minimum(
         jump * scene.belt.gravity * peak.creep_time, _CREEP_SPEED * fidelity.static_speed
     )
-    late = jump * weight * held > _CREEP_LOSS * seen.force.value * peak.slip
+    late = jump * weight * slowed > _CREEP_LOSS * seen.force.value * peak.slip
     creep = largest * fidelity.slip_speed + jump * fidelity.static_speed
     early = (peak.creep_time > 0.25 * fidelity.step) & (creep > _CREEP_SHARE * largest * peak.slip)
     still = jnp.zeros_like(seen.deepest)
@@ -152,8 +152,8 @@ def _smoothed(scene: Scene, mechanics: Mechanics, seen: Evidence, weight: Array)
 
 
 def _belt_slip_unresolved(scene: Scene, fidelity: Fidelity, seen: Evidence) -> Array:
-    """Whether it is too much beside the slip at the peak what friction adds in a step's length h,
-    mu g h, of a parcel that turned round on the belt before."""
+    """Whether the change of slip by friction in a step h, mu g h, is too large compared with the
+    slip at the peak, for a parcel that reversed on the belt before."""
     assert scene.belt is not None
     peak = seen.resolution.at_peak
     jump = scene.belt.friction.scales(peak.slip).largest * scene.belt.gravity * fidelity.step
@@ -167,31 +167,31 @@ def unresolved(
     unmet: Array | None,
     tolerated: Array | float = 0.0,
 ) -> list[tuple[Status, Array]]:
-    """Whether steps do not resolve the fence's force, or the modes kept do not. Steps under error
-    control say so themselves, by `unmet`, and by a peak that is further above its samples than
-    they allow; of fixed ones the force's second difference tells, of which `tolerated` [N] do not
-    matter. A peak of a later blow asks for more."""
+    """Whether steps do not resolve the fence's force, or the modes kept do not. With error control
+    this is known from `unmet`, and from a peak that is further above its samples than allowed; with
+    fixed steps from the force's second difference, of which `tolerated` [N] is negligible. The
+    limit is lower for the peak of a later blow."""
     if unmet is None or fidelity.step_tolerance is None:
-        rough = seen.resolution.roughness > _ROUGHNESS * seen.force.value + tolerated
+        coarse = seen.resolution.roughness > _ROUGHNESS * seen.force.value + tolerated
     else:
         tolerance = max(fidelity.step_tolerance, 2 * force_tolerance(seen.force.value.dtype))
         above = seen.force.value - seen.resolution.largest
-        rough = unmet | (above > _ABOVE_SAMPLES * tolerance * seen.force.value)
+        coarse = unmet | (above > _ABOVE_SAMPLES * tolerance * seen.force.value)
     again = seen.resolution.at_peak.rebound_roughness > _REBOUND_ROUGHNESS * seen.force.value
     lag = modes_lag(seen.resolution, seen.deepest, cutoff(link))
-    return [(Status.STEP_TOO_COARSE, rough | again), (Status.MODES_TOO_FEW, lag > LAGGING)]
+    return [(Status.STEP_TOO_COARSE, coarse | again), (Status.MODES_TOO_FEW, lag > LAGGING)]
 
 
 def _peaks_at_end(seen: Evidence, fidelity: Fidelity) -> Array:
-    """Whether the fence's force is largest within a step of the end, so that steps do not tell
-    whether that is a maximum or where the time cuts it off."""
+    """Whether the fence's force is largest within a step of the end, so that it is not known
+    whether that is a maximum or only the end of the simulated time."""
     presses = seen.last.fence_force > 0
     return presses & (seen.force.time + fidelity.step >= seen.last.time)
 
 
 def _blows_unresolved(fidelity: Fidelity, seen: Evidence) -> Array:
-    """Whether the peak, or a force that may be higher than that by more than is promised, comes
-    after so many blows that steps do not tell how large it is."""
+    """Whether the peak, or a later force that may be higher than that by more than is promised,
+    comes after so many blows that the steps do not resolve it."""
     tolerance, most = fidelity.step_tolerance, _BLOWS
     if tolerance is not None and tolerance > _TWO_BLOWS:
         most = 1.0 if tolerance > _ONE_BLOW else 2.0
@@ -221,7 +221,7 @@ def of_record(
         still = jnp.maximum(still, seen.surface.value)
     forces = jnp.maximum(seen.force.value, still)
     weight = parcel.mass * (0.0 if scene.belt is None else scene.belt.gravity)
-    # Where the fence is touched its force must be right beside a large weight, too.
+    # In contact with the fence its force must be right next to a large weight, too.
     share = max(1e-3, 4 * force_tolerance(parcel.mass.dtype))
     allowed = share * (forces + jnp.where(seen.touched > 0, 0.0, weight))
     checks.append((Status.STEP_TOO_COARSE, seen.unbalance > allowed + 1e-9))
@@ -264,11 +264,11 @@ def of_record(
     if scene.fence is not None:
         limit = LARGEST_BEND * scene.fence.flexible_length
         checks.append((Status.LARGE_DEFLECTION, seen.tip.value > limit))
-        # It runs away: finite still, but its derivatives may be so no more.
+        # The motion diverges: it is still finite, but its derivatives may be infinite.
         checks.append((Status.NON_FINITE, seen.tip.value > _RUNAWAY * limit))
     if scene.fence_corners:
         at_tip = seen.resolution.at_peak.over_tip > 0
-        # No fidelity settles a force that the model ends at the tip.
+        # No finer fidelity helps where the model ends a force at the tip.
         checks = [
             (code, holds & ~at_tip if code in _SETTLED else holds) for code, holds in checks
         ]
@@ -313,11 +313,11 @@ def of_normal_record(
 
 # --- Of a result ----------------------------------------------------------------------------------
 
-# Not a number where there was no contact.
+# NaN where there was no contact.
 _MAY_BE_NAN = (
     "first_contact", "last_contact", "leave_x", "leave_y", "status", "gradient_error"
 )  # fmt: skip
-# Of a whole result, what shows that derivatives were lost on the way.
+# The parts of a whole result that show whether derivatives became non-finite on the way.
 _TELLING = ("final", "tip_deflection")
 
 
@@ -328,36 +328,35 @@ def _fields(result: Result) -> dict[str, Any]:
 
 
 def _finite(fields: Mapping[str, Any]) -> Array:
-    """Whether all numbers of a result's fields are finite that have to be."""
+    """Whether all numbers of a result that must be finite are."""
     alike: dict[Any, Array] = {}
     for leaf in jax.tree.leaves({f: v for f, v in fields.items() if f not in _MAY_BE_NAN}):
-        # 0 where it is finite and not a number elsewhere: so one look is enough for all of a shape.
+        # 0 where finite and NaN elsewhere: so one test is enough for all leaves of a shape.
         zeros, kind = 0.0 * leaf, (leaf.shape, leaf.dtype)
         alike[kind] = alike[kind] + zeros if kind in alike else zeros
     finite = [jnp.all(jnp.isfinite(zeros)) for zeros in alike.values()]
     return functools.reduce(jnp.logical_and, finite, jnp.asarray(True))
 
 
-# Share of the energy turned over by which a ledger may fail to close: a force goes with the root of
-# the energy behind it, and 2.5 % of it are promised.
+# Largest residual of the energy ledger, as a share of the energy exchanged: a force goes with the
+# root of the energy behind it, and 2.5 % of it are promised.
 _UNBALANCED = 2 * _PROMISED
 
 
 def _unbalanced(scene: NormalScene | Scene, result: Result) -> Array:
-    """Whether the energy ledger ends with more than the work done accounts for, or with less: a
-    residual above 5 % of what was turned over, the parcel's kinetic energy at the end and the sizes
-    of the ledger's terms together."""
+    """Whether the energy ledger does not close: a residual above 5 % of the energy exchanged, which
+    is the parcel's kinetic energy at the end and the sizes of the ledger's terms together."""
     parcel, final = scene.parcel, result.final
-    held = 0.5 * parcel.mass * (final.x_rate**2 + final.y_rate**2)
-    held = held + 0.5 * parcel.inertia * final.spin**2
-    turned = held + sum(jnp.abs(term) for term in jax.tree.leaves(result.energy))
-    return jnp.abs(result.energy.residual) > _UNBALANCED * turned
+    kinetic = 0.5 * parcel.mass * (final.x_rate**2 + final.y_rate**2)
+    kinetic = kinetic + 0.5 * parcel.inertia * final.spin**2
+    exchanged = kinetic + sum(jnp.abs(term) for term in jax.tree.leaves(result.energy))
+    return jnp.abs(result.energy.residual) > _UNBALANCED * exchanged
 
 
 def of_result(scene: NormalScene | Scene, result: Result) -> Result:
-    """The same with the status `ENERGY_UNBALANCED` where the ledger is wanted and says so, and
-    `NON_FINITE` where a number is not finite, and then without derivatives: a lane whose value is
-    taken out of a sum is out of the sum's gradient too."""
+    """The result with the status `ENERGY_UNBALANCED` where the ledger is asked for and does not
+    close, and `NON_FINITE` where a number is not finite, and then without derivatives: a lane whose
+    value is taken out of a sum is out of the sum's gradient too."""
     status = jax.lax.stop_gradient(result.status)
     if result.energy is not None and result.final is not None:
         open_ = _unbalanced(*jax.lax.stop_gradient((scene, result)))
@@ -377,17 +376,17 @@ Outcome = tuple[Result, SlopeEvidence | None]
 def of_derivatives(
     outcome: Outcome, columns: Outcome, at: Array, tolerance: float
 ) -> tuple[Outcome, Outcome]:
-    """The same with what the derivatives in numbers of the values `at` say of the status:
+    """The result with the status that its derivatives in numbers of the values `at` ask for:
     `STEP_TOO_COARSE` where those of the peak force may be off by more than the `tolerance` [1], by
     the steps or as another maximum is about as high; and `NON_FINITE`, with derivatives of 0, where
-    one is not finite, as of a state that runs away and is finite still.
+    one is not finite, as those of a diverging state that is still finite.
 
-    A motion whose derivative is lost ends without one. So in a whole result the end and the tip
-    tell: looking at all of it would cost the derivatives that nobody reads.
+    Non-finite derivatives of the motion last until its end. So in a whole result the end and the
+    tip show them; a test of all fields would compute derivatives that are not read.
     """
     (result, slopes), (of_result, of_slopes) = outcome, columns
     status = result.status
-    # Sizes that are summed have no second derivatives.
+    # The summed sizes have no second derivatives.
     if slopes is not None and of_slopes is not None and of_slopes.force.shape == at.shape:
         error = relative_error(of_slopes, slopes, at)
         result = eqx.tree_at(lambda r: r.gradient_error, result, error)

@@ -1,4 +1,4 @@
-"""How far a result is off: the spread between neighbouring fidelities."""
+"""The error of a result, estimated by the spread between neighbouring fidelities."""
 
 import functools
 from collections.abc import Callable
@@ -14,24 +14,24 @@ from .error_estimate import ErrorEstimate
 from .measures import ESTIMATED, MEASURES
 from .result import Result
 
-# With it 95 % of the components and norms of gradients of 200 random impacts are within their
-# estimates, in seven numbers, at `fast` (`test_calibration_of_gradients` in
+# With this factor 95 % of the components and norms of gradients of 200 random impacts are within
+# their estimates, in seven numbers, at `fast` (`test_calibration_of_gradients` in
 # tests/results/test_error_estimate.py); at `standard` more are. Errors that are controlled step by
 # step go with the tolerance in the mean, and by jumps in each scene. The factors of values are in
 # `fencejax.results.measures`.
 _GRADIENT_SAFETY = 8.0
-# Share of a value by which the geometries other than the paper's chords are off in a bad case. No
-# spread shows it: chords take three times as long in a batch.
+# Relative error of a value by geometries other than the paper's chords in a bad case. The spread
+# between fidelities does not include it, as chords take three times as long in a batch.
 _GEOMETRY = 5e-4
 
 
 def coarser(fidelity: Fidelity, smoothing: float = 1.0) -> Fidelity:
     """A fidelity whose difference from `fidelity` measures its error, at half as many steps.
 
-    It has twice the step, four times the tolerance of its defect (a general integrator: ten times
-    the tolerance) and three quarters of the
-    modes; below two modes, and below 20 elements, it has more of them, and in place of the
-    geometry `"small"` it has `"arc"`. Friction is smoothed over `smoothing` [1] times the speed.
+    It has twice the step, four times the tolerance of its defect (with a general integrator: ten
+    times the tolerance) and three quarters of the modes. Below two modes, and below 20 elements, it
+    has more of them, and in place of the geometry `"small"` it has `"arc"`. Friction is smoothed
+    over `smoothing` [1] times the speed.
     """
     count = fidelity.mode_count
     fewer = 3 * count // 4 if count > 1 else count + 1
@@ -63,7 +63,7 @@ def _spread(value: Array, coarse: Array, smooth: Array) -> Array:
 
 @functools.partial(jax.jit, static_argnames=("share", "step"))
 def _combine(values, coarse, smooth, share: float, step: float):
-    """Estimates by name. `share` of the value and `step` [s] are the least there is."""
+    """Estimates by name, of at least `share` of the value, or of at least `step` [s]."""
     errors = {}
     for name, value in values.items():
         spread = _spread(value, coarse[name], smooth[name])
@@ -86,16 +86,15 @@ def estimate(
 ) -> ErrorEstimate:
     """The error of a result at `fidelity`, from two more runs.
 
-    `run(scene, fidelity, history, only)` gives a result with the fields named in `only`. Measures
-    that `result` lacks have no estimate. A scene without friction needs one more run
-    alone.
+    `run(scene, fidelity, history, only)` returns a result with the fields named in `only`. Measures
+    that `result` lacks have no estimate. A scene without friction needs only one more run.
     """
     values = {name: result.measures[name] for name in ESTIMATED if name in result.measures}
     scene, values = jax.lax.stop_gradient((scene, values))
     only = tuple(sorted((*values, "status")))
     first, second = companions(fidelity)
     coarse = run(scene, first, False, only)
-    smooth = run(scene, second, False, only) if _rubs(scene) else coarse
+    smooth = run(scene, second, False, only) if _has_friction(scene) else coarse
     others = ({name: r.measures[name] for name in values} for r in (coarse, smooth))
     bends = isinstance(scene, Scene) and scene.fence is not None
     share = _GEOMETRY if bends and fidelity.geometry != "chord" else 0.0
@@ -103,7 +102,7 @@ def estimate(
     return ErrorEstimate(found)
 
 
-def _rubs(scene: Scene | NormalScene) -> bool:
+def _has_friction(scene: Scene | NormalScene) -> bool:
     """Whether there is dry friction in the scene."""
     if isinstance(scene, NormalScene):
         return False
@@ -112,7 +111,7 @@ def _rubs(scene: Scene | NormalScene) -> bool:
 
 
 class GradientEstimate(NamedTuple):
-    """A gradient and how far it is off.
+    """A gradient with an estimate of its error.
 
     - `value`, `value_error`: of the function, in its unit.
     - `gradient`, `gradient_error`: leaves like those of the argument, in the function's unit over

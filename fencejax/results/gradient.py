@@ -1,4 +1,4 @@
-"""A gradient with the names and the units of what it was taken in."""
+"""A gradient with the names and the units of the numbers that it is taken in."""
 
 from typing import Any
 

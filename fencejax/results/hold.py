@@ -1,9 +1,10 @@
-"""How near a corner on the fence was to being held by friction, or to being let go.
+"""How close a corner on the fence was to sticking where it slid, or to sliding where it stuck.
 
 Where static friction is above the kinetic one the motion goes one of two ways: a corner whose
-sliding comes to rest is caught, or slides on the other way; one that is held stays so, or breaks
-away. What decides is the friction that rest takes next to the largest there is, mu_max N. Close to
-that edge the smallest change tips it, and the force after it differs by up to (mu_max - mu_k) N.
+sliding comes to rest sticks, or slides on the other way; a corner that sticks goes on sticking, or
+breaks away. This is decided by the friction that a corner needs to stay at rest, compared with the
+largest one, mu_max N. Where the two are about equal the smallest change decides, and the force
+afterwards differs by up to (mu_max - mu_k) N.
 """
 
 from typing import NamedTuple
@@ -19,21 +20,25 @@ from ..parts import AbstractFriction, Parcel
 from ..scenes import NormalScene, Scene
 from .sample import Sample
 
-# Sliding speeds in w_s among which smoothed friction is largest, and one at which it slides: where
-# w_s is five to a hundred eps the largest is met to 1 %.
-_CREEPS, _SLIDES = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.3, 1.7), 10.0
-# A corner at rest is slower than w_s, one that slides faster than so many w_s: exp(-3^2) of the
-# jump of friction is left there.
+# Sliding speeds [w_s]: those of which one has the largest smoothed friction, to within 1 % for a
+# w_s of five to a hundred eps; and one with kinetic friction.
+_SLOW_SPEEDS, _FAST_SPEED = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.3, 1.7), 10.0
+# Sliding speeds [w_s] below which a corner is at rest, and above which it slides: there exp(-3^2)
+# of the jump of friction is left.
 _RESTS, _FREE = 1.0, 3.0
-# Share of the largest friction within which it is not sure which way a corner goes.
+# Share of the largest friction within which it is uncertain which way a corner goes.
 _EDGE = 0.03
 
 
 class Hold(NamedTuple):
-    """`near` [N], by corner: what friction would jump by where the corner, held within the edge
-    now, were let go; `caught`, by corner: 1.0 where its sliding came to rest in the last step;
-    `edge` [N]: the largest jump of friction so far that a corner went by this way or that within
-    the edge."""
+    """The evidence that a corner might have stuck, or slid, instead.
+
+    - `near` [N], by corner: the jump of friction if the corner, which needs nearly the largest
+      friction to stick, slid instead.
+    - `caught`, by corner: 1.0 where its sliding stopped to rest in the last step.
+    - `edge` [N]: the largest jump of friction so far where it was uncertain which way a corner
+      goes.
+    """
 
     near: tuple[Array, ...]
     caught: tuple[Array, ...]
@@ -47,7 +52,7 @@ class Hold(NamedTuple):
 
     @property
     def unsure(self) -> Array:
-        """The largest jump of friction [N] so far that might as well have been, or not."""
+        """The largest jump of friction [N] so far of which it is uncertain whether it happens."""
         found = self.edge
         for jump in self.near:
             found = jnp.maximum(found, jump)
@@ -55,8 +60,8 @@ class Hold(NamedTuple):
 
 
 class _Shares(NamedTuple):
-    """Smoothed friction as a share of the normal force [1]: the largest near rest, and less that
-    of a corner that slides."""
+    """Smoothed friction as a share of the normal force [1]: the `largest` one near rest, and the
+    `jump`, by which that exceeds the friction of a corner that slides."""
 
     largest: Array
     jump: Array
@@ -67,15 +72,15 @@ def _shares(friction: AbstractFriction, smoothing: Smoothing, like: Array) -> _S
         sliding = jnp.full_like(like, speed * smoothing.static_speed)
         return jnp.abs(corner_share(friction, sliding, smoothing)[0])
 
-    largest = at(_CREEPS[0])
-    for speed in _CREEPS[1:]:
+    largest = at(_SLOW_SPEEDS[0])
+    for speed in _SLOW_SPEEDS[1:]:
         largest = jnp.maximum(largest, at(speed))
-    return _Shares(largest, jnp.maximum(largest - at(_SLIDES), 0.0))
+    return _Shares(largest, jnp.maximum(largest - at(_FAST_SPEED), 0.0))
 
 
 def _lightness(parcel: Parcel, now: Sample) -> Array:
-    """What a unit force along the fence's straight line accelerates it there by [1/kg]:
-    1 / m_p + d^2 / I_p, with d the distance of C_s from that line."""
+    """The acceleration of the parcel along the fence's straight line by a unit force along it
+    [1/kg]: 1 / m_p + d^2 / I_p, with d the distance of C_s from that line."""
     assert now.drive is not None
     cosine, sine = cos_sin(now.drive.angle)
     across = now.body.x * sine - now.body.y * cosine
@@ -90,14 +95,17 @@ def updated(
     scene: NormalScene | Scene,
     smoothing: Smoothing,
 ) -> Hold:
-    """What is known after a step of the `length` [s] from one sample to the next.
+    """The evidence after a step of the `length` [s] from one sample to the next.
 
-    The friction that would hold a corner is |(F_0 + F_1) / 2 - (w_1 - w_0) / (h lambda)|, with
-    lambda its lightness [1/kg]. A corner that slid on through rest is on the edge where that is
-    hardly more than there is, or is less; and one that slid slowly and sped up again the same way,
-    so slowly that the jump of friction would have stopped it within the step. One that is caught is
-    so where it is nearly all that there is, and one that was held before where it has come near
-    that and gone back.
+    The friction that a corner needs to stick is |(F_0 + F_1) / 2 - (w_1 - w_0) / (h lambda)|, with
+    lambda its lightness [1/kg]. It is uncertain which way a corner goes in these cases:
+
+    - It slides on through rest, and the friction needed is less than the largest one, or hardly
+      more.
+    - It slides slowly and speeds up again the same way, so slowly that the jump of friction would
+      have stopped it within the step.
+    - It comes to rest, and the friction needed is nearly the largest one.
+    - It sticks, and the friction needed has come near the largest one and fallen again.
     """
     if isinstance(scene, NormalScene) or scene.fence_friction is None or not now.fence:
         return known
@@ -108,7 +116,7 @@ def updated(
     impulse = jnp.where(length > 0, length, 1.0) * _lightness(parcel, now)
     rests, free = (share * smoothing.static_speed for share in (_RESTS, _FREE))
     near, caught, edge = [], [], known.edge
-    for was, is_, close, fresh in zip(
+    for was, is_, close, new in zip(
         before.fence, now.fence, known.near, known.caught, strict=True
     ):
         pressed = (was.normal > 0) & (is_.normal > 0)
@@ -125,10 +133,10 @@ def updated(
         stops = fast < jump * normal * impulse
         speeds_up = (was.sliding * is_.sliding > 0) & (jnp.abs(is_.sliding) > fast)
         missed = pressed & slides & (fast > rests) & stops & speeds_up & (share < 1 + _EDGE)
-        unsure = (at_edge & (fresh > 0)) | back | passed | missed
+        unsure = (at_edge & (new > 0)) | back | passed | missed
         edge = jnp.where(unsure, jnp.maximum(edge, jump * is_.normal), edge)
         close = jnp.where(at_edge, jnp.maximum(close, jump * is_.normal), close)
         near.append(jnp.where(slides | back | ~pressed, 0.0, close))
-        came = at_rest & (jnp.abs(was.sliding) > free)
-        caught.append(jnp.where(came, 1.0, 0.0))
+        stopped = at_rest & (jnp.abs(was.sliding) > free)
+        caught.append(jnp.where(stopped, 1.0, 0.0))
     return Hold(tuple(near), tuple(caught), edge)

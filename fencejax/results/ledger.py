@@ -1,4 +1,4 @@
-"""The energy ledger: what is held, what work is done, what is dissipated."""
+"""The energy ledger: energy stored, work done, energy dissipated."""
 
 from jaxtyping import Array
 
@@ -7,7 +7,7 @@ from .sample import Energy, Power
 
 
 class Ledger(Part):
-    """The energy ledger of a scene [J]: changes of what is held, work done, energy dissipated.
+    """The energy ledger of a scene [J]: changes of stored energy, work done, energy dissipated.
 
     residual = changes + dissipated + contact - work. With `Fidelity(longest_stride=1)` it vanishes
     at the order of the step. By default a fence that rings freely is followed in longer strides, up
@@ -50,8 +50,8 @@ class Ledger(Part):
 
     @property
     def residual(self) -> Array:
-        """What does not balance [J]."""
-        held = self.parcel_kinetic + self.fence_kinetic + self.strain + self.contact_stored
+        """The energy by which the ledger does not close [J]."""
+        stored = self.parcel_kinetic + self.fence_kinetic + self.strain + self.contact_stored
         lost = (
             self.contact_loss
             + self.fence_friction_loss
@@ -59,11 +59,11 @@ class Ledger(Part):
             + self.belt_friction_loss
             + self.damping_loss
         )
-        return held + lost - self.drive_work - self.belt_work - self.geometry_work
+        return stored + lost - self.drive_work - self.belt_work - self.geometry_work
 
 
 def ledger(begin: Energy, end: Energy, work: Power) -> Ledger:
-    """The ledger from the energies held at the begin and at the end, with the integrals of the
+    """The ledger from the energies stored at the beginning and at the end, and the integrals of the
     powers between them."""
     stored = end.contact - begin.contact
     return Ledger(

@@ -1,9 +1,9 @@
-"""The measures of a result: one row each, and every other list of them is made from this table.
+"""The measures of a result, one row each; every other list of measures is made from this table.
 
-To measure something more, add a row: what it is, the accumulator it is read from (one of
-`accumulators`, or a new one), and how. It is then a field of `fencejax.Result`, in its print, in
-`simulate(only=...)`, in error estimates if it has a factor, an output of sweeps and an objective.
-A measure of one's own is a `Measure` given to `simulate(measures=...)`.
+To add a measure, add a row: its meaning, the accumulator it is read from (one of `accumulators`, or
+a new one), and how it is read. It is then a field of `fencejax.Result`, in its print, in
+`simulate(only=...)`, in error estimates if it has a factor, an output of sweeps and an objective. A
+measure of your own is a `Measure` given to `simulate(measures=...)`.
 """
 
 import dataclasses
@@ -29,15 +29,15 @@ class Measure:
 
     **Fields:**
 
-    - `name`: of the field of `fencejax.Result`.
+    - `name`: the name of the field of `fencejax.Result`.
     - `unit`: SI.
     - `meaning`: a line on what it is.
     - `sign`: `"at least 0"` or `"either way"`; `"NaN if none"` where it may be missing.
     - `accumulator`: the running state that it is read from, or a `Trace`.
     - `read`: the number [`unit`] from that state at the end, or from the trace's `Course`.
     - `of_scene`: whether `read` takes the scene, too, as its second argument.
-    - `error_factor`: what the spread between fidelities is multiplied by in an error estimate;
-      `None` for none.
+    - `error_factor`: the factor of the spread between fidelities in an error estimate; `None` for
+      no estimate.
     - `moment`: whether it is an instant or a duration, known to a step at best.
     - `label`, `scale`, `shown_unit`, `digits`: the row of a printed result, the value times `scale`
       with so many digits behind the point; no row without a label.
@@ -179,4 +179,4 @@ MEASURES: Mapping[str, Measure] = {measure.name: measure for measure in _ROWS}
 """Every measure by name."""
 
 ESTIMATED = tuple(name for name, measure in MEASURES.items() if measure.error_factor is not None)
-"""The names of those that have an error estimate."""
+"""The names of the measures that have an error estimate."""

@@ -32,7 +32,7 @@ class Vertex(NamedTuple):
 
     @classmethod
     def of(cls, before: Array, now: Array, new: Array, span: Span) -> "Vertex":
-        """Of the sample `now`; `span` is that of the step from it to `new`."""
+        """The vertex at the sample `now`; `span` is that of the step from it to `new`."""
         # now + lean s + bend s^2 through the samples at s = -ratio, 0, 1 in this step's length.
         bend = _bend(before, now, new, span)
         lean = new - now - bend
@@ -61,10 +61,10 @@ class Peak(NamedTuple):
     def update(self, new: Array, time: Array, span: Span) -> "Peak":
         """Take in the sample `new` at `time` [s]."""
         inner, vertex, place = Vertex.of(self.before, self.now, new, span)
-        # What is not a number stays so.
-        held = (new <= self.value) | jnp.isnan(self.value)
-        value = jnp.where(held, self.value, new)
-        when = jnp.where(held, self.time, time)
+        # NaN stays NaN.
+        unchanged = (new <= self.value) | jnp.isnan(self.value)
+        value = jnp.where(unchanged, self.value, new)
+        when = jnp.where(unchanged, self.time, time)
         refined = inner & (vertex >= value)
         value = jnp.where(refined, vertex, value)
         when = jnp.where(refined, time - span.length * (1 - place), when)

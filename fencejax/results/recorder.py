@@ -1,4 +1,5 @@
-"""What watches a scene advance: each state becomes a sample, and the samples running results."""
+"""Recorders: observers that turn each state of a scene into a sample, and samples into running
+results."""
 
 import abc
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from .rivals import STEPS_MISS, rivals
 from .sample import Sample, describe, describe_normal
 from .slopes import SLOPES
 
-# What a status is read from.
+# The accumulators that a status is decided by.
 _JUDGED = (
     accumulators.FORCE, accumulators.TIP, accumulators.BORDER, accumulators.SURFACE,
     accumulators.CONTACT, accumulators.DEEPEST, accumulators.OVER_TIP, accumulators.UNBALANCE,
@@ -32,7 +33,7 @@ _RIVALS = rivals(0.0)
 
 class Record(NamedTuple):
     """Running results: the last sample, the length of the last step [s] (`None` where all are
-    alike), the state of each accumulator by name, and each trace's signal at the last sample."""
+    equal), the state of each accumulator by name, and each trace's signal at the last sample."""
 
     last: Sample
     length: Array | None
@@ -41,19 +42,19 @@ class Record(NamedTuple):
 
 
 class Saved(NamedTuple):
-    """What is kept at every sample: the sample itself for a history, or `None`, and the courses
-    that are traced, by name."""
+    """The values kept at every sample: for a history the sample itself, else `None`; and the
+    courses of the traces, by name."""
 
     history: Sample | None
     courses: dict[str, Course]
 
 
 class Kept(NamedTuple):
-    """What a recorder keeps.
+    """The choice of what a recorder keeps.
 
-    - `accumulators`: those that run, each after those it needs.
+    - `accumulators`: those that run, each after the ones that it needs.
     - `traces`: the signals that are kept at every sample.
-    - `alike`: whether all steps are of one length.
+    - `alike`: whether all steps have the same length.
     - `history`: whether every sample is kept.
     """
 
@@ -72,17 +73,17 @@ class AbstractRecorder(eqx.Module):
     @property
     @abc.abstractmethod
     def smoothing(self) -> Smoothing:
-        """How dry friction is smoothed."""
+        """The smoothing of dry friction."""
 
     @property
     @abc.abstractmethod
     def unit(self) -> float:
-        """The length of a step that nothing makes shorter [s]."""
+        """The length of a step that nothing shortens [s]."""
 
     @property
     @abc.abstractmethod
     def modes(self) -> FlexibleLink | None:
-        """What bends, if anything."""
+        """The flexible link, if there is one."""
 
     @abc.abstractmethod
     def sample(self, state: Any) -> Sample:
@@ -127,7 +128,7 @@ class AbstractRecorder(eqx.Module):
         return self.kept.history or bool(self.kept.traces)
 
     def saved(self, record: Record) -> Saved:
-        """What is kept at every sample."""
+        """The values kept at every sample."""
         time = record.last.time
         courses = {name: Course(time, signal) for name, signal in record.signals.items()}
         return Saved(record.last if self.kept.history else None, courses)
@@ -136,9 +137,9 @@ class AbstractRecorder(eqx.Module):
 def running(
     measures: tuple[Measure, ...], energy: bool, slopes: float | None
 ) -> tuple[Accumulator, ...]:
-    """The accumulators behind some measures, the ledger if its `energy` is wanted, what tells the
-    error of the peak force's derivatives, by steps of a tolerance, unless `slopes` is `None`, and
-    the status, each once.
+    """The accumulators behind some measures, each once; those of the ledger if `energy` is set;
+    those of the error of the peak force's derivatives by steps of the tolerance `slopes`, unless
+    that is `None`; and those of the status.
 
     Raises `ValueError` where two have one name.
     """
@@ -155,7 +156,7 @@ def running(
         if isinstance(measure.accumulator, Accumulator):
             add(measure.accumulator)
     for reserved in (SLOPES, _RIVALS):
-        # They are read by their names alone, wanted or not.
+        # Other accumulators may not have these names, whether these are wanted or not.
         _one_of_a_name(reserved, found.get(reserved.name, reserved))
     if energy:
         add(accumulators.WORK)
@@ -188,7 +189,7 @@ def _one_of_a_name(given: Accumulator | Trace, known: Accumulator | Trace) -> No
 
 
 class SceneRecorder(AbstractRecorder):
-    """Of a scene in the plane."""
+    """The recorder of a scene in the plane."""
 
     scene: Scene
     mechanics: Mechanics
@@ -211,7 +212,7 @@ class SceneRecorder(AbstractRecorder):
 
 
 class NormalRecorder(AbstractRecorder):
-    """Of a scene of the normal direction alone."""
+    """The recorder of a scene of the normal direction alone."""
 
     scene: NormalScene
     link: FlexibleLink | None
@@ -219,12 +220,12 @@ class NormalRecorder(AbstractRecorder):
 
     @property
     def smoothing(self) -> Smoothing:
-        # Nothing slides: any smoothing does.
+        # Nothing slides: the smoothing has no effect.
         return Smoothing(1.0, 1.0)
 
     @property
     def unit(self) -> float:
-        # Nothing comes to the tip.
+        # No corner comes to the tip.
         return 0.0
 
     @property

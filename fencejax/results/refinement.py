@@ -1,4 +1,4 @@
-"""Numbers that their status doubts are computed again, at the next finer fidelity."""
+"""Lanes with a numerical status are computed again, at the next finer fidelity."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -11,8 +11,9 @@ from ..lanes import FEW
 from .status import NUMERICAL
 
 _DOUBTS = np.array(sorted(NUMERICAL))
-# Lanes in a call where there are more than go one by one: every other number of them compiles a
-# program of its own, and 64 take a tenth less time for each, but more are computed for nothing.
+# Lanes in a call where there are more than are computed one by one. Every other number of lanes
+# compiles a program of its own. 64 lanes take a tenth less time for each, but waste more in a call
+# that is not full.
 _MANY = 32
 
 
@@ -25,9 +26,9 @@ def climb(
     rung: int = 0,
     least: int = 0,
 ) -> tuple[Any, int]:
-    """What `compute` gives at the first of `rungs` rungs, from `least` on, where it is not
-    `doubted`, and that rung; that of the last stands in any case. `found` is what it gives at
-    `rung`."""
+    """The result of `compute` at the first of `rungs` rungs, from `least` on, where it is not
+    `doubted`, and that rung; the result of the last rung stands in any case. `found` is the result
+    at `rung`."""
     while (rung < least or doubted(found)) and rung + 1 < rungs:
         rung = max(rung + 1, least)
         found = compute(rung)
@@ -35,7 +36,7 @@ def climb(
 
 
 class Refined(NamedTuple):
-    """Numbers of lanes, each leaf with the lanes first; their statuses, and the rung of each."""
+    """Numbers of lanes, each leaf with the lanes first; the status and the rung of each lane."""
 
     numbers: Any
     statuses: np.ndarray
@@ -85,7 +86,8 @@ def refined(
     if first == 0:
         numbers, statuses = jax.device_get(compute(first, lanes))
     else:
-        # Finer ones are compiled for groups: the whole would be another program.
+        # Finer rungs are compiled for groups of lanes: a call with all lanes would be another
+        # program.
         numbers, statuses = computed(first, np.arange(jax.tree.leaves(lanes)[0].shape[0]))
     numbers, statuses = jax.tree.map(np.array, numbers), np.array(statuses)
     used = np.full(statuses.shape[0], first)
@@ -108,7 +110,7 @@ def refined(
 
 
 def _groups(count: int) -> list[int]:
-    """How many lanes each call takes, to compute `count` of them."""
+    """The number of lanes in each call, to compute `count` of them."""
     many, rest = divmod(count, _MANY)
     if rest <= FEW:
         return [_MANY] * many + [1] * rest

@@ -1,7 +1,8 @@
-"""Whether the step, the modes and the smoothing of friction resolve the motion: how forces change
-from step to step, how the parcel lets go of the belt, what the modes left out carry.
+"""Evidence of whether the step, the modes and the smoothing of friction resolve the motion: how
+forces change from step to step, how the parcel lets go of the belt, what load the modes left out
+carry.
 
-None of it has a derivative.
+Nothing here has a derivative.
 """
 
 import math
@@ -31,25 +32,29 @@ from .peak import Peak, second_difference
 from .sample import Sample
 
 LAGGING = 0.0021
-"""How far the modes left out may lag behind their static deflection [1], as a share of the depth of
-the contact: |N''| G / w^2 with their compliance G and w between the highest frequency kept and the
-lowest left out. At twice of it a search finds the peaks of sorts off by 4 % on fences that ring,
-and in impacts derivatives off by more than is promised."""
+"""Largest lag [1] of the modes left out behind their static deflection, as a share of the contact's
+depth: |N''| G / w^2 with their compliance G, and w between the highest frequency kept and the
+lowest left out. With twice this lag a search finds peak forces of sorts that are off by 4 % on
+fences that vibrate, and derivatives of impacts that are off by more than is promised."""
 # A blow is over where the force is no more than this share of the largest so far.
 _LITTLE = 0.1
 
 
 class AtPeak(NamedTuple):
-    """What was so when the fence's force was largest: `slip` [m/s] is the speed at which C_s
-    slipped on the belt, `creep_time` [s] how long it had crept on it until then, `drift` [m] how
-    far it may have slid by that, `over_tip` 1.0 where a corner ran over the tip then or up to a
-    step later, `rebound_roughness` [N] the largest second difference of the force from step to step
-    until then if parcel and fence had parted before, else 0; `sliding_reversed` 1.0 where a corner
-    pressed on the fence had come to rest on it, or turned round, before, `belt_slip_reversed` where
-    C_s, pressed by it, had turned round on the belt; `blows` [1] how often the force had risen and
-    eased before, and `unsure_friction` [N] the largest jump of friction that a corner had gone by
-    this way or that on the edge (`hold`), or by which the belt had caught the parcel
-    (`belt_catch`)."""
+    """The state of things when the fence's force was largest.
+
+    - `slip` [m/s]: the speed at which C_s slips on the belt.
+    - `creep_time` [s]: how long it has crept on the belt until then; `drift` [m]: the displacement
+      that may be wrong by that.
+    - `over_tip`: 1.0 where a corner runs over the tip then or up to a step later.
+    - `rebound_roughness` [N]: the largest second difference of the force from step to step until
+      then, if parcel and fence have separated before; else 0.
+    - `sliding_reversed`: 1.0 where a corner in contact with the fence has come to rest on it or
+      reversed before; `belt_slip_reversed`: where C_s has reversed on the belt during contact.
+    - `blows` [1]: how often the force has risen and fallen before.
+    - `unsure_friction` [N]: the largest jump of friction of which it is uncertain whether it
+      happened, at a corner on the fence (`hold`) or on the belt (`belt_catch`).
+    """
 
     slip: Array
     creep_time: Array
@@ -63,19 +68,24 @@ class AtPeak(NamedTuple):
 
 
 class Resolution(NamedTuple):
-    """`roughness`, `border_roughness` [N] are the largest second differences of the forces of the
-    fence, but for its end over the tip, and of the still surfaces from step to step; `creep_time`
-    [s] is how long C_s, under the fence's force, has let go of the belt or come to rest on it so
-    far, neither at rest nor sliding, and `drift` [m] how much further or less far that may have let
-    it slide, free of the fence, since; `blows` [1] is how often the force has eased to little of
-    its largest; `separated` and `sliding_reversed` are 1.0 where parcel and fence have touched and
-    parted, and where a corner pressed on the fence has come to rest on it or turned round,
-    `belt_slip_reversed` where C_s, pressed by the fence, has turned round on the belt within a
-    step; `largest` [N] is the fence's largest force at a sample, and `later` are those after at
-    least one, two and three blows; `residual_acceleration` [m/s^2] is the largest |N''| G under a
-    corner, G [m/N] the compliance of the modes left out, and `residual_deflection` [m] the largest
-    deflection G N that they take there; `hold` is how near corners came to being held on the fence,
-    or let go, and `catch` whether the belt caught the parcel for certain."""
+    """The running evidence.
+
+    - `roughness`, `border_roughness` [N]: the largest second differences from step to step of the
+      force of the fence, but for its end over the tip, and of the forces of the still surfaces.
+    - `creep_time` [s]: how long C_s, under the fence's force, has crept on the belt so far, neither
+      at rest nor sliding; `drift` [m]: how much its displacement without contact may be wrong
+      since.
+    - `separated`: 1.0 where parcel and fence have touched and separated.
+    - `blows` [1]: how often the force has fallen to a small share of its largest value.
+    - `sliding_reversed`: 1.0 where a corner in contact with the fence has come to rest on it or
+      reversed; `belt_slip_reversed`: where C_s has reversed on the belt within a step in contact.
+    - `largest` [N]: the fence's largest force at a sample; `later`: those after at least one, two
+      and three blows.
+    - `residual_acceleration` [m/s^2]: the largest |N''| G under a corner, G [m/N] the compliance of
+      the modes left out; `residual_deflection` [m]: the largest deflection G N of these.
+    - `hold`: how close corners on the fence were to sticking instead of sliding, or sliding instead
+      of sticking; `catch`: whether the belt stopped the parcel for certain.
+    """
 
     roughness: Array
     border_roughness: Array
@@ -103,7 +113,8 @@ class Slip(NamedTuple):
 
 
 def _slip(sample: Sample) -> Slip:
-    """How C_s slips on the belt: against the force grip u, at grip u^2 over that force."""
+    """The slip of C_s on the belt: opposite to the force grip u, with the speed grip u^2 over the
+    force."""
     zero = jnp.zeros_like(sample.time)
     if sample.belt is None:
         return Slip(zero, zero, zero)
@@ -118,10 +129,12 @@ def _slip(sample: Sample) -> Slip:
 def _creep_time(
     before: Slip, now: Slip, sample: Sample, length: Array, smoothing: Smoothing, known: Array
 ) -> Array:
-    """How long C_s has crept on the belt under the fence's force [s]: faster than what the belt
-    holds below (`Smoothing.holds_below`), and counted by what static friction still has over
-    kinetic, exp(-(s / w_s)^2). Over a step the slip s is taken to go straight, its size linearly
-    down to the least and up again."""
+    """How long C_s has crept on the belt under the fence's force [s]. It creeps where it is faster
+    than the speed below which the belt holds it (`Smoothing.holds_below`); time counts with the
+    weight exp(-(s / w_s)^2), the share that static friction still has above the kinetic one. The
+    slip s is taken as linear over a step, and its size as linear down to the least one and up
+    again.
+    """
     if sample.belt is None:
         return known
     least, scale = smoothing.holds_below, smoothing.static_speed
@@ -132,25 +145,26 @@ def _creep_time(
     nearest = jnp.sqrt((before.x + where * x_change) ** 2 + (before.y + where * y_change) ** 2)
 
     def excess(speed):
-        """Its integral over the speed from 0 to `speed`."""
-        held = jax.scipy.special.erf(jnp.maximum(speed, least) / scale)
-        return 0.5 * math.sqrt(math.pi) * scale * held
+        """The integral of the weight over the speed from 0 to `speed`."""
+        integral = jax.scipy.special.erf(jnp.maximum(speed, least) / scale)
+        return 0.5 * math.sqrt(math.pi) * scale * integral
 
-    way = jnp.abs(before.speed - nearest) + jnp.abs(now.speed - nearest)
-    moves = way > 1e-3 * scale
+    path = jnp.abs(before.speed - nearest) + jnp.abs(now.speed - nearest)
+    moves = path > 1e-3 * scale
     within = jnp.abs(excess(before.speed) - excess(nearest))
     within = within + jnp.abs(excess(now.speed) - excess(nearest))
     still = jnp.where(now.speed > least, jnp.exp(-((now.speed / scale) ** 2)), 0.0)
-    share = jnp.where(moves, within / jnp.where(moves, way, 1.0), still)
+    share = jnp.where(moves, within / jnp.where(moves, path, 1.0), still)
     pressed = jax.lax.stop_gradient(sample.fence_force) > 0
     return known + jnp.where(pressed, jax.lax.stop_gradient(length) * share, 0.0)
 
 
 def _drift(step: Step, slip: Slip, creep_time: Array, known: Array) -> Array:
-    """How far C_s may have slid more or less, free of the fence, for having crept on the belt [m].
+    """By how much the displacement of C_s without contact may be wrong as it has crept on the belt
+    [m].
 
-    Creeping for a time T it is up to eps + w_s (mu_s - mu_k) / mu_s faster or slower than by dry
-    friction, and no more than mu_s g T, which the belt's friction changes its speed by.
+    After creeping for a time T its speed differs from that by dry friction by up to
+    eps + w_s (mu_s - mu_k) / mu_s, and by no more than mu_s g T, the change of speed by friction.
     """
     scene, smoothing = step.scene, step.smoothing
     if isinstance(scene, NormalScene) or scene.belt is None or step.now.belt is None:
@@ -165,7 +179,7 @@ def _drift(step: Step, slip: Slip, creep_time: Array, known: Array) -> Array:
 
 
 def _sliding_reversed(before: Sample, sample: Sample, smoothing: Smoothing, known: Array) -> Array:
-    """1.0 from when a corner pressed on the fence has come to rest on it or turned round."""
+    """1.0 from when a corner in contact with the fence has come to rest on it or reversed."""
     for was, now in zip(before.fence, sample.fence, strict=True):
         pressed = (was.normal > 0) & (now.normal > 0)
         rests = jnp.abs(now.sliding) < smoothing.slip_speed
@@ -177,7 +191,8 @@ def _sliding_reversed(before: Sample, sample: Sample, smoothing: Smoothing, know
 def _belt_slip_reversed(
     before: Slip, now: Slip, sample: Sample, smoothing: Smoothing, known: Array
 ) -> Array:
-    """1.0 from when C_s, pressed by the fence, has turned round on the belt from step to step."""
+    """1.0 from when C_s has reversed on the belt from one step to the next, in contact with the
+    fence."""
     if sample.belt is None or not sample.fence:
         return known
     slides = jnp.maximum(before.speed, now.speed) > smoothing.holds_below
@@ -186,10 +201,11 @@ def _belt_slip_reversed(
 
 
 def _at_peak(peak: Peak, known: AtPeak, sample: Sample, new: AtPeak, unit: float) -> AtPeak:
-    """`known`, or what is so now where the force has not been larger; `peak` lacks this sample.
+    """The new state where the force is larger than ever before, else `known`; `peak` lacks this
+    sample.
 
-    A force that is largest within a whole step before it begins to end at the tip rises, as far as
-    such steps tell, until then; and its derivative goes fast with the time in between.
+    Where the force is largest within one whole step before it begins to end at the tip, it may as
+    well rise until then, as far as such steps resolve; and its derivative changes fast in between.
     """
     higher = sample.fence_force > peak.value
     after = ~higher & ((peak.now >= peak.value) | (sample.time <= peak.time + unit))
@@ -200,8 +216,8 @@ def _at_peak(peak: Peak, known: AtPeak, sample: Sample, new: AtPeak, unit: float
 
 
 def _residual_acceleration(sample: Sample, roughness: Array, length: Array) -> Array:
-    """|N''| G [m/s^2]: how fast the static deflection of the modes left out is asked to change,
-    times its rate of change."""
+    """|N''| G [m/s^2]: the second time derivative of the static deflection of the modes left
+    out."""
     largest = jnp.zeros_like(roughness)
     for compliance, _ in jax.lax.stop_gradient(sample.carried):
         largest = jnp.maximum(largest, compliance)
@@ -218,7 +234,8 @@ def _residual_deflection(sample: Sample, least: Array) -> Array:
 
 def cutoff(link: FlexibleLink | None) -> Array | None:
     """The square of an angular frequency between those of the highest mode kept and of the lowest
-    one left out [1/s^2], as the n-th of a clamped beam goes with (n - 1/2)^2; `None` without."""
+    one left out [1/s^2], as frequencies of a clamped beam go with (n - 1/2)^2; `None` without
+    modes."""
     if link is None or not link.clamped_eigenvalues.size:
         return None
     clamped = jax.lax.stop_gradient(link.clamped_eigenvalues)
@@ -227,8 +244,8 @@ def cutoff(link: FlexibleLink | None) -> Array | None:
 
 
 def modes_lag(resolution: Resolution, deepest: Array, cutoff: Array | None) -> Array:
-    """How far the modes left out lag behind their static deflection, as a share of the depth of the
-    contact [1], its `deepest` so far [m]; 0 where there are none."""
+    """The lag of the modes left out behind their static deflection [1], as a share of the contact's
+    largest depth so far, `deepest` [m]; 0 where there are none."""
     if cutoff is None:
         return jnp.zeros_like(deepest)
     some = deepest > 0
@@ -237,8 +254,8 @@ def modes_lag(resolution: Resolution, deepest: Array, cutoff: Array | None) -> A
 
 
 def ends_over_tip(step: Step) -> Array:
-    """Whether the force changes because a corner runs over the tip, where the model ends it: no
-    step is too long for that."""
+    """Whether the force changes because a corner runs over the tip, where the model ends the force.
+    A shorter step does not resolve that better."""
     before, now = step.before, step.now
     ended = (step.known["over_tip"] > 0) & (now.fence_force <= 0)
     return (before.over_tip > 0) | (now.over_tip > 0) | ended
@@ -269,8 +286,8 @@ def _update(state: Resolution, step: Step) -> Resolution:
         )
         of_border = jnp.maximum(of_border, of_surfaces)
     little = _LITTLE * force.value
-    eases = (before.fence_force > little) & (now.fence_force <= little)
-    blows = state.blows + jnp.where(jax.lax.stop_gradient(eases), 1.0, 0.0)
+    falls = (before.fence_force > little) & (now.fence_force <= little)
+    blows = state.blows + jnp.where(jax.lax.stop_gradient(falls), 1.0, 0.0)
     apart = (step.known["contact"].touched > 0) & (now.fence_force <= 0)
     separated = jnp.where(apart, 1.0, state.separated)
     roughest = jnp.maximum(state.roughness, roughness)

@@ -1,4 +1,4 @@
-"""What a simulation returns."""
+"""The result of a simulation."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -19,9 +19,9 @@ from .status import Status, counted
 
 
 class Result(AbstractByName):
-    """The outcome of a scene. Times are since its start [s]; the drive's clock then read
-    `start_time`. What the scene has no part for is 0, or `None` in the history; what was not asked
-    for (`simulate(only=...)`) is `None`.
+    """The outcome of a scene. Times are since its start [s]; the drive's clock then is at
+    `start_time`. Numbers of parts that the scene does not have are 0, or `None` in the history;
+    fields that were not asked for (`simulate(only=...)`) are `None`.
 
     Every measure is a field: `result.peak_force`.
 
@@ -31,7 +31,7 @@ class Result(AbstractByName):
     """
 
     measures: dict[str, Array]
-    """The measures by name, as they were asked for."""
+    """The measures that were asked for, by name."""
     final: Body
     """The parcel's motion at the end."""
     energy: Ledger
@@ -42,17 +42,17 @@ class Result(AbstractByName):
     """A `Status`, as an integer (one a lane)."""
     history: Sample | None
     """Every sample, if asked for: each field with the time as its first axis. `history.at(times)`
-    gives it at times of one's own."""
+    gives it at times of your own."""
     error: ErrorEstimate | None = None
     """Estimated errors of the measures, if asked for."""
     rung: Any = None
-    """At which rung of `Fidelity.ladder` the numbers are (one a lane; 0: as asked for), where they
-    were to be refined."""
+    """The rung of `Fidelity.ladder` at which the numbers were computed (one a lane; 0: the fidelity
+    asked for), where refinement was asked for."""
     gradient_error: Array | None = None
-    """Estimated error of the peak force's gradient [1], relative to its norm, made by the steps or
-    by another maximum that is about as high (`fencejax.results.slopes`): where derivatives are
-    computed, beside which `has_aux=True` gives it. Infinite where none are, and `None` where it is
-    not known how to tell."""
+    """Estimated error of the peak force's gradient [1], relative to its norm, by the steps or by
+    another maximum that is about as high (`fencejax.results.slopes`). It exists where derivatives
+    are computed (`has_aux=True` returns it with them), is infinite where none are, and `None` where
+    there is no estimate."""
 
     _table = "measures"
     _known = MEASURES
@@ -77,7 +77,7 @@ class Result(AbstractByName):
         return rows if self.error is None else [*rows, ("errors", f"estimated:\n{self.error}")]
 
     def _partial(self, name: str, leaf) -> str:
-        """A number of a result that holds only what was asked for."""
+        """The text of a number of a partial result."""
         if name == "status" and not leaf.ndim:
             return Status(int(leaf)).text
         measure = MEASURES.get(name)
@@ -85,7 +85,8 @@ class Result(AbstractByName):
 
     @property
     def _names(self) -> list[str]:
-        """The measures in the order of their table: compiled, a dictionary comes back sorted."""
+        """The measures in the order of their table: a compiled function returns a dictionary
+        sorted."""
         known = [name for name in MEASURES if name in self.measures]
         return [*known, *(name for name in self.measures if name not in MEASURES)]
 
@@ -106,7 +107,8 @@ class Result(AbstractByName):
         return f"{number:.{measure.digits}f} {measure.shown_unit or measure.unit}"
 
     def _row(self, name: str) -> tuple[str, str] | None:
-        """Label and text of a measure's row; none for what has no label, or was not there."""
+        """Label and text of a measure's row; `None` for a measure without label or without
+        contact."""
         measure = MEASURES.get(name)
         if measure is None:
             return name, self._shown(name)
@@ -128,7 +130,7 @@ class _Shown(dict):
 
 
 def _if(wanted: bool, value: Any) -> Any:
-    """The value; `None` where it is not wanted."""
+    """The value if `wanted`, else `None`."""
     return value if wanted else None
 
 
@@ -141,8 +143,8 @@ def gather(
     status: Array,
     scene: NormalScene | Scene,
 ) -> Result:
-    """The result of a scene from a record and what was saved at every sample: the `measures`, and
-    of `final`, `energy` and `start_time` what is `wanted`."""
+    """The result of a scene from a record and the values saved at every sample: the `measures`, and
+    those of `final`, `energy` and `start_time` that are `wanted`."""
     states = record.states
 
     def read(measure: Measure) -> Array:

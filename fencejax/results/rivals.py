@@ -1,16 +1,17 @@
-"""How the derivatives of the fence's force differ between instants at which it may be largest.
+"""The difference of the derivatives of the fence's force between instants at which it may be
+largest.
 
 The gradient of the peak force is that of the force at the instant at which it is largest. Other
-maxima, and shoulders, where the force all but rests as it rises or falls, may be as high within
-what is known of a force: which of them is the peak is then in doubt, and where two are equally high
-the peak force has a kink. What its gradient may be off by is how far their derivatives are from its
-own.
+maxima may be as high, to within the accuracy of the force, and so may shoulders, where the force
+nearly stops to rise or fall. Then it is uncertain which of them is the peak; and where two are
+equally high the peak force has a kink. The possible error of the gradient is the difference between
+their derivatives and its own.
 
-Forces are known to three tolerances of the steps and, as far as modes that are left out lag behind,
-to the 2.5 % that are promised, in proportion to the lag.
+The accuracy of a force is three tolerances of the steps; and as far as modes that are left out lag
+behind, up to the 2.5 % that are promised, in proportion to the lag.
 
-The least and the most of derivatives are no functions of the motion: they are carried by numbers
-that are 0 themselves. So they cost nothing where nobody differentiates.
+The least and the largest of derivatives are no functions of the motion: they are carried by numbers
+that are 0, whose derivatives they are. So they cost nothing where nothing is differentiated.
 """
 
 from typing import NamedTuple
@@ -24,17 +25,17 @@ from .peak import Vertex
 from .resolution import LAGGING, RESOLUTION, modes_lag
 
 STEPS_MISS = 3.0
-"""How far steps may have two maxima too close or too far apart, in tolerances of the error control:
-each is off by one and a half at most in 99 % of random impacts (`standard`), and a search had found
-the wrong one of two the higher by 2.5."""
-# What of a force is in doubt where modes left out lag as far as they may [1].
+"""Error of the difference between two maxima by the steps, in tolerances of the error control: each
+maximum is off by at most one and a half in 99 % of random impacts (`standard`), and a search had
+found a wrong choice of the higher one with 2.5."""
+# Uncertain share of a force where modes left out lag by the largest allowed lag [1].
 _IN_DOUBT = 0.025
 
 
 class Rivals(NamedTuple):
-    """The `largest` force [N] at a maximum or a shoulder so far; how far `apart` from it, as a
-    share, others count; and two numbers that are 0, whose derivatives are the `least` and the
-    `most` of those of the force there and at these."""
+    """The `largest` force [N] at a maximum or a shoulder so far; the share `apart` of it by which
+    others may be lower to count as rivals; and two numbers that are 0, whose derivatives are the
+    `least` and the `most` of the derivatives of the force at all of them."""
 
     largest: Array
     apart: Array
@@ -44,8 +45,8 @@ class Rivals(NamedTuple):
 
 @jax.custom_jvp
 def _range(least: Array, most: Array, new: Array, joins: Array, alone: Array):
-    """The two, whose derivatives take in that of `new` where it `joins` them, and are that of `new`
-    where it is `alone`; both flags are 0.0 or 1.0."""
+    """`least` and `most`. Their derivatives include that of `new` where it `joins` the rivals, and
+    are that of `new` where it is `alone`; both flags are 0.0 or 1.0."""
     del new, joins, alone
     return least, most
 
@@ -63,7 +64,7 @@ def _(primals, tangents):
 
 def _candidate(step: Step) -> tuple[Array, Array]:
     """Whether the force has a maximum at the sample before this step, or a shoulder in the step
-    before that, which it changes in by less than in the ones beside it; and how large it is."""
+    before that, in which it changes by less than in the steps next to it; and the force there."""
     known, contact, now = step.known["force"], step.known["contact"], step.now.fence_force
     inner, value, _ = Vertex.of(known.before, known.now, now, step.span)
     length = step.span.length
@@ -78,13 +79,14 @@ def _candidate(step: Step) -> tuple[Array, Array]:
 
 
 def _in_doubt(step: Step, missed: float) -> Array:
-    """The share of a force that is in doubt [1]."""
+    """The uncertain share of a force [1]."""
     lag = modes_lag(step.known["resolution"], step.known["deepest"], step.cutoff)
     return missed + _IN_DOUBT * jnp.minimum(lag / LAGGING, 1.0)
 
 
 def rivals(missed: float) -> Accumulator:
-    """Of forces of which steps may have `missed` a share [1], 0 where they are fixed."""
+    """The accumulator of rivals. Steps may make errors of the share `missed` [1]; 0 for fixed
+    steps."""
 
     def update(state: Rivals, step: Step) -> Rivals:
         there, value = _candidate(step)

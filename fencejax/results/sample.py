@@ -1,4 +1,4 @@
-"""Everything a scene is doing at one instant: what a history is made of."""
+"""The full state of a scene at one instant; a history is made of such samples."""
 
 import itertools
 from typing import NamedTuple
@@ -26,7 +26,7 @@ from .interpolation import interpolate
 
 
 class Energy(NamedTuple):
-    """Energies held at an instant [J]: of the parcel's motion, of the fence's motion, of its
+    """Energies at an instant [J]: of the parcel's motion, of the fence's motion, of its
     bending, and of the elastic part of the contacts, with the fence's cover."""
 
     parcel: Array
@@ -68,10 +68,10 @@ class Sample(NamedTuple):
     belt: BeltForce | None
     fence_force: Array
     over_tip: Array
-    """1 where the force of a corner is being ended beyond the tip, with nothing in the scene to
-    take over from it; 2 where a corner is under the fence that the scene does not let touch it."""
+    """1 where the force of a corner ends beyond the tip and nothing in the scene takes over from
+    it; 2 where a corner is under the fence that is not among the scene's `fence_corners`."""
     tip_deflection: Array
-    """Of the tip from the rigid link's line [m], positive where a parcel bends it."""
+    """Deflection of the tip from the rigid link's line [m], positive where a parcel bends it."""
     stress: Array
     stress_place: Array
     torque: Array
@@ -86,10 +86,10 @@ class Sample(NamedTuple):
     surfaces: tuple[tuple[Contact, ...], ...] = ()
     """For each of the scene's other surfaces: its corners."""
     twist: Array | None = None
-    """How far the hinge is ahead of the motor [rad]; `None` without a shaft that gives way. On a
-    torque drive `drive` is the hinge's motion."""
+    """Angle of the hinge ahead of the motor [rad]; `None` without a flexible shaft. On a torque
+    drive `drive` is the hinge's motion."""
     slip: Array | None = None
-    """What of that its clutch has slipped [rad]; `None` without one."""
+    """The part of the twist by which the clutch has slipped [rad]; `None` without a clutch."""
     stresses: Array | None = None
     """Bending stress [Pa] at the nodes 0 ... n - 1 of the flexible link, positive on the side away
     from the parcel where a parcel bends it; not in histories."""
@@ -233,7 +233,7 @@ def bent(link: FlexibleLink, fence: FenceState) -> tuple[Array, Array, Array, Ar
 
 
 def strain_energy(link: FlexibleLink, fence: FenceState) -> Array:
-    """Of the modes and of the modes left out [J]."""
+    """Energy of the modes and of the modes left out [J]."""
     strain = 0.5 * link.mass_scale * total(
         k * q * q for k, q in zip(link.frequency_squared, fence.vibration.amplitude, strict=True)
     )
@@ -246,7 +246,7 @@ def strain_energy(link: FlexibleLink, fence: FenceState) -> Array:
 
 
 def damping_power(link: FlexibleLink, fence: FenceState) -> Array:
-    """Dissipated by the modes, with shaft and clutch, and by the modes left out [W]."""
+    """Power dissipated by the modes, with shaft and clutch, and by the modes left out [W]."""
     damped = link.mass_scale * total(
         c * v * v for c, v in zip(link.damping, fence.vibration.rate, strict=True)
     )
@@ -262,13 +262,13 @@ def damping_power(link: FlexibleLink, fence: FenceState) -> Array:
 
 
 def pad_energy(link: FlexibleLink, fence: FenceState) -> Array:
-    """Held by the cover [J]."""
+    """Energy stored in the cover [J]."""
     assert link.cover is not None
     return total(map(link.cover.stored_energy, fence.pads))
 
 
 def pad_power(link: FlexibleLink, fence: FenceState, loads: tuple[Array, ...]) -> Array:
-    """Taken up by the cover under its `loads` [N], stored and dissipated [W]."""
+    """Power taken up by the cover under its `loads` [N], stored and dissipated [W]."""
     assert link.cover is not None
     return total(
         load * link.cover.compression(pad)[1]

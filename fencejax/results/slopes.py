@@ -1,39 +1,38 @@
-"""How far the derivatives of the fence's force are off, by the steps they are computed in.
+"""The error of the derivatives of the fence's force by the steps that they are computed in.
 
-A step takes the force N as linear in time. What it misses of the impulse is h^3 |N''| / 12, and of
-the impulse's derivative in a parameter p that of N_p = dN/dp. So until the force is largest the
-steps miss
+A step takes the force N as linear in time. The error of the impulse is h^3 |N''| / 12, and that of
+the impulse's derivative in a parameter p has N_p = dN/dp in the place of N. So until the force is
+largest the errors of the steps add up to
 
-    R = sum of h^3 |N_p''| / 12
+    R = sum of h^3 |N_p''| / 12.
 
-in all. Where the belt lets the parcel go within a step, or catches it, friction changes by J, and
-the impulse by J times the instant, of which the step knows nothing: its derivative lacks J times
-that of the instant. J d^2 stands for it, with d J how far friction is from its line inside the
-step: d^2 falls with the fourth power of a step that is short beside the change, what the
-trapezoidal rule owes to the instant faster yet. The instant goes with that at which the gap is what
-it is at the step's end, -D_p / Ddot.
+Where the belt lets the parcel go within a step, or stops it, friction changes by J. The impulse
+then has a term of J times that instant, which is unknown within the step: its derivative lacks J
+times that of the instant. J d^2 is taken for it, with d J the distance of friction from its line
+inside the step: d^2 falls with the fourth power of a step that is short compared with the change,
+and the error of the trapezoidal rule falls faster still. The derivative of the instant is that of
+the instant at which the gap has its value at the step's end, -D_p / Ddot.
 
 Where a step ends amid the fall from static to kinetic friction, as a corner on the fence comes to
-rest or sets off, its sliding speed w has not gone straight there, as the step takes it to go: the
-fall lasts far less than a step. What static friction adds at the sample stands for what that makes
-of friction, times the instant's derivative -w_p / wdot, as far as a step's change of w is more than
-what friction falls over. A corner that is held in the step after has lost whatever it came with:
-held friction takes what is left of the speed, and nothing is missed. The same is told where a step
-ends within eps of rest as friction turns round: there the step's equations begin to count the turn,
-and do so with a kink.
+rest or sets off, its sliding speed w has not been linear as the step assumes: the fall takes far
+less time than a step. The effect on friction is taken to be what static friction adds at the
+sample, times the instant's derivative -w_p / wdot, as far as the change of w in the step exceeds
+the range of the fall. A corner that sticks in the next step has no such error: static friction
+takes away whatever speed is left. The same estimate serves where a step ends within eps of rest as
+friction reverses: there the step's equations begin to include the reversal, with a kink.
 
-R comes back as an error of N_p at the rate at which N_p changes: e = R V / I, with V the sum of
-|change of N_p| and I the integral of |N_p|. Sizes are summed, not signed terms, which would cancel
-where nothing is right.
+The error R of the impulse shows as an error of N_p at the rate at which N_p changes: e = R V / I,
+with V the sum of |change of N_p| and I the integral of |N_p|. Sizes are summed, not signed terms,
+which would cancel even where each is wrong.
 
-Where friction turns round at the peak, as a corner stops on the fence, the force has a kink there.
-Its derivative at the kink is between those on either side, by how soon the force rises before and
-falls after it, and the parabola through three samples knows nothing of that. It may be off by as
-much as N_p bends there. What any other kink beside the peak makes, and what a parabola misses
-without one, is in `peak_kink`.
+Where friction reverses at the peak, as a corner stops on the fence, the force has a kink there. Its
+derivative at the kink is between those on either side, depending on how fast the force rises before
+and falls after it, which the parabola through three samples does not show. The error is taken as
+the second difference of N_p there. Other kinks next to the peak, and the error of the parabola
+without one, are in `peak_kink`.
 
-A running sum of sizes of derivatives is no function of the motion: it is 0 itself, and its
-derivatives are the sums. So it costs nothing where nobody differentiates.
+A running sum of sizes of derivatives is no function of the motion. It is carried by a number that
+is 0, whose derivatives are the sums. So it costs nothing where nothing is differentiated.
 """
 
 from typing import NamedTuple
@@ -54,8 +53,9 @@ from .rivals import Rivals
 
 
 class Sums(NamedTuple):
-    """Numbers that are 0, whose derivatives are those that the steps `missed` R [N s], how much the
-    force has `varied` V [N] and what it `lasted` I [N s], all in sizes."""
+    """Numbers that are 0, whose derivatives are sums of sizes: of the steps' errors R [N s],
+    `missed`; of the changes V of N_p [N], `varied`; and of the integral I of N_p [N s],
+    `lasted`."""
 
     missed: Array
     varied: Array
@@ -63,13 +63,17 @@ class Sums(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """The sums so far, and as they were when the fence's force was largest; a number that is 0,
-    whose derivative is the size of how N_p bends where friction turns round at that sample or a
-    neighbour, and of what the parabola through the samples there misses, `kink` [N]; how many steps
-    ago that was, `since`; 1.0 where friction has turned round in the last step, `turned`; how the
-    force bends at the three samples before the last, the latest first, `bends`; and numbers that
-    are 0, whose derivatives are the sizes of what the last step misses of the impulses of the
-    frictions at the fence, `falls` [N s], by corner."""
+    """The running state of the estimate.
+
+    - `now`, `at_peak`: the sums so far, and those when the fence's force was largest.
+    - `kink` [N]: a number that is 0, whose derivative is the size of the second difference of N_p
+      where friction reverses at the peak's sample or a neighbour, and of the error of the parabola.
+    - `since`: the number of steps since the force was largest.
+    - `turned`: 1.0 where friction has reversed in the last step.
+    - `bends`: the second differences at the three samples before the last, the last one first.
+    - `falls` [N s], by corner: numbers that are 0, whose derivatives are the sizes of the last
+      step's errors of the impulses of friction at the fence.
+    """
 
     now: Sums
     at_peak: Sums
@@ -81,8 +85,8 @@ class Slopes(NamedTuple):
 
 
 class SlopeEvidence(NamedTuple):
-    """What tells the error of the peak force's derivatives: the peak force [N] with its
-    derivatives, the sums until then, how they bend about it, and its rivals."""
+    """The evidence on the error of the peak force's derivatives: the peak force [N] with its
+    derivatives, the sums until then, the `kink` there, and other maxima that are about as high."""
 
     force: Array
     sums: Sums
@@ -91,7 +95,7 @@ class SlopeEvidence(NamedTuple):
 
     @classmethod
     def of(cls, force: Peak, slopes: Slopes | None, rivals: Rivals | None) -> "SlopeEvidence":
-        """From what was summed up; of nothing where the slopes are not judged."""
+        """From the running states; zeros where the error is not estimated."""
         if slopes is None or rivals is None:
             zero = jnp.zeros_like(force.value)
             return cls(force.value, Sums(*(zero,) * 3), zero, Rivals(*(zero,) * 4))
@@ -119,8 +123,8 @@ def _start(nothing, body) -> Slopes:
 
 
 def _friction_missed(step: Step) -> list[Array]:
-    """Numbers [N s] whose derivatives are what the step misses of that of the belt's impulse, by
-    corner that presses."""
+    """Numbers [N s] whose derivatives are the step's errors of the derivative of the belt's
+    impulse, one for each corner at the fence."""
     scene, now = step.scene, step.now
     if isinstance(scene, NormalScene) or scene.belt is None:
         return []
@@ -143,18 +147,18 @@ def _near_rest(friction: AbstractFriction, sliding: Array, smoothing: Smoothing)
 
 
 def _turning(friction: AbstractFriction, sliding: Array, smoothing: Smoothing) -> Array:
-    """How far the coefficient [1] that a step counts may be off, as friction turns round within eps
-    of rest: eps^2 / (w^2 + eps^2) of the sliding one."""
+    """The error of the coefficient [1] in a step's equations as friction reverses within eps of
+    rest: eps^2 / (w^2 + eps^2) of the sliding one."""
     square = smoothing.slip_speed**2
     mu = mean_coefficient(friction, sliding, smoothing).smooth
     return mu * square / (sliding**2 + square)
 
 
 class _Falls(NamedTuple):
-    """Numbers whose derivatives are what is missed of those of the impulses of the frictions at the
-    fence, by corner: as the corner `sets_off` from rest in a step that ends or begins amid the fall
-    from static to kinetic friction; where a step `ends` amid it, or as friction turns round; and as
-    one did, whose corner then `slides_on`."""
+    """Numbers whose derivatives are the errors of those of the impulse of friction at a corner of
+    the fence: as it `sets_off` from rest in a step that ends or begins amid the fall from static to
+    kinetic friction; where a step `ends` amid it, or as friction reverses; and where the step
+    before ended so and the corner then `slides_on`."""
 
     sets_off: Array
     ends: Array
@@ -162,7 +166,7 @@ class _Falls(NamedTuple):
 
 
 def _falls_missed(state: Slopes, step: Step) -> list[_Falls]:
-    """What the step misses where it passes the fall from static to kinetic friction, by corner."""
+    """The step's errors where it passes the fall from static to kinetic friction, by corner."""
     scene, found = step.scene, []
     if isinstance(scene, NormalScene) or scene.fence_friction is None:
         return found
@@ -179,7 +183,7 @@ def _falls_missed(state: Slopes, step: Step) -> list[_Falls]:
             more = sample.normal * share(friction, sample.sliding, step.smoothing)
             return jnp.where(counts, more * lasts, 0.0) * own.sliding
 
-        # A sample at rest counts where the corner sets off from it: what is held does not move.
+        # A sample at rest has an error where the corner sets off from it, not where it sticks.
         rested = jnp.abs(was.sliding) <= rests
         on = slides | (now.normal <= 0)
         found.append(
@@ -194,8 +198,8 @@ def _falls_missed(state: Slopes, step: Step) -> list[_Falls]:
 
 
 def _turned(step: Step) -> Array:
-    """1.0 where a corner pressed on the fence has come to rest on it in this step, has turned round
-    or has let go."""
+    """1.0 where a corner in contact with the fence has come to rest on it in this step, has
+    reversed or has broken away."""
     rests = step.smoothing.holds_below
     found = jnp.zeros_like(step.now.time)
     for was, now in jax.lax.stop_gradient(
@@ -218,7 +222,7 @@ def _update(state: Slopes, step: Step) -> Slopes:
     of_falls = [more for each in falls for more in (each.sets_off, each.slides_on)]
     for more in _friction_missed(step) + of_falls:
         now = now._replace(missed=_with_size(now.missed, more))
-    # What no friction makes stays as it is.
+    # Without friction the state is unchanged.
     ends = tuple(_with_size(jnp.zeros_like(new), each.ends) for each in falls) or state.falls
     higher = new > known.value
     at_peak = jax.tree.map(lambda old, sums: jnp.where(higher, sums, old), state.at_peak, now)
@@ -231,7 +235,7 @@ def _update(state: Slopes, step: Step) -> Slopes:
     d = Bend.of(known.before, known.now, new, second, span)
     third = third_difference(c, d)
     of_b, of_c = missed_by_kink(a, b, c, d)
-    # By how many steps ago the peak's sample is.
+    # By the number of steps since the peak's sample.
     for ago, missed in (
         (1, d.next_term(third)), (2, c.next_term(third)), (2, of_c), (3, of_b),
     ):  # fmt: skip
@@ -240,18 +244,18 @@ def _update(state: Slopes, step: Step) -> Slopes:
 
 
 SLOPES = Accumulator("slopes", _start, _update, needs=(FORCE, OVER_TIP))
-"""In forward mode: what reverse mode carries back must be linear in the derivatives."""
+"""For forward mode: in reverse mode a derivative must be linear in the derivatives before it."""
 
 
 def relative_error(columns: SlopeEvidence, values: SlopeEvidence, at: Array) -> Array:
-    """Estimated error of the peak force's gradient [1], relative to its norm or to the force if
-    that is more: the most of what the steps miss of it, of how far the derivatives of the peak's
-    rivals are from it, and of how they bend about the peak.
+    """Estimated error of the peak force's gradient [1], relative to its norm, or to the force if
+    that is larger. It is the largest of three: the error by the steps, the difference from the
+    derivatives of other maxima about as high, and the error of the parabola at the peak.
 
     `columns` are the derivatives in numbers whose values are `at`, each of the shape (numbers,).
-    The norm is that of the derivatives times these values, none of which counts as more than the
-    force: a length and a place along it may move the force by twenty times as much, each alone, and
-    by little together, as they do where a fence is made longer.
+    The norm is that of the derivatives times these values, of which none counts with more than the
+    force: a length and a place along it may each change the force by twenty times as much, and by
+    little together, as they do where a fence is made longer.
     """
     some = values.force > 0
     scale = jnp.where(some, at / jnp.where(some, values.force, 1.0), 0.0)

@@ -1,4 +1,4 @@
-"""What a simulation says about itself."""
+"""The status of a simulation."""
 
 import enum
 
@@ -8,11 +8,11 @@ from jaxtyping import Array, ArrayLike
 
 
 class Status(enum.IntEnum):
-    """The outcome of a simulation, one a lane; the largest that applies counts.
+    """The outcome of a simulation, one a lane. Where several apply, it is the largest.
 
-    `text` says the likely cause and what to change. Up to `LEFT_OVER_TIP` the numbers are good
-    within what `Fidelity` promises; from `PEAK_AT_END` on they are not to be relied on, and
-    `fencejax.good` takes them out of a sum and of its gradient.
+    `text` has the likely cause and a remedy. Up to `LEFT_OVER_TIP` the numbers are good within what
+    `Fidelity` promises; from `PEAK_AT_END` on they are not to be relied on, and `fencejax.good`
+    takes them out of a sum and of its gradient.
 
     >>> status = fj.Status(11)
     >>> status.name, status.numerical
@@ -37,12 +37,13 @@ class Status(enum.IntEnum):
 
     @property
     def text(self) -> str:
-        """Likely cause, and what to change."""
+        """The likely cause, and a remedy."""
         return _TEXT[self]
 
     @property
     def numerical(self) -> bool:
-        """Whether it doubts the numbers and not the design: a finer fidelity settles it."""
+        """Whether it concerns the accuracy of the numbers, not the design: a finer fidelity removes
+        it."""
         return self in NUMERICAL
 
 
@@ -95,15 +96,15 @@ NUMERICAL = frozenset({
     Status.FRICTION_SMOOTHED, Status.MODES_TOO_FEW, Status.ENERGY_UNBALANCED,
     Status.STEP_TOO_COARSE, Status.LIMIT_REACHED,
 })  # fmt: skip
-"""The statuses that doubt the numbers and not the design."""
+"""The statuses that concern the accuracy of the numbers, not the design."""
 LARGEST_BEND, DEEPEST = 0.25, 0.5
-"""Up to where the model holds: the tip's deflection over the flexible link's length [1], and how
-far a corner is pressed in over the parcel's shorter side [1]. Beyond are `LARGE_DEFLECTION` and
+"""Limits of the model: the tip's deflection over the flexible link's length [1], and the depth of a
+corner's contact over the parcel's shorter side [1]. Beyond are `LARGE_DEFLECTION` and
 `DEEP_PENETRATION`."""
 
 
 def counted(statuses: ArrayLike) -> dict[str, int]:
-    """How many lanes ended with each status, by its name."""
+    """The number of lanes with each status, by the status' name."""
     found = np.unique(np.asarray(statuses), return_counts=True)
     return {Status(int(code)).name: int(number) for code, number in zip(*found, strict=True)}
 

@@ -1,4 +1,4 @@
-"""Which lanes of a result have numbers that hold, and sums over these alone."""
+"""The lanes of a result with valid numbers, and sums over these alone."""
 
 from typing import Any
 
@@ -11,7 +11,8 @@ from .status import Status
 
 
 def holds(result: Result) -> Array:
-    """Whether a result's numbers are good, one a lane: its status is at most `LEFT_OVER_TIP`.
+    """Whether a result's numbers are good, one a lane: whether its status is at most
+    `LEFT_OVER_TIP`.
 
     >>> bool(fj.holds(fj.simulate(fj.scenes.rigid_wall())))
     True
@@ -27,14 +28,14 @@ def good(result: Result, value: Any, otherwise: float = 0.0) -> Any:
             result = fj.simulate(scene(thickness), only=("peak_force",))
             return fj.good(result, result.peak_force), fj.holds(result)
 
-        forces, held = jax.vmap(force)(thicknesses)
-        mean = jnp.sum(forces) / jnp.sum(held)
+        forces, valid = jax.vmap(force)(thicknesses)
+        mean = jnp.sum(forces) / jnp.sum(valid)
 
-    It is `jnp.where(status <= Status.LEFT_OVER_TIP, value, otherwise)`. That is enough, forwards
-    and in reverse, with `Fidelity(gradient="forward")`: a lane that ends `NON_FINITE` has
-    derivatives of 0, so that nothing of it is left in a sum. A value computed from a result by
-    functions of one's own may have derivatives that are none; mask before them. Count the lanes
-    that are left, as above: a sum over fewer lanes is another sum.
+    This is `jnp.where(status <= Status.LEFT_OVER_TIP, value, otherwise)`. With
+    `Fidelity(gradient="forward")` it is enough, in forward and in reverse mode: a lane that ends
+    `NON_FINITE` has derivatives of 0, so that it does not contribute to a sum. A value computed
+    from a result by functions of your own may have non-finite derivatives; mask before them. Count
+    the valid lanes, as above, as they may be fewer than all.
 
     **Arguments:**
 

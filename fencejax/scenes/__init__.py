@@ -1,7 +1,7 @@
-"""Which parts act, how a scene begins, and a scene's numbers by name.
+"""The parts that act in a scene, its start, and its numbers by name.
 
-May import: `parts`. A new scene is a function that returns a `Scene`; a new beginning is a subclass
-of `AbstractStart`.
+May import: `parts`. A new scene is a function that returns a `Scene`; a new start is a subclass of
+`AbstractStart`.
 
 >>> scene = fj.scenes.whole_sort(front=0.15, offset=0.1)
 >>> scene.start

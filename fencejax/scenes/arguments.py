@@ -104,12 +104,12 @@ def drive_angle_of(angle: ArrayLike, drive: AbstractDrive, fence: Fence) -> Arra
     if traced(drive, checked) or (torque and traced(fence)):
         return checked
     if type(drive) is HarmonicDrive:
-        # In closed form: the first scene of a process compiles nothing.
+        # In closed form, so that the first scene of a process compiles nothing.
         furthest = _check.on_host(drive).amplitude
         nearest = np.zeros_like(furthest)
     else:
         nearest, furthest = _ends(drive, fence.inertia, checked) if torque else _ends(drive)
-    # Inside a program that is traced they are so too, whatever they are made from.
+    # Inside a traced program they are traced even if their arguments are not.
     if not traced(nearest, furthest):
         _check.scalar(
             "drive_angle",
@@ -142,7 +142,7 @@ def _ends(drive: AbstractDrive, inertia: ArrayLike = 0.0, wanted: ArrayLike = 0.
 
 def check_motion(drive: AbstractDrive) -> None:
     """Refuse a drive whose speed or acceleration is not the derivative of its angle, where a class
-    gives `motion` in its own way."""
+    overrides `motion`."""
     known = AbstractDrive.motion, AbstractTorqueDrive.motion
     if type(drive).motion in known or traced(drive):
         return

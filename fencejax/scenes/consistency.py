@@ -1,5 +1,5 @@
-"""Whether the numbers of a scene are within their bounds and fit together, in the program: traced
-numbers cannot be refused beforehand."""
+"""Whether the numbers of a scene are within their bounds and consistent, computed in the program,
+as traced numbers cannot be refused beforehand."""
 
 from typing import Any
 
@@ -30,7 +30,7 @@ def _bounded(part: Any):
 
 
 def _within(value: Array, least: Array | float, most: Array) -> Array:
-    """Within bounds, but for rounding."""
+    """Whether a value is within bounds, up to round-off."""
     slack = _ROUNDING * (jnp.abs(most) + 1e-9)
     return (value >= least - slack) & (value <= most + slack)
 
@@ -49,13 +49,13 @@ def _numbers_of(start: Any) -> list[tuple[Array, Bounds]]:
 
 
 def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> Array:
-    """Whether the numbers of a scene are within their bounds and fit together.
+    """Whether the numbers of a scene are within their bounds and consistent.
 
     - every field of parcel, belt, friction, fence, material, taper and drive, and the start's;
     - the centre of gravity inside the rectangle, the drive's stroke long enough;
     - the fence's curve at rest no steeper than `RestShape.steepest`;
-    - the place of the touch on the fence, and its angle one that the drive has at `start_time` [s];
-    - a parcel between border and fence spans from one to the other.
+    - the place of the touch on the fence, and its angle that of the drive at `start_time` [s];
+    - a parcel between border and fence long enough to touch both.
 
     >>> bool(fj.scenes.consistent(fj.scenes.oblique_impact()))
     True

@@ -1,6 +1,6 @@
 """The table of a scene's numbers: path, name, unit, default bounds of each.
 
-Everything that speaks of a number by name reads this table: design variables, sweeps,
+Everything that refers to a number by name reads this table: design variables, sweeps,
 sensitivities, identification and the choice of a fidelity. Units and signs are those of the parts'
 own `bounds`.
 """
@@ -37,9 +37,9 @@ class Number(NamedTuple):
     **Fields:**
 
     - `path`: where a scene holds it, such as `"fence.material.density"`; of a vector, the path of
-      the whole. What is made of several numbers (see `DERIVED`) has its name instead.
-    - `bounds`: its unit, and what the part that holds it asks for.
-    - `name`: what it is called beside its path. Two numbers that no scene has at once may share it.
+      the whole. A number derived from several (see `DERIVED`) has its name instead.
+    - `bounds`: its unit, and the bounds that its part sets.
+    - `name`: its name besides its path. Two numbers that are never in one scene may share it.
     - `lower`, `upper`: default bounds [`unit`] of designs and sweeps, if it has any, with their
       `scaling` (see `fencejax.DesignVariable`).
 
@@ -57,7 +57,7 @@ class Number(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """In the SI."""
+        """The unit in the SI."""
         return self.bounds.unit
 
     @property
@@ -67,7 +67,7 @@ class Number(NamedTuple):
 
 
 ABOVE, LEAST = "above 0", "at least 0"
-"""What a sign may be."""
+"""The possible signs."""
 _LINE = "linear"
 DERIVED = ("reach", "length_ratio")
 """Names of what is not a number of the scene itself, but of both lengths of the fence: l_s + l_p at
@@ -84,7 +84,7 @@ def _of(part: type[_Part], path: str, *rest: Any, field: str | None = None) -> N
 
 
 def _free(path: str, unit: str, *rest: Any, **bounds: float) -> Number:
-    """A number that no part asks anything of."""
+    """A number for which no part sets bounds."""
     return Number(path, Bounds(unit, **bounds), *rest)
 
 
@@ -114,7 +114,7 @@ FENCE = (
     _of(Shear, "fence.shear.poissons_ratio", "poissons_ratio"),
     _of(Shear, "fence.shear.coefficient", "shear_coefficient"),
 )
-# Of several drives with such a number, the one that asks for least.
+# Of several drives with such a number, the one with the widest bounds.
 DRIVE = (
     _of(HarmonicDrive, "drive.top_speed", "top_speed", 0.5, 4.0),
     _of(HarmonicDrive, "drive.cycle_time", "cycle_time", 0.5, 4.0),

@@ -1,4 +1,4 @@
-"""The normal direction alone: fence held still, or a rigid wall."""
+"""The normal direction alone: a fence at rest, or a rigid wall."""
 
 
 from jaxtyping import ArrayLike
@@ -17,7 +17,8 @@ def normal_impact(
     parcel: Parcel | None = None,
     duration: float | None = None,
 ) -> NormalScene:
-    """A parcel strikes the fence held still, along its normal: the smallest scene with a fence.
+    """A parcel strikes a fence whose root is at rest, along its normal: the smallest scene with a
+    fence.
 
     **Arguments:**
 
@@ -46,7 +47,7 @@ def normal_impact(
 def rigid_wall(
     *, speed: ArrayLike = 2.426, parcel: Parcel | None = None, duration: float | None = None
 ) -> NormalScene:
-    """A parcel strikes an undeformable wall of infinite mass: N_stiff, one coordinate.
+    """A parcel strikes a rigid wall of infinite mass: N_stiff, one coordinate.
 
     `speed` is the normal approach speed v_n [m/s]; `duration` [s] is static, default 0.1.
 

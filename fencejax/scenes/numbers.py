@@ -1,15 +1,15 @@
-"""The numbers of a scene by name: what there is, in which unit, and how to read and replace it.
+"""The numbers of a scene by name, with their units, and functions to read and replace them.
 
 Every numeric leaf of a scene is a number, with its path: `"fence.material.youngs_modulus"`,
-`"fence.taper.exponent"`, `"drive.control_angles[3]"`. Most have a name beside it
+`"fence.taper.exponent"`, `"drive.control_angles[3]"`. Most also have a name
 (`fencejax.scenes.names`): `"youngs_modulus"`, `"mass"`, `"belt_speed"`, `"fence_kinetic_friction"`,
-`"distance"` (where the parcel touches). Any end of a path does where it is clear. Two names stand
-for what a designer thinks in: `"reach"` is l_s + l_p at a constant l_s / l_p, `"length_ratio"` is
-l_s / l_p at a constant reach.
+`"distance"` (where the parcel touches). Any end of a path serves where it is unambiguous. Two names
+are derived numbers: `"reach"` is l_s + l_p at a constant l_s / l_p, `"length_ratio"` is l_s / l_p
+at a constant reach.
 
 Design variables, sweeps, sensitivities, identification and the choice of a fidelity all name
-numbers so, and read and replace them by `read` and `replace`. What they are the numbers of need not
-be a whole scene: a fence and a drive under these names will do.
+numbers in this way, and read and replace them by `read` and `replace`. A whole scene is not needed:
+an object with a fence and a drive under these names is enough.
 
 >>> scene = fj.scene_numbers.replace(fj.scenes.oblique_impact(), ["reach"], [1.1])
 >>> f"{scene.fence.rigid_length:.4f} m + {scene.fence.flexible_length:.4f} m"
@@ -78,9 +78,9 @@ def _inner(part, name: str):
 
 
 def number(scene, name: str) -> Number:
-    """What a name stands for in a scene: its path, unit and bounds, and default bounds if it has
-    any. Of a number that the table does not hold, the part that holds it says unit and bounds, by
-    the `bounds` of its class; without these it is a ratio [1].
+    """The number with a name in a scene: its path, unit and bounds, and default bounds if it has
+    any. For a number that is not in the table, unit and bounds are those in the `bounds` of its
+    part's class; without these it is a ratio [1].
 
     Raises `ValueError` where there is no such number, or more than one.
 
@@ -125,7 +125,7 @@ def resolve(scene, name: str) -> str:
 
 
 def elements(scene, name: str) -> tuple[str, ...]:
-    """The names of a vector's elements where `name` is a vector's, and else `name` alone.
+    """The names of a vector's elements if `name` is that of a vector, otherwise `name` alone.
 
     Raises `ValueError` where a scene has neither.
 

@@ -1,4 +1,4 @@
-"""A scene: which parts act, and how it begins."""
+"""A scene: the parts that act, and the start."""
 
 
 import equinox as eqx
@@ -23,8 +23,8 @@ class Scene(Part):
     """A parcel and the parts that act on it. A part that is `None` costs nothing.
 
     Made by the functions of this module; a field is changed with `equinox.tree_at`. The `motor`
-    follows the drive whatever that takes: its numbers are read by the quantities of
-    `fencejax.design.drivability` alone.
+    follows the drive whatever the torque: its numbers are used by `fencejax.design.drivability`
+    alone.
 
     >>> scene = fj.scenes.oblique_impact(distance=0.9)
     >>> scene.start, scene.duration
@@ -51,8 +51,8 @@ class Scene(Part):
 
 
 class NormalScene(Part):
-    """A parcel with one coordinate, against the fence held still or, without one, against an
-    undeformable wall of infinite mass; no belt, no friction.
+    """A parcel with one coordinate, against a fence whose root is at rest or, without one, against
+    a rigid wall of infinite mass; no belt, no friction.
 
     >>> scene = fj.scenes.normal_impact(speed=2.0)
     >>> float(scene.speed), scene.duration

@@ -1,4 +1,4 @@
-"""How a scene begins: the time on the drive's clock, and where the parcel is and how it moves."""
+"""The start of a scene: the time on the drive's clock, and the parcel's position and velocity."""
 
 import abc
 from typing import ClassVar
@@ -25,8 +25,8 @@ from .names import BY_PATH
 
 
 class Pose(eqx.Module):
-    """What a start may use of the fence: the point U at an arc coordinate and the slope there,
-    both at the start time, in fixed axes, and the drive's motion.
+    """The fence at the start time, as a start may use it: the point U at an arc coordinate and the
+    slope there, in fixed axes, and the drive's motion.
 
     >>> motion = fj.HarmonicDrive().motion(0.2)
     >>> fj.scenes.Pose(x=1.0, y=0.3, slope=0.3, normal_rate=1.5, drive=motion).slope
@@ -53,8 +53,8 @@ class AbstractStart(Part):
         return super()._unit(name) if found is None else found.unit
 
     def time(self, drive: AbstractDrive | None, fence: Fence | None = None) -> Array | None:
-        """Time [s] on the drive's clock; `None` for 0, where the fence is at rest. What a torque
-        does depends on the `fence`."""
+        """Time [s] on the drive's clock; `None` for 0, where the fence is at rest. The time on a
+        torque drive depends on the `fence`."""
         del drive, fence
         return None
 
@@ -68,7 +68,7 @@ class AbstractStart(Part):
 
 
 class AsGiven(AbstractStart):
-    """The parcel's motion written out.
+    """The parcel's motion, given explicitly.
 
     >>> scene = fj.scenes.free_motion(velocity=(0.0, 0.5, 0.0))
     >>> f"{scene.start.motion.y_rate:.1f} m/s"
@@ -126,7 +126,7 @@ class OnBelt(AbstractStart):
 class AbstractStartAtFence(AbstractStart):
     """A start with the parcel on the fence at the arc coordinate `place` [m], when the drive is at
     `drive_angle` [rad] on its way out. The fence has swung free of contact since t = 0. On a torque
-    drive that is when a rigid fence would be at the angle."""
+    drive this is the time at which a rigid fence would be at the angle."""
 
     place: eqx.AbstractVar[Array]
     drive_angle: eqx.AbstractVar[Array]

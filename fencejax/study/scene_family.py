@@ -13,7 +13,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike
 
 from .. import _check, scenes
-from .._identity import told
+from .._identity import description
 from ..design import DesignVariable
 from ..parts import (
     AbstractDrive,
@@ -304,8 +304,8 @@ def described(family: SceneFamily) -> dict[str, Any]:
         "duration": family.duration,
         "names": list(family.names),
         "fixed": family.fixed,
-        "options": told(family.options),
-        "parts": told(parts),
+        "options": description(family.options),
+        "parts": description(parts),
     }
 
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .. import _check
-from .._identity import edition, refused, told
+from .._identity import description, edition, refused
 from ..fidelity import Fidelity
 from ..results import MEASURES, Measure, Result
 from ..simulate import simulate
@@ -169,10 +169,11 @@ class Lane:
             **refused("family", lambda: described(self.family)),
             "outputs": list(self.outputs),
             "gradient_of": self.gradient_of,
-            "measures": refused("measures", lambda: told(self.measures)),
+            "measures": refused("measures", lambda: description(self.measures)),
             "refine": self.refine,
             "fidelity": refused(
-                "fidelity", lambda: {f.name: told(getattr(self.fidelity, f.name)) for f in fields}
+                "fidelity",
+                lambda: {f.name: description(getattr(self.fidelity, f.name)) for f in fields},
             ),
         }
 

@@ -72,18 +72,18 @@ def test_no_derivative_comes_back():
     np.testing.assert_array_equal(slope, X)
 
 
-def test_what_is_told_is_told_twice():
-    told = []
+def test_effects_are_not_merged():
+    printed = []
 
     def function(x):
         for _ in range(2):
-            jax.debug.callback(told.append, x)
+            jax.debug.callback(printed.append, x)
         return x
 
     program = shared(jax.make_jaxpr(function)(X))
     jaxpr_as_fun(program)(X)
     jax.effects_barrier()
-    assert len(told) == 2
+    assert len(printed) == 2
 
 
 def test_a_program_called_twice_is_written_once():

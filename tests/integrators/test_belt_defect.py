@@ -1,5 +1,5 @@
-"""The belt's friction inside a step: how far it is from its line, and what short steps are worth
-where it turns and where a parcel lets go of the belt."""
+"""The belt's friction inside a step: its distance from its line, and the effect of short steps
+where it reverses and where a parcel lets go of the belt."""
 
 import dataclasses
 
@@ -31,7 +31,7 @@ def body(x, y, turning):
 
 
 def defect(was, now):
-    """As a share of the friction."""
+    """The defect as a share of the friction."""
     off, most, _ = BELT.defect(SHARP, body(*was), body(*now))
     assert float(most) == pytest.approx((MU * WEIGHT) ** 2, rel=1e-12)
     return float(jnp.sqrt(off)) / (MU * WEIGHT)
@@ -73,8 +73,8 @@ SMOOTHED = Smoothing(1.5e-4, 7.5e-4)
 def test_two_points_see_the_fall_from_static_to_kinetic():
     """That fall is a curve which crosses its chord: half way through a step it may be on its line
     and a quarter from there by a third of itself off it. Of a parabola the two points see three
-    quarters of the largest deviation, of an odd cubic all but 3 %. What falls by a bell of the
-    width w_s is, over up to 2 w_s, between these and steeper: half is asked for.
+    quarters of the largest deviation, of an odd cubic all but 3 %. A fall by a bell curve of the
+    width w_s is, over up to 2 w_s, between these and steeper: the test requires half.
     """
     belt = dataclasses.replace(BELT, friction=STRIBECK)
     theta = jnp.linspace(0, 1, 201)
@@ -102,7 +102,7 @@ def test_two_points_see_the_fall_from_static_to_kinetic():
 
 
 def test_how_steeply_friction_falls():
-    """-dF / ds of what it is along the slip, at the end of a step and at the two points inside."""
+    """-dF / ds along the slip, at the end of a step and at the two points inside."""
     belt = dataclasses.replace(BELT, friction=STRIBECK)
 
     def slipping(s):
@@ -145,7 +145,7 @@ def test_two_points_see_it_at_a_corner_too():
 
 
 # Found by a search for wrong gradients (`robustness.search`): the fence stops a light parcel and
-# drives it back, and the belt's friction turns round between two blows.
+# drives it back, and the belt's friction reverses between two blows.
 TURNS = ORDINARY | {
     "thickness": 0.00835102, "reach": 0.80744, "flexible": 0.373774, "width": 0.200476,
     "modulus": 4.16854e9, "density": 1519.26, "damping_ratio": 0.0216393, "mass": 0.270221,
@@ -177,7 +177,7 @@ def test_gradient_where_the_belts_friction_turns_round(name):
 
 def test_gradient_wherever_in_a_step_a_parcel_lets_go_of_the_belt():
     """A drive that is faster by 0.6 % meets the parcel almost two steps sooner. The peak force is
-    all but straight over that: each slope is that of the whole within what steps between may add.
+    nearly straight over that: each slope is that of the whole within what steps between may add.
     Where the let-go was a line within steps of 0.5 ms, slopes were up to 20 % off.
     """
     def peak(factor):
@@ -223,16 +223,17 @@ def test_gradient_where_friction_falls_faster_than_a_step():
     np.testing.assert_allclose(course.slopes, course.secant, rtol=2e-3)
 
 
-def test_what_the_shortest_steps_miss_of_a_let_go_is_told():
+def test_the_estimate_includes_a_let_go_within_the_shortest_step():
     """Twice as much static friction, under a hard contact: friction falls within the shortest step,
-    slopes are those of teeth, and the gradient's error tells a third at least of how far they are
-    from the secant. A line across a jump is off by a quarter of it at least where one looks."""
+    slopes are those of a sawtooth, and the estimated error is at least a third of their distance
+    from the secant. A line across a jump is off by at least a quarter of it at one of the two
+    points."""
     known = LETS_GO | {"belt_static": 1.8, "stiffness": 1e12}
     course = over_belt_speeds(known, 0.0, 3e-4, 11)
     size = np.maximum(np.abs(course.secant), course.forces)
     off = np.abs(course.slopes - course.secant) / size
     assert np.max(off) > 0.1
-    assert np.all(course.told > off / 3)
+    assert np.all(course.estimated > off / 3)
     assert np.all(course.status == fj.Status.STEP_TOO_COARSE)
 
 
@@ -249,9 +250,9 @@ PRESSED_OFF = LETS_GO | {
 
 
 def test_gradient_wherever_in_a_step_a_parcel_is_pressed_off_the_belt():
-    """A belt that is faster by 0.07 % has it let go a step sooner. The force moves by 2e-4 with
-    where in a step that is, and its slopes were half of their mean. Found is 0.07 at
-    most, with steps of 0.03 ms."""
+    """A belt that is faster by 0.07 % has it let go a step sooner. The force varies by 2e-4 with
+    the place of that in a step, and its slopes varied by half of their mean. Now they vary by at
+    most 0.07, with steps of 0.03 ms."""
     course = over_belt_speeds(PRESSED_OFF, -1e-3, 1e-3, 17)
     off = np.abs(course.slopes - course.secant) / np.maximum(course.forces, abs(course.secant))
     assert np.all(off < 0.1)
@@ -268,8 +269,8 @@ STOPS = LETS_GO | {
 }  # fmt: skip
 
 
-def test_a_peak_where_a_corner_stops_is_a_kink_and_is_told():
-    """The force rises until friction turns round and falls after it. Its derivative there lies
+def test_a_peak_where_a_corner_stops_is_a_kink_and_is_estimated():
+    """The force rises until friction reverses and falls after it. Its derivative there lies
     between those before and after, whichever of which the samples happen to see."""
     course = over_belt_speeds(STOPS, 0.0, 2e-3, 11)
     assert np.max(np.abs(course.slopes / course.secant - 1)) > 0.3

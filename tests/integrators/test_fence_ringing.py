@@ -1,4 +1,5 @@
-"""A fence that swings beside a free parcel: it rings as its modes, and the drive pays for it."""
+"""A fence that swings next to a free parcel: it vibrates in its modes, with energy from the
+drive."""
 
 import functools
 
@@ -91,15 +92,15 @@ def test_drive_work_is_the_energy_of_the_fence():
         errors = []
         for result in ringing(step):
             energy, power = result.history.energy, result.history.power
-            held = energy.fence + energy.strain
+            stored = energy.fence + energy.strain
             work = running_integral(power.drive, step)
             lost = running_integral(power.beam_damping, step)
             swinging = result.history.time < CYCLE - RING_STEP / 2
-            errors.append(np.max(np.abs(held - work + lost)[swinging]))
+            errors.append(np.max(np.abs(stored - work + lost)[swinging]))
             assert result.energy.drive_work == pytest.approx(work[-1], rel=1e-10)
             assert result.energy.damping_loss == pytest.approx(lost[-1], rel=1e-10, abs=0)
             # The same sum in the ledger: the fence's share of it, the parcel's apart.
-            assert np.max(held) > 1.0
+            assert np.max(stored) > 1.0
         worst.append(errors)
         undamped, usual = ringing(step)
         assert np.all(undamped.history.power.beam_damping == 0)
@@ -119,9 +120,9 @@ def test_ring_down():
     undamped, usual = ringing()
     history = undamped.history
     home = history.time > CYCLE + 1.5 * RING_STEP
-    held = (history.energy.fence + history.energy.strain)[home]
-    assert held[0] > 0
-    np.testing.assert_allclose(held, held[0], rtol=1e-11)
+    stored = (history.energy.fence + history.energy.strain)[home]
+    assert stored[0] > 0
+    np.testing.assert_allclose(stored, stored[0], rtol=1e-11)
     history = usual.history
     modes = clamped_modes(0.45, 0.75, 0.132, 0.045, 3.0e9, 1130.0, 0.05, 20, 1)
     frequency, damping = modes.frequency[0], modes.damping[0]

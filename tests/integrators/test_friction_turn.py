@@ -1,4 +1,4 @@
-"""Friction that turns round within a step: against the motion of one corner, and in a scene."""
+"""Friction that reverses within a step: against the motion of one corner, and in a scene."""
 
 from types import SimpleNamespace
 
@@ -19,7 +19,7 @@ from fencejax.model import corner_share
 
 MU, STATIC, EPS = 0.3, 0.5, 1.5e-4
 SMOOTHING = Smoothing(EPS, 5 * EPS)
-# What friction of mu = 1, and all else, change the sliding by in a step [m/s].
+# The changes of the sliding speed in a step by friction of mu = 1, and by all else [m/s].
 GAIN, PULL = 0.06, -0.03
 
 
@@ -39,39 +39,39 @@ def corner_of(before, after, static=MU, law=None):
 
 
 def from_sliding(corner, others=0.0):
-    return friction_turn._from_sliding(corner, sliding_corner.straight(corner), others)
+    return friction_turn._from_sliding(corner, sliding_corner.linear_mean(corner), others)
 
 
-def counted(corner, held):
-    """Twice the mean friction that the step's equation counts, and its slope with the speed at the
-    end; friction that held the corner counts by the end alone."""
-    added = friction_turn._from_hold(corner) if held else from_sliding(corner)
-    twice = 2 * corner.share if held else corner.start.share + corner.share
-    return twice + added.share, (1 + held) * corner.slope + added.slope
+def in_equation(corner, sticking):
+    """Twice the mean friction in the step's equation, and its slope with the speed at the end; that
+    of a sticking corner is the friction at the end alone."""
+    added = friction_turn._from_rest(corner) if sticking else from_sliding(corner)
+    twice = 2 * corner.share if sticking else corner.start.share + corner.share
+    return twice + added.share, (1 + sticking) * corner.slope + added.slope
 
 
-def end(before, held, static=MU, pull=PULL):
+def end(before, sticking, static=MU, pull=PULL):
     """The sliding speed at which the step's equation holds."""
 
     @jax.jit
     def residual(after):
-        mean, _ = counted(corner_of(before, after, static), held)
+        mean, _ = in_equation(corner_of(before, after, static), sticking)
         return after - before - pull - 0.5 * GAIN * mean
 
     return brentq(lambda w: float(residual(jnp.asarray(w))), -1.0, 1.0, xtol=1e-13)
 
 
-# The normal force at a step's start and end, its mean being 1: it stands still, or it grows.
-STILL, GROWS = (1.0, 1.0), (0.4, 1.6)
+# The normal force at a step's start and end, its mean being 1: constant, or growing.
+CONSTANT, GROWS = (1.0, 1.0), (0.4, 1.6)
 
 
-def exact(before, pull=PULL, static=MU, pressed=STILL):
+def exact(before, pull=PULL, static=MU, pressed=CONSTANT):
     """dw/dt = N(t) [pull + GAIN share(w)] over a time of 1, N straight between its ends."""
     return motion(before, pull, static, pressed)[0]
 
 
-def motion(before, pull, static=MU, pressed=STILL):
-    """The same, and the way."""
+def motion(before, pull, static=MU, pressed=CONSTANT):
+    """The same, and the displacement."""
     first, last = pressed
 
     def rate(t, state):
@@ -85,20 +85,20 @@ def motion(before, pull, static=MU, pressed=STILL):
 
 
 @pytest.mark.parametrize(
-    ("before", "held"),
+    ("before", "sticking"),
     [(0.04, False), (0.03, False), (0.01, False), (2e-3, False), (1e-4, True), (-1e-4, True)],
 )
-def test_a_corner_ends_as_smoothed_friction_has_it(before, held):
-    # What is left out is what friction does within some eps of rest.
-    assert end(before, held) == pytest.approx(exact(before), abs=2 * EPS)
+def test_a_corner_ends_as_smoothed_friction_has_it(before, sticking):
+    # The error is the effect of friction within some eps of rest.
+    assert end(before, sticking) == pytest.approx(exact(before), abs=2 * EPS)
     # And so in the derivative, which the trapezoidal rule has as 1.
     step = 1e-5
-    slope = (end(before + step, held) - end(before - step, held)) / (2 * step)
+    slope = (end(before + step, sticking) - end(before - step, sticking)) / (2 * step)
     true = (exact(before + step) - exact(before - step)) / (2 * step)
     assert slope == pytest.approx(true, abs=0.1)
 
 
-# How fast a corner is at the step's end that has just turned round [eps], and by how much what
+# How fast a corner is at the step's end that has just reversed [eps], and by how much what
 # pulls is more than friction holds, in a step [eps].
 @pytest.mark.parametrize("pulled", [13, 47, 147])
 @pytest.mark.parametrize("end_at", [2, 3, 5, 8, 15])
@@ -117,42 +117,41 @@ def test_a_corner_that_has_just_turned_has_the_slope_of_smoothed_friction(end_at
     assert slope == pytest.approx(true, rel=0.2 * min(left, left**2) + 0.01 + EPS / before)
 
 
-def further(before, after, pull, static=MU, pressed=STILL):
-    """The way by the step's cubic, and how much further the corner goes by the turn; its friction
-    over the step is what leads from one speed to the other."""
+def further(before, after, pull, static=MU, pressed=CONSTANT):
+    """The displacement by the step's cubic, and what the reversal adds to it; the friction over the
+    step is that which leads from one speed to the other."""
     start = pressed[0] * (pull + GAIN * float(share(before, static)[0]))
     cubic = (2 * before + after) / 3 + start / 6
     mean = jnp.asarray((after - before - pull) / GAIN)
     pressed = tuple(map(jnp.asarray, pressed))
     corner = corner_of(before, after, static)
-    early = corner_way.comes_to_rest(corner, sliding_corner.straight(corner), mean, pressed)
-    return cubic, GAIN * float(early)
+    force = corner_way.comes_to_rest(corner, sliding_corner.linear_mean(corner), mean, pressed)
+    return cubic, GAIN * float(force)
 
 
-@pytest.mark.parametrize("pressed", [STILL, GROWS])
+@pytest.mark.parametrize("pressed", [CONSTANT, GROWS])
 @pytest.mark.parametrize("pull", [PULL, 0.01, -0.015])
 @pytest.mark.parametrize("before", [0.02, 0.01, 2e-3, -0.01])
 def test_a_corner_that_comes_to_rest_goes_as_far(before, pull, pressed):
-    """Whether it turns round, is held from then on, or slides on. What is left out is what friction
-    does within some eps of rest; the cubic alone is off by up to a sixth of the jump."""
-    after, way = motion(before, pull, pressed=pressed)
-    cubic, more = further(before, after, pull, pressed=pressed)
-    assert cubic + more == pytest.approx(way, abs=2 * EPS)
+    """Whether it reverses, sticks from then on, or slides on. The difference is the effect of
+    friction within some eps of rest; the cubic alone is off by up to a sixth of the jump."""
+    after, displacement = motion(before, pull, pressed=pressed)
+    cubic, extra = further(before, after, pull, pressed=pressed)
+    assert cubic + extra == pytest.approx(displacement, abs=2 * EPS)
 
 
 @pytest.mark.parametrize("before", [2e-4, 5e-4, 1e-3, 2e-3])
 def test_a_corner_that_begins_amid_static_friction_goes_as_far(before):
     """The cubic takes the friction of the step's very start, which is near kinetic already while
     the corner comes to rest by more, to be that all the way: h^2 F / 6 for a difference of F."""
-    after, way = motion(before, -0.02, STATIC)
-    cubic, more = further(before, after, -0.02, STATIC)
-    assert cubic + more == pytest.approx(way, abs=2 * EPS)
+    after, displacement = motion(before, -0.02, STATIC)
+    cubic, extra = further(before, after, -0.02, STATIC)
+    assert cubic + extra == pytest.approx(displacement, abs=2 * EPS)
 
 
 def counted_by_force(before, after):
-    """Of a corner under a normal force that grows: twice the mean friction that the step's equation
-    counts, each end by the force there and with what a turn adds, and its slope with the speed at
-    the end."""
+    """For a corner under a growing normal force: twice the mean friction in the step's equation,
+    with the force at each end and the reversal, and its slope with the speed at the end."""
     law, (first, last) = fj.Friction(MU, MU), map(jnp.asarray, GROWS)
     before = jnp.asarray(before)
     at_start, by_speed = corner_share(law, before, SMOOTHING)
@@ -181,8 +180,8 @@ def end_by_force(before, pull):
 
 @pytest.mark.parametrize("before", [0.03, 0.02, 0.01, 2e-3])
 def test_a_corner_turns_round_as_smoothed_friction_has_it_where_the_force_grows(before):
-    """The speed at the end, and its slope; by the force at the step's end on either side of the
-    turn it would be off by mu (1 - theta)^2 (N_1 - N_0), a fifth of the jump."""
+    """The speed at the end, and its slope; with the force at the step's end on both sides of the
+    reversal it would be off by mu (1 - theta)^2 (N_1 - N_0), a fifth of the jump."""
     pull = -0.04
     found = end_by_force(before, pull)
     assert found == pytest.approx(exact(before, pull, pressed=GROWS), abs=2 * EPS)
@@ -194,42 +193,44 @@ def test_a_corner_turns_round_as_smoothed_friction_has_it_where_the_force_grows(
     (low, true_low), (high, true_high) = ends
     slope, true = (high - low) / (2 * step), (true_high - true_low) / (2 * step)
     assert slope == pytest.approx(true, abs=0.1)
-    # What Newton's method is told of the slope is that of what is counted.
+    # The slope for Newton's method is that of the friction in the equations.
     at = jnp.asarray(found)
-    told = float(counted_by_force(before, at)[1])
-    assert told == pytest.approx(float(jax.jacfwd(lambda w: counted_by_force(before, w)[0])(at)))
+    slope = float(counted_by_force(before, at)[1])
+    assert slope == pytest.approx(float(jax.jacfwd(lambda w: counted_by_force(before, w)[0])(at)))
 
 
 def settled(before, pull):
-    """The speed and the way at the end of a step that a corner is held from, as the step has them:
-    by its cubic with the friction of its end, and how much further the corner goes."""
-    after = end(before, held=True, pull=pull)
+    """The speed and the displacement at the end of a step in which a corner sticks, as the step has
+    them: by its cubic with the friction of its end, and what is added to it."""
+    after = end(before, sticking=True, pull=pull)
     corner = corner_of(before, after, MU)
     cubic = (2 * before + after) / 3 + (pull + GAIN * float(corner.share)) / 6
-    more = corner_way.settles(corner, friction_turn._from_hold(corner).gained)
-    return after, cubic + GAIN * float(more)
+    extra = corner_way.settles(corner, friction_turn._from_rest(corner).gained)
+    return after, cubic + GAIN * float(extra)
 
 
-# Up to 6 eps friction's slope still holds a corner at this length of a step. It is held on by the
-# first pull, and let go by the second.
+# At this length of a step a corner sticks by the slope of friction up to 6 eps. With the first pull
+# it goes on sticking, with the second it breaks away.
 @pytest.mark.parametrize("pull", [-0.01, PULL])
 @pytest.mark.parametrize("before", [8e-4, 4e-4, EPS, 3e-5, -1e-4])
 def test_a_corner_that_settles_goes_as_far(before, pull):
-    """In the derivative: the way alone is less than these speeds. The cubic keeps two thirds of a
-    speed that is gone in a small part of the step, and half of it with the friction that took it.
+    """In the derivative: the displacement alone is smaller than these speeds. The cubic keeps two
+    thirds of a speed that is gone in a small part of the step, and half of it with the friction
+    that took it.
     """
     ahead = max(before, 0.0)
     assert settled(before, pull)[1] == pytest.approx(motion(before, pull)[1], abs=EPS + 0.1 * ahead)
     step = 1e-6
-    (_, way), (_, less) = settled(before + step, pull), settled(before - step, pull)
+    (_, high), (_, low) = settled(before + step, pull), settled(before - step, pull)
     true = motion(before + step, pull)[1] - motion(before - step, pull)[1]
-    assert (way - less) / (2 * step) == pytest.approx(true / (2 * step), abs=0.1)
+    assert (high - low) / (2 * step) == pytest.approx(true / (2 * step), abs=0.1)
 
 
 @pytest.mark.parametrize("end_at", [20, 5, 2, 1, 0.5, 0.0, -0.5, -2])
 def test_a_corner_that_stops_at_the_very_end_is_slowed_by_no_more_than_it_is(end_at):
-    """The faster it is at the start, the faster at the end, and by no more, whether it just slides
-    on or has just been stopped: it was 1.8 times as much half an eps before it stops."""
+    """A corner that is faster at the start is faster at the end, and by no more than that, whether
+    it just slides on or has just been stopped: half an eps before it stops it was 1.8 times as
+    much."""
     pull = -0.01
     before = MU * GAIN - pull + end_at * EPS
     step = 1e-7
@@ -243,13 +244,13 @@ GAINS, ACROSS = np.array([0.06, 0.04]), np.array([[0.0, 0.03], [0.045, 0.0]])
 
 
 def pair_of(before, after):
-    """The corners, and what each one's step equation takes the other's turn for."""
+    """The corners, and the effect of the other corner's reversal in the step equation of each."""
     corners = {
         k: corner_of(b, a, MU)._replace(gain=jnp.asarray(GAINS[k]))
         for k, (b, a) in enumerate(zip(before, after, strict=True))
     }
     changes = {
-        k: friction_turn._change(corner, sliding_corner.straight(corner))
+        k: friction_turn._change(corner, sliding_corner.linear_mean(corner))
         for k, corner in corners.items()
     }
     forces = SimpleNamespace(meetings=[SimpleNamespace(touch=k) for k in corners])
@@ -257,7 +258,7 @@ def pair_of(before, after):
         lightness=lambda one, other=None: GAINS[one] if other is None else ACROSS[one, other]
     )
     coupled = friction_turn._coupled(mechanics, forces, corners, changes)
-    others = friction_turn._by_others(coupled, changes, friction_turn._together)
+    others = friction_turn._by_others(coupled, changes, friction_turn._acts_with)
     return list(corners.values()), [others[k] for k in corners]
 
 
@@ -296,8 +297,9 @@ def true_pair(before, pull):
 
 @pytest.mark.parametrize("before", [(0.03, 0.02), (0.03, 0.029), (0.02, 0.045), (0.04, 1e-3)])
 def test_corners_that_turn_together_turn_as_they_do(before):
-    """Each within a hundredth of what both turns change its sliding by, as the other's counts in a
-    mean; by its own friction alone the first would be off by a tenth of the other's."""
+    """Each speed is right to a hundredth of the change by both reversals, as that by the other
+    corner enters as a mean; with its own friction alone the first would be off by a tenth of the
+    other's."""
     pull = np.array([-0.06, -0.055])
     true = true_pair(before, pull)
     assert np.all(true < -10 * EPS)
@@ -312,9 +314,9 @@ def test_by_their_own_friction_alone_they_would_not():
 
 
 def test_the_cubic_alone_would_not_do():
-    after, way = motion(2e-3, PULL)
+    after, displacement = motion(2e-3, PULL)
     cubic, _ = further(2e-3, after, PULL)
-    assert abs(cubic - way) > 10 * EPS
+    assert abs(cubic - displacement) > 10 * EPS
 
 
 def test_a_corner_that_slides_on_has_nothing_added():
@@ -323,14 +325,14 @@ def test_a_corner_that_slides_on_has_nothing_added():
     assert abs(added) < 2 * MU * (EPS / 0.1) ** 2
 
 
-# What pulls is more than static friction holds (0.5 x GAIN), so that a corner turns round, wherever
-# in the step, and it may end or begin where friction falls to kinetic.
+# The pull is larger than static friction (0.5 x GAIN), so that a corner reverses, wherever in the
+# step, and it may end or begin where friction falls to kinetic.
 @pytest.mark.parametrize("before", [0.04, 0.03, 0.0241, 0.02, 0.01, 2e-3, -4e-4, -2e-3])
 @pytest.mark.parametrize("pull", [-0.045, -0.06])
 def test_a_corner_passes_static_friction_as_fast_as_it_does(before, pull):
-    """What is left out is what friction does within some eps of rest and that the speed is not
-    straight while static friction falls: (mu_s - mu_k) w_s of it lasts w_s / (pull - mu_s GAIN)."""
-    found = end(before, held=False, static=STATIC, pull=pull)
+    """The error is the effect of friction within some eps of rest, and that the speed is not linear
+    while static friction falls: (mu_s - mu_k) w_s of it lasts w_s / (pull - mu_s GAIN)."""
+    found = end(before, sticking=False, static=STATIC, pull=pull)
     lasts = SMOOTHING.static_speed / (-pull - STATIC * GAIN)
     bound = 2 * EPS + GAIN * (STATIC - MU) * lasts
     assert found == pytest.approx(exact(before, pull, STATIC), abs=bound)
@@ -349,9 +351,9 @@ def test_a_corner_passes_static_friction_as_fast_as_it_does(before, pull):
 @pytest.mark.parametrize("before", [0.01, -2e-3])
 def test_the_slope_is_that_of_what_is_counted(before, after, static):
     def twice(after):
-        return counted(corner_of(before, after, static), False)[0]
+        return in_equation(corner_of(before, after, static), False)[0]
 
-    _, slope = counted(corner_of(before, after, static), False)
+    _, slope = in_equation(corner_of(before, after, static), False)
     assert slope == pytest.approx(float(jax.jacfwd(twice)(after)), rel=1e-6)
 
 
@@ -367,7 +369,7 @@ def test_a_corner_that_slides_on_has_the_friction_of_its_speed(before, change, l
     leaves roundings of what static friction adds near rest: 1e-16 x 0.2 w_s / (1e-4 eps)."""
     corner = corner_of(before, before + change, law=law)
     ends = corner.start.share + corner.share
-    twice, _ = counted(corner, held=False)
+    twice, _ = in_equation(corner, sticking=False)
     assert twice == pytest.approx(float(ends), abs=(change / EPS) ** 2 + 1e-11)
 
 
@@ -381,10 +383,10 @@ TURNS = dict(
 
 
 def test_the_gradient_is_that_of_the_course_and_not_of_the_steps():
-    """Friction of a corner turns round 6 ms before the peak of the second blow. By the trapezoidal
+    """Friction of a corner reverses 6 ms before the peak of the second blow. By the trapezoidal
     rule the slope in the reach was -0.1 or 3.8, as the steps fell, and the force rippled by
     4e-4 of itself; over 0.2 % of the reach the force rises by 0.47 times as much. Where a step ends
-    with the corner all but at rest, over some 1e-6 of the reach, the slope may still be twice that.
+    with the corner nearly at rest, over some 1e-6 of the reach, the slope may still be twice that.
     """
     x = {name: jnp.asarray(value) for name, value in TURNS.items()}
 
@@ -409,7 +411,7 @@ def test_the_gradient_is_that_of_the_course_and_not_of_the_steps():
 def test_gradient_wherever_in_a_step_a_corner_stops():
     """A corner slides fast along the fence and stops on it. A belt that is faster by 0.05 % lets it
     stop a step of 62.5 us sooner. The slopes in between were from -4.7 to 4.8 times the force, and
-    their mean is 1.2: a sixth of the way that friction makes in a step depended on when within it
+    their mean is 1.2: a sixth of the displacement by friction in a step depended on when within it
     the corner stopped.
     """
     course = found_sorts.course("a corner stops on the fence", -1.2e-4, 4e-4, 14)
@@ -419,8 +421,8 @@ def test_gradient_wherever_in_a_step_a_corner_stops():
 
 
 def test_gradient_wherever_in_a_step_a_corner_passes_static_friction():
-    """A corner turns round 3 ms before the peak, on a fence whose static friction is above the
-    kinetic one. A belt that is faster by 0.2 % has it turn round a shortest step sooner. Slopes in
+    """A corner reverses 3 ms before the peak, on a fence whose static friction is above the
+    kinetic one. A belt that is faster by 0.2 % has it reverse a shortest step sooner. Slopes in
     between were -1.5 to -1.9 times the force, or 2 times it; their mean is 0.02 to 0.03. What is
     left is where a step ends amid static friction: some w_s of the 12 mm/s that it changes the
     sliding by."""
@@ -432,7 +434,7 @@ def test_gradient_wherever_in_a_step_a_corner_passes_static_friction():
 
 def test_gradient_where_a_step_ends_as_a_corner_comes_to_rest():
     """0.6 ms before the peak. The corner's speed at that end is from 40 eps to none. Slopes were a
-    quarter too large where it was held from there on, and up to 3.4 times at the last; so they were
+    quarter too large where it stuck from there on, and up to 3.4 times at the last; so they were
     with shorter steps."""
     course = found_sorts.course("a step ends as a corner comes to rest", -1e-3, 1e-3, 33)
     np.testing.assert_allclose(course.slopes, course.secant, rtol=0.1)
@@ -453,28 +455,28 @@ def test_gradient_where_the_normal_force_grows_as_a_corner_turns():
     """That of a light parcel rises to its peak within 4 ms. The slopes were 1.9 times the force,
     and the truth's, too, with teeth of its own; the mean is 1.27. By the impulse of the normal
     force they are within a tenth of it, but where a step ends within some eps of rest: of the 0.09
-    mm/s that the belt is faster by from tooth to tooth. There the gradient's error is told."""
+    mm/s that the belt is faster by from tooth to tooth. There the estimated error is large."""
     course = found_sorts.course("a corner turns round as the force rises", -1e-3, 1e-3, 33)
     off = np.abs(course.slopes / course.secant - 1)
     assert np.quantile(off, 0.9) < 0.1
-    assert np.all(course.told[off > 0.12] > fj.Fidelity.standard().gradient_tolerance)
+    assert np.all(course.slope[off > 0.12] > fj.Fidelity.standard().gradient_tolerance)
 
 
 def test_gradient_where_a_step_begins_amid_static_friction():
     """A corner stops 2 ms before the peak, in steps of 0.5 ms. A belt that is faster by 0.13 % lets
     it stop a step sooner. Slopes were 15 % off, and in steps that do not follow their error nine
-    times too large where the corner was all but at rest at a step's start."""
+    times too large where the corner was nearly at rest at a step's start."""
     course = found_sorts.course("a corner stops by static friction", -1e-3, 1e-3, 21)
     np.testing.assert_allclose(course.slopes, course.secant, rtol=0.1)
 
 
-def test_a_step_that_ends_amid_static_friction_is_told():
-    """A corner turns round a millisecond before the peak. A belt that is faster by 0.01 % lets it
+def test_a_step_that_ends_amid_static_friction_has_a_large_estimated_error():
+    """A corner reverses a millisecond before the peak. A belt that is faster by 0.01 % lets it
     turn a shortest step sooner; where that ends while friction falls from static to kinetic, slopes
     are up to four times the force off."""
     course = found_sorts.course("a corner turns round by static friction", -1e-3, 1e-3, 33)
     size = np.maximum(abs(course.secant), course.forces)
     off = np.abs(course.slopes - course.secant) / size
     assert np.max(off) > 1
-    # The promise of a gradient at `standard`; where it is broken it is told.
-    assert np.all(course.told[off > 0.15] > fj.Fidelity.standard().gradient_tolerance)
+    # The promise of a gradient at `standard`; where it is broken, the estimated error says so.
+    assert np.all(course.slope[off > 0.15] > fj.Fidelity.standard().gradient_tolerance)

@@ -1,4 +1,4 @@
-"""A parcel against the fence held still, along its normal.
+"""A parcel against a fence whose root is at rest, along its normal.
 
     m yddot = -N,  M qddot + B qdot + K q = p N,  D = y - p.q,
     N = max(0, b m^0.4 Ddot D^2 + k D^4) for D > 0
@@ -116,8 +116,8 @@ def test_rigid_fence_is_the_wall():
     # Without modes the very same equations; and where it meets the rigid link.
     wall = fj.simulate(fj.scenes.rigid_wall(duration=0.1), history=False)
     for distance, fidelity in ((1.0, fj.Fidelity(modes=0)), (0.3, fj.Fidelity())):
-        held = fj.scenes.normal_impact(distance=distance, duration=0.1)
-        result = fj.simulate(held, fidelity=fidelity, history=False)
+        on_fence = fj.scenes.normal_impact(distance=distance, duration=0.1)
+        result = fj.simulate(on_fence, fidelity=fidelity, history=False)
         assert float(result.peak_force) == pytest.approx(float(wall.peak_force), rel=1e-9)
         assert float(result.tip_deflection) == 0
 

@@ -1,4 +1,4 @@
-"""Sliding that stops and turns round within a few steps: light parcels, grippy fence."""
+"""Sliding that stops and reverses within a few steps: light parcels, grippy fence."""
 
 import jax
 import jax.numpy as jnp
@@ -92,7 +92,7 @@ HELD = ORDINARY | dict(
 
 
 @pytest.mark.parametrize("damping", [2e6, 8e6])
-def test_a_fence_that_shortens_does_not_ring_under_a_corner_that_is_held(damping):
+def test_a_fence_that_shortens_does_not_ring_under_a_sticking_corner(damping):
     # The bent fence's points move along it as the force changes, and friction holds the corner to
     # them. Foreseen instead of solved for, that motion lets force and friction grow from step to
     # step of 0.5 ms, up to twice the force with the larger damping of the contact.
@@ -118,7 +118,7 @@ CARRIED = ORDINARY | dict(
 
 
 @pytest.mark.parametrize("slip_speed", [5e-4, 5e-5])
-def test_a_corner_stays_held_until_static_friction_is_overcome(slip_speed):
+def test_a_corner_sticks_until_static_friction_is_overcome(slip_speed):
     # From 13 ms on half of static friction holds it, and all of kinetic friction would not: where
     # it slides is another root of each step's equations. The fence's own motion along itself takes
     # the corner with it by ten times the speed up to which friction holds, from step to step.

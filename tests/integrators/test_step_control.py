@@ -1,4 +1,5 @@
-"""Error control: what the steps miss follows the tolerance, and is said where it cannot be met."""
+"""Error control: the errors of steps follow the tolerance, and the status says where it cannot be
+met."""
 
 import functools
 
@@ -60,9 +61,9 @@ def test_fixed_steps_miss_it(truth):
 def test_control_that_tolerates_all_changes_nothing():
     # Maps of one length from a table of several, and the clock in shorter units: round-off alone.
     free = fj.simulate(hard(MASS), fidelity=FIXED, only=ONLY)
-    held = fj.simulate(hard(MASS), fidelity=FIXED.replace(step_tolerance=1e9), only=ONLY)
-    assert float(held.peak_force) == pytest.approx(float(free.peak_force), rel=1e-9)
-    assert float(held.impulse) == pytest.approx(float(free.impulse), rel=1e-9)
+    controlled = fj.simulate(hard(MASS), fidelity=FIXED.replace(step_tolerance=1e9), only=ONLY)
+    assert float(controlled.peak_force) == pytest.approx(float(free.peak_force), rel=1e-9)
+    assert float(controlled.impulse) == pytest.approx(float(free.impulse), rel=1e-9)
 
 
 def test_what_cannot_be_met_is_said():

@@ -1,5 +1,5 @@
-"""The loop of steps: how often it is gone through to make a batch of it, that it comes to the end
-of the time whatever it saves on the way, and that what it saves may be differentiated."""
+"""The loop of steps: the passes that JAX needs to vectorise it, its end whatever it saves at
+samples, and derivatives of the saved values."""
 
 import jax
 import jax.numpy as jnp

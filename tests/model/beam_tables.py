@@ -1,4 +1,4 @@
-"""Tables of the beam compiled and in NumPy, and what round-off makes of them."""
+"""Tables of the beam compiled and in NumPy, and their differences by round-off."""
 
 import jax
 import jax.numpy as jnp

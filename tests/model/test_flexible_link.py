@@ -255,7 +255,7 @@ def test_free_swing(time, swung):
         bound = (time / 64) ** 2 / 8 * abs(float(link.swing[i])) * fourth * spread / omega**2
         assert abs(float(state.amplitude[i]) - exact[i, 0]) < bound
         assert abs(float(state.rate[i]) - exact[i, 1]) < 2 * bound * omega
-        # The bound can tell: it is below 5 % of the deflection when the fence starts.
+        # The bound is meaningful: it is below 5 % of the deflection when the fence starts.
         start = abs(float(link.swing[i])) * fourth / turn**2 / omega**2
         assert bound < 0.05 * start
 

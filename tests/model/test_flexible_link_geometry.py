@@ -1,4 +1,4 @@
-"""Where the points of a bent link are: the three geometries against each other and the paper."""
+"""The positions of points of a bent link: the three geometries against each other and the paper."""
 
 import jax.numpy as jnp
 import numpy as np

@@ -1,4 +1,4 @@
-"""The largest static friction that smoothed friction holds, against closed forms."""
+"""The largest smoothed friction, against closed forms."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +12,7 @@ RUNGS = ("coarse", "fast", "standard", "reference")
 
 @pytest.mark.parametrize("rung", RUNGS)
 @pytest.mark.parametrize(("kinetic", "static"), [(0.35, 0.5), (0.65, 0.85), (0.2, 0.8)])
-def test_the_most_that_is_held_is_static_friction(rung, kinetic, static):
+def test_the_largest_friction_is_the_static_one(rung, kinetic, static):
     # With r = eps / w_s and z = (w / w_s)^2, for small r and z, smoothed friction is
     # mu_s - (mu_s - mu_k) z - mu_s r^2 / (2 z): at most mu_s - r sqrt(2 mu_s (mu_s - mu_k)), at
     # z = r sqrt(mu_s / 2 (mu_s - mu_k)). What is left out is of the order z of that.
@@ -48,10 +48,10 @@ def test_a_parcel_lets_go_of_the_belt_at_static_friction(sharper):
     turned = float(history.body.angle[peak]) - angle
     lever = x * np.cos(turned) - y * np.sin(turned)
     weight = float(parcel.mass) * 9.81
-    held = static * weight / np.hypot(1, lever / float(parcel.mean_distance))
+    largest_force = static * weight / np.hypot(1, lever / float(parcel.mean_distance))
     # Smoothed friction is short of it by (eps / w_s) sqrt(2 (mu_s - mu_k) / mu_s), 1.4 %; the force
     # goes on rising until the parcel slides at w_s, by half as much.
-    assert forces[peak] == pytest.approx(held, rel=0.0137)
+    assert forces[peak] == pytest.approx(largest_force, rel=0.0137)
     # Then the belt slips under it, beyond what is smoothed.
     slip = np.max(np.abs(history.body.x_rate[peak:] - 0.01))
     assert slip > 2 * fidelity.static_speed

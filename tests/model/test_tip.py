@@ -24,7 +24,7 @@ def met(pose, number=1, tilt=0.3, length=FADE, radius=None):
         jnp.cos(angle) * v[0] - jnp.sin(angle) * v[1],
         jnp.sin(angle) * v[0] + jnp.cos(angle) * v[1],
     )
-    arm, far = turn(PARCEL.corner(number)), turn(PARCEL.corner(SIDES[number]))
+    arm, next_arm = turn(PARCEL.corner(number)), turn(PARCEL.corner(SIDES[number]))
     corner = corner_from_arm(body, *arm)
     foot = corner.x * jnp.cos(tilt) + corner.y * jnp.sin(tilt)
     place = jnp.minimum(foot, REACH)
@@ -32,7 +32,7 @@ def met(pose, number=1, tilt=0.3, length=FADE, radius=None):
         corner, FencePoint(place, zero, zero, zero, zero), (jnp.cos(tilt), jnp.sin(tilt)), zero
     )
     size = PARCEL.side(number)
-    side = Side((far[0] - arm[0]) / size, (far[1] - arm[1]) / size, size)
+    side = Side((next_arm[0] - arm[0]) / size, (next_arm[1] - arm[1]) / size, size)
     return around(touch, zero, side, REACH - place, length, radius), touch
 
 
@@ -43,8 +43,8 @@ def poses(number, count=400, tilt=0.3):
     theta = rng.uniform(-1.0, 3.0, count)
     # Direction from the corner to the next one: opposite to the tangent, turned back by theta.
     towards = tilt + np.pi - theta
-    own, far = CORNERS[number], CORNERS[SIDES[number]]
-    angle = towards - np.arctan2(*(far - own)[::-1])
+    own, next_arm = CORNERS[number], CORNERS[SIDES[number]]
+    angle = towards - np.arctan2(*(next_arm - own)[::-1])
     place = REACH + rng.uniform(-0.03, 0.03, count)
     depth = rng.uniform(-0.01, 0.03, count)
     x = place * np.cos(tilt) + depth * np.sin(tilt)
@@ -108,8 +108,8 @@ def parcel_at(point, along, theta, tilt=0.3, number=1):
     [m], on the side behind a corner: `along` [m] from there; the side turned by theta."""
     t, n = np.array([np.cos(tilt), np.sin(tilt)]), np.array([-np.sin(tilt), np.cos(tilt)])
     towards = -t * np.cos(theta) + n * np.sin(theta)
-    own, far = CORNERS[number], CORNERS[SIDES[number]]
-    angle = np.arctan2(*towards[::-1]) - np.arctan2(*(far - own)[::-1])
+    own, next_arm = CORNERS[number], CORNERS[SIDES[number]]
+    angle = np.arctan2(*towards[::-1]) - np.arctan2(*(next_arm - own)[::-1])
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     corner = (REACH + point[0]) * t + point[1] * n - along * towards
     return np.array([*(corner - turn @ own), angle])
@@ -183,9 +183,9 @@ def test_force_is_continuous_as_a_wall_turns():
     assert np.abs(np.diff(force, axis=1)).max() < step * (4 + 1 + 1.5 * 0.4 * np.sin(0.3) / FADE)
 
 
-def test_what_a_scene_leaves_out_is_told():
-    """The corner before or after is not there to touch: told where it lies lower, under the fence,
-    or its side under the tip."""
+def test_a_corner_that_a_scene_leaves_out_is_reported():
+    """The corner before or after cannot touch the fence: reported where it lies lower, under the
+    fence, or its side under the tip."""
 
     def missed(along, inside, theta, follows):
         pose = parcel_at((along, inside), 0.0, theta)

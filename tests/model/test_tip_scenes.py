@@ -1,4 +1,4 @@
-"""The fence's tip against the parcel's side, over time: a version of its own, the general
+"""The fence's tip against the parcel's side, over time: an independent version, the general
 integrators, the ledger, continuity across the tip, and whole sorts."""
 
 import functools
@@ -33,7 +33,7 @@ def independent(scene, times, fade=FADE, radius=0.0):
     parcel, drive = scene.parcel, scene.drive
     mass, inertia = float(parcel.mass), float(parcel.inertia)
     stiffness, viscosity = float(parcel.stiffness), float(parcel.damping * parcel.mass**0.4)
-    own, far = (np.array(parcel.corner(k), dtype=float) for k in (1, 2))
+    own, next_corner = (np.array(parcel.corner(k), dtype=float) for k in (1, 2))
     reach = float(scene.fence.reach)
     begin = float(drive.time_at(scene.start.drive_angle))
     top, cycle = float(drive.top_speed), float(drive.cycle_time)
@@ -44,7 +44,7 @@ def independent(scene, times, fade=FADE, radius=0.0):
         corner = q[:2] + turn @ own
         along, up = np.array([np.cos(tilt), np.sin(tilt)]), np.array([-np.sin(tilt), np.cos(tilt)])
         depth, before = -corner @ up, reach - corner @ along
-        edge = turn @ (far - own)
+        edge = turn @ (next_corner - own)
         inward = np.array([edge[1], -edge[0]]) / np.linalg.norm(edge)
         theta = np.arctan2(inward @ along, inward @ up)
         round_ = radius if theta > 0 else 0.0

@@ -142,7 +142,7 @@ def test_restitution_is_independent_of_the_mass():
 
 
 def test_one_number_governs_the_restitution():
-    # b v^0.2 / k^0.6 held while all three are changed; the peak goes with k^0.2 (m v^2)^0.8.
+    # b v^0.2 / k^0.6 constant while all three are changed; the peak goes with k^0.2 (m v^2)^0.8.
     speed = np.array([SPEED, 1.2, 0.6, 1.8])
     stiffness = STIFFNESS * np.array([1.0, 0.5, 2.0, 1.7])
     damping = DAMPING * (speed / SPEED) ** -0.2 * (stiffness / STIFFNESS) ** 0.6

@@ -1,4 +1,4 @@
-"""A motor's numbers, and what they are refused for."""
+"""A motor's numbers, and the refusal of invalid ones."""
 
 import numpy as np
 import pytest

@@ -59,12 +59,12 @@ def test_law():
 def test_blow_against_the_independent_version():
     # 240 steps of second order in a blow of 60 ms: some 1e-5; slopes lose half an order.
     slopes, result = struck({k: jnp.asarray(v) for k, v in NUMBERS.items()})
-    peak, held, taken = independent(NUMBERS)
+    peak, stored, taken = independent(NUMBERS)
     assert float(result.peak_force) == pytest.approx(peak, rel=1e-4)
     energy = result.energy
     assert abs(float(energy.residual)) < 1e-3 * taken
     assert float(energy.contact_stored + energy.contact_loss) == pytest.approx(taken, rel=1e-3)
-    assert 0 < held <= float(energy.contact_stored) + 1e-3 * taken
+    assert 0 < stored <= float(energy.contact_stored) + 1e-3 * taken
     for name in ("thickness", "modulus"):
         ends = []
         for factor in (0.999, 1.001):

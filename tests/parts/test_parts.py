@@ -1,4 +1,4 @@
-"""What a scene does not hold costs nothing: neither state nor operations."""
+"""Parts that a scene does not have cost nothing: neither state nor operations."""
 
 import functools
 

@@ -132,8 +132,8 @@ def test_shear_compliance(taper, exact):
     mode, slope = jax.jvp(
         lambda p: whole.shape(p).residual_mode[0], (jnp.asarray(PLACE),), (jnp.asarray(1.0),)
     )
-    _, told = whole.shape(jnp.asarray(PLACE)).residual_mode
-    assert float(told) == pytest.approx(float(slope), rel=1e-6)
+    _, given_slope = whole.shape(jnp.asarray(PLACE)).residual_mode
+    assert float(given_slope) == pytest.approx(float(slope), rel=1e-6)
     # Infinitely stiff, it is not there; the share of shear is a small one.
     stiff = make(2, fence(taper, shear=fj.Shear(coefficient=1e12)))
     now = stiff.shape(jnp.asarray(PLACE))
@@ -144,7 +144,7 @@ def test_shear_compliance(taper, exact):
 
 def test_impact_against_the_independent_version():
     # As much as the arc is off the chords, at R = 1.08 m 7e-4, and the shear of a corner that
-    # slides, near the joint. Derivatives: the friction turns round near the peak at R = 1.0 m.
+    # slides, near the joint. Derivatives: the friction reverses near the peak at R = 1.0 m.
     peak, tip, slope, unbalanced = compared("all", "arc")
     assert peak < 1e-3
     assert tip < 1e-3

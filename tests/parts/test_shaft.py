@@ -1,4 +1,4 @@
-"""A shaft that gives way between motor and hinge: its modes, and an impact against the independent
+"""A flexible shaft between motor and hinge: its modes, and an impact against the independent
 version."""
 
 import jax
@@ -72,8 +72,8 @@ def test_impact_against_the_independent_version(changes, varied, within):
     assert float(result.peak_force) == pytest.approx(peak, rel=3e-4)
     assert float(result.peak_torque) == pytest.approx(moment, rel=1e-3)
     assert moment <= numbers["slip_torque"]
-    held = sum(abs(float(term)) for term in jax.tree.leaves(result.energy))
-    assert abs(float(result.energy.residual)) < 1e-4 * held
+    exchanged = sum(abs(float(term)) for term in jax.tree.leaves(result.energy))
+    assert abs(float(result.energy.residual)) < 1e-4 * exchanged
     for name in varied:
         value = numbers[name]
         low, high = (

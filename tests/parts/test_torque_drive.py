@@ -59,8 +59,8 @@ def test_impact_against_the_independent_version():
     peak, work = independent()
     assert float(result.peak_force) == pytest.approx(peak, rel=3e-4)
     assert float(result.energy.drive_work) == pytest.approx(work, rel=1e-3)
-    held = sum(abs(float(term)) for term in jax.tree.leaves(result.energy))
-    assert abs(float(result.energy.residual)) < 1e-4 * held
+    exchanged = sum(abs(float(term)) for term in jax.tree.leaves(result.energy))
+    assert abs(float(result.energy.residual)) < 1e-4 * exchanged
     assert float(result.energy.damping_loss) > 1.0
     # The torque at the end, which is the largest; and the hinge's own motion, with its rates.
     drive = result.history.drive

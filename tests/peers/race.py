@@ -3,9 +3,9 @@
 The problem, its finite-element matrices in NumPy, and the numbers that every code must reach. SI
 units throughout.
 
-The link is clamped at its root and held still. It is discretised by n = 20 two-node cubic-Hermite
-Euler-Bernoulli elements whose thickness is frozen at the element's midpoint,
-h = h_1 sqrt(1 - x / l_p), with damping B = beta K:
+The link is clamped at its root, which is at rest. It is discretised by n = 20 two-node
+cubic-Hermite Euler-Bernoulli elements whose thickness is frozen at the element's midpoint, h = h_1
+sqrt(1 - x / l_p), with damping B = beta K:
 
     M q'' + beta K q' + K q = p N,        m y'' = -N,
     N = max(0, b m^0.4 D' D^2 + k D^4) for D > 0, else 0,        D = y - p . q,

@@ -48,7 +48,7 @@ class Machine(NamedTuple):
     accelerated: bool
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         if self.accelerated:
             return f"Measured on {self.name}, all lanes at once; wall times."
         return (
@@ -155,7 +155,7 @@ def page(on: Machine, found: dict[str, list[dict[str, float]]]) -> str:
     largest = max(len(rows) for rows in found.values())
     by_kind = {kind: {row["lanes"]: row for row in rows} for kind, rows in found.items()}
     lines = [
-        on.told, "",
+        on.description, "",
         "| lanes | values a second | off the CPU's | gradients a second | off the CPU's | an empty "
         "step [us] |", "| --- | --- | --- | --- | --- | --- |",
     ]  # fmt: skip
@@ -194,8 +194,8 @@ def test_accelerator(bench_directory):
     found = {"empty step": launches(on)}
     for kind in PROGRAMS:
         found[kind] = measured(on, kind)
-    told = {"device": on.name, "accelerated": on.accelerated, **found}
-    (bench_directory / "accelerator.json").write_text(json.dumps(told, indent=1) + "\n")
+    row = {"device": on.name, "accelerated": on.accelerated, **found}
+    (bench_directory / "accelerator.json").write_text(json.dumps(row, indent=1) + "\n")
     (bench_directory / "accelerator.md").write_text(page(on, found))
     picture(found, bench_directory / "accelerator.png")
     print(page(on, found))

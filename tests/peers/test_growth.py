@@ -1,4 +1,4 @@
-"""How time and memory grow with lanes, modes, steps, corners and variables. Skipped unless
+"""The growth of time and memory with lanes, modes, steps, corners and variables. Skipped unless
 `pytest --bench DIR` asks for it.
 
     pytest tests/peers/test_growth.py --bench DIR

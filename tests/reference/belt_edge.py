@@ -1,4 +1,4 @@
-"""What the belt's edge under the parcel changes of a whole sort.
+"""The effect of the belt's edge under the parcel on a whole sort.
 
 From the folder `tests`:
 

@@ -1,4 +1,5 @@
-"""The parcel's flat side at the fence: what hangs on its meeting the tip, and what is left out.
+"""The parcel's flat side at the fence: the effect of its contact with the tip, and the error of
+leaving it out.
 
 From the folder `tests`:
 

@@ -1,4 +1,4 @@
-"""Golden numbers: what a dozen scenes of all kinds gave, value and gradient.
+"""Golden numbers: the recorded values and gradients of a dozen scenes of all kinds.
 
     python tests/reference/golden.py             # compares, bit by bit, on one machine
     python tests/reference/golden.py --record    # writes golden.json anew

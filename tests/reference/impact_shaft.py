@@ -1,4 +1,4 @@
-"""The oblique impact on a fence whose shaft gives way, in NumPy and SciPy.
+"""The oblique impact on a fence with a flexible shaft, in NumPy and SciPy.
 
 The hinge turns by theta against the motor, which follows the drive: with the modes of the clamped
 fence, of unit modal mass,

@@ -1,4 +1,4 @@
-"""Plain vector Newton-Euler of the parcel, at random, beside the paper's polar form of it.
+"""Plain vector Newton-Euler of the parcel, at random states, compared with the paper's polar form.
 
 Vectors and cross products, no code shared with `polar.py` but the numbers of a scene.
 """
@@ -92,8 +92,8 @@ def mean_distance_by_quadrature(parcel):
     total = 0.0
     for a in (parcel.length / 2 - parcel.x_p, parcel.length / 2 + parcel.x_p):
         for b in (parcel.width / 2 - parcel.y_p, parcel.width / 2 + parcel.y_p):
-            for near, far in ((a, b), (b, a)):
-                top = np.arctan2(far, near)[:, None]
+            for near, longer in ((a, b), (b, a)):
+                top = np.arctan2(longer, near)[:, None]
                 angle = top * (nodes + 1) / 2
                 reach = near[:, None] / np.cos(angle)
                 total = total + np.sum(top / 2 * weights * reach**3 / 3, axis=1)

@@ -1,5 +1,5 @@
-"""A parcel against the fence held still, along its normal, in NumPy and SciPy: the modes of
-the clamped finite-element link, the paper's contact law, and an elastic cover in series with it.
+"""A parcel against a fence whose root is at rest, along its normal, in NumPy and SciPy: the modes
+of the clamped finite-element link, the paper's contact law, and an elastic cover in series with it.
 
 State: modal displacements and velocities, advance of the parcel and its rate, strain of the cover.
 SI units throughout.
@@ -38,7 +38,7 @@ def force_and_rate(impact, cover, depth, depth_rate, strain):
 
 
 def solve(impact, speed, place, cover, horizon):
-    """Peak force [N], energy [J] held at the end by the cover, and that dissipated in cover and
+    """Peak force [N], energy [J] stored at the end in the cover, and that dissipated in cover and
     corner, of a blow at `speed` [m/s] at the arc coordinate `place` [m]."""
     link = impact.link
     size = impact.l_p / impact.elements
@@ -72,5 +72,5 @@ def solve(impact, speed, place, cover, horizon):
     ).fun  # fmt: skip
     thickness, modulus, length, _ = cover
     end = found.y[:, -1]
-    held = -4 / pi**2 * modulus * length * impact.width * thickness * log(cos(pi / 2 * end[-2]))
-    return peak, held, end[-1]
+    stored = -4 / pi**2 * modulus * length * impact.width * thickness * log(cos(pi / 2 * end[-2]))
+    return peak, stored, end[-1]

@@ -1,4 +1,4 @@
-"""What the model leaves out of an oblique impact, put into the independent version of it.
+"""The terms that the model leaves out of an oblique impact, in the independent version of it.
 
 From the folder `tests`:
 

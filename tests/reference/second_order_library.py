@@ -51,11 +51,11 @@ def compared(name, geometry="chord"):
     run = jax.jit(jax.value_and_grad(lambda n: struck(n, name, geometry), has_aux=True))
     known = json.loads(FILE.read_text(encoding="utf-8"))[name]
     worst = [0.0] * 4
-    for place, told in known["values"].items():
+    for place, expected in known["values"].items():
         numbers = {key: jnp.asarray(value) for key, value in NUMBERS.items()}
         (force, result), slopes = run(numbers | {"distance": jnp.asarray(float(place))})
         moved = sum(abs(float(term)) for term in jax.tree.leaves(result.energy))
-        off = [float(force) / told[0] - 1, float(result.tip_deflection) / told[1] - 1, 0.0]
+        off = [float(force) / expected[0] - 1, float(result.tip_deflection) / expected[1] - 1, 0.0]
         if float(place) == NUMBERS["distance"]:
             off[2] = max(
                 abs(float(slopes[key]) / slope - 1) for key, (slope, _) in known["slopes"].items()

@@ -1,4 +1,4 @@
-"""The tip meets the flat side first: against an independent version, and what hangs on it."""
+"""The tip meets the flat side first: against an independent version, and its effect."""
 
 import jax
 import numpy as np
@@ -77,7 +77,7 @@ def test_a_sort_that_the_tip_decides():
     assert float(without.peak_force) < 0.7 * float(peak)
 
 
-def test_a_corner_that_may_not_touch_is_told():
+def test_a_corner_that_may_not_touch_is_reported():
     """Turned by -0.9 rad the parcel comes down on corner 4, which the scene leaves out."""
     _, (*_, status) = met(MASS, 0.1, -0.9)
     assert int(status) in (fj.Status.LEFT_OVER_TIP, fj.Status.PEAK_AT_TIP)

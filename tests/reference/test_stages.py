@@ -1,8 +1,8 @@
 """The library's smooth whole sort against the source paper's stages, switched in sequence.
 
 The stages, (2.27)-(2.30) and (2.31)-(2.34), are in `reference.stages`. First each right-hand side
-is held against the Cartesian Newton-Euler version of `reference.impact`; then three sorts at
-Delta s = 0 are compared, all with one smoothing of friction:
+is compared with the Cartesian Newton-Euler version of `reference.impact`; then three sorts at Delta
+s = 0 are compared, all with one smoothing of friction:
 
     library   `scenes.whole_sort`: corners 1 and 2 on fence and border as they come
     free      `stages.two_corners`: the same mechanics written independently, no stage, no switch

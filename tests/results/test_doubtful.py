@@ -1,4 +1,5 @@
-"""What steps make of designs for which the model does not hold, and of numerical doubt."""
+"""The optimiser's steps at designs for which the model does not hold, and at ones with a numerical
+status."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -51,7 +52,7 @@ def test_doubtful_points_teach_and_end_no_run():
 @pytest.mark.parametrize("start", [[0.2, 2.0], [-0.25, 3.0], [0.1, -2.0]])
 def test_slopes_beyond_are_learnt_from(start):
     # 50 x^2 + y^2 / 2 where |x| > 0.3 is bad: first steps, of a unit curvature, go too far in x.
-    # What is told there gives the curvature at once; a wall only shortens the steps.
+    # The slopes there give the curvature at once; a wall only shortens the steps.
     def narrow(status):
         def problem(z):
             worst = 50 * z[0] ** 2 + 0.5 * z[1] ** 2

@@ -1,4 +1,5 @@
-"""Friction that only just holds a corner, and parcels that bounce: what nothing tells is said."""
+"""Corners at the limit of static friction, and parcels that bounce: the status says what is
+uncertain."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -52,7 +53,7 @@ def test_what_a_search_came_to_is_said():
     assert [fj.Status(int(code)).name for code in status] == [
         "FRICTION_SMOOTHED", "SUCCESSFUL", "SUCCESSFUL", "STEP_TOO_COARSE", "FRICTION_SMOOTHED",
     ]  # fmt: skip
-    # What it is in doubt of is large: held, the corner presses harder.
+    # The uncertainty is large: a sticking corner presses harder.
     assert force[1] > 1.1 * force[2]
 
 
@@ -86,7 +87,7 @@ def edge(*course):
 
 def passing(share):
     """A corner that slides on through rest under a force along the fence of `share` mu_s N: its
-    motion follows from Newton's second law, with friction that turns round in the middle."""
+    motion follows from Newton's second law, with friction that reverses in the middle."""
     drag = KINETIC * NORMAL
     rate = share * STATIC * NORMAL / MASS
     return (drag, -0.5 * rate * STEP), (-drag, 0.5 * rate * STEP)
@@ -100,9 +101,9 @@ def resting(share):
 @pytest.mark.parametrize(
     ("course", "in_doubt"),
     [
-        # What would have held it is more than there is, by far or by little; or less.
+        # The friction needed to stick is more than the largest one, by much or by little; or less.
         (passing(1.2), False), (passing(1.01), True), (passing(0.8), True),
-        # It comes to rest; by how much it is held then is told by the step after.
+        # It comes to rest; how close it is to sliding then is known from the next step.
         (((20.0, -0.01), resting(0.5), resting(0.5)), False),
         (((20.0, -0.01), resting(0.98), resting(0.98)), True),
         # Held, it comes near the edge and goes back, or breaks away.

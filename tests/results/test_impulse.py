@@ -1,4 +1,5 @@
-"""The fence's impulse: its value, and derivatives that do not ripple with the time of parting."""
+"""The fence's impulse: its value, and derivatives that do not ripple with the time of
+separation."""
 
 import jax
 import jax.numpy as jnp

@@ -3,7 +3,7 @@
 Momentum: v1 - v0 = h / 2 (a0 + a1 + s1 f1 - s0 f0 + lag (b1 - b0)) in every step, with f the
 acceleration by the friction of the corners and s whether it holds them, 0 or 1, and b that by the
 belt, whose lag is 0 where h mu g < 2 s, s being the slip, and never above 0.2. So m dv is the
-trapezoidal sum of the forces exactly where no corner is held and the parcel slips so fast, and else
+trapezoidal sum of the forces exactly where no corner sticks and the parcel slips so fast, and else
 within half of what these frictions change over the step. Newton's method leaves `defect`, at most a
 step of which goes missing.
 
@@ -141,10 +141,10 @@ def test_momentum_with_friction(name):
     size = np.sqrt(float(scene.parcel.inertia) / float(scene.parcel.mass))
     corners = np.array([np.hypot(*arm) for _, arm in arms_of(scene)])
     lever = max(1.0, np.max(corners) / size)
-    held, step = 0.0, spacing(history)
+    exchanged, step = 0.0, spacing(history)
     if scene.belt is not None:
         moment = np.diff(history.belt.moment) / size
-        held = 0.2 * np.sqrt(
+        exchanged = 0.2 * np.sqrt(
             np.diff(history.belt.x) ** 2 + np.diff(history.belt.y) ** 2 + moment**2
         )
     for c in (*history.fence, *history.border):
@@ -153,8 +153,8 @@ def test_momentum_with_friction(name):
         share = np.abs(c.friction[1:]) / np.where(c.normal[1:] > 0, c.normal[1:], 1.0)
         by_normal = share * np.abs(np.diff(c.normal))
         turned = 0.02 * np.abs(c.friction[1:])
-        held = held + lever * (np.abs(np.diff(c.friction)) + by_normal + turned)
-    allowed = 0.5 * step * held
+        exchanged = exchanged + lever * (np.abs(np.diff(c.friction)) + by_normal + turned)
+    allowed = 0.5 * step * exchanged
     assert np.all(missing <= allowed + 1e-13 * weights[:, None])
     # Where every corner slides far above the smoothing, or is apart, and the parcel slips faster
     # than the belt stops it within a step, nothing is missing.
@@ -287,12 +287,12 @@ def test_a_ledger_that_does_not_close_is_said(sign):
     name = "oblique_impact"
     scene, result = SCENES[name](), fixed(name)
     parcel, final = scene.parcel, result.final
-    held = 0.5 * parcel.mass * (final.x_rate**2 + final.y_rate**2)
-    held = float(held + 0.5 * parcel.inertia * final.spin**2)
+    exchanged = 0.5 * parcel.mass * (final.x_rate**2 + final.y_rate**2)
+    exchanged = float(exchanged + 0.5 * parcel.inertia * final.spin**2)
 
     def status(share):
         # share = more / (turned + more), but for the residual that is there.
-        more = share / (1 - share) * (turned_over(result.energy) + held)
+        more = share / (1 - share) * (turned_over(result.energy) + exchanged)
         loss = result.energy.contact_loss
         drive = result.energy.drive_work
         changed = dict(contact_loss=loss + more) if sign > 0 else dict(drive_work=drive + more)

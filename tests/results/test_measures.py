@@ -1,4 +1,5 @@
-"""The table of measures: what a row is in, a row of one's own, and what the measures mean."""
+"""The table of measures: where a row appears, a measure of your own, and the meaning of the
+measures."""
 
 import dataclasses
 import functools
@@ -100,7 +101,7 @@ def spin_trace(name):
 @pytest.mark.parametrize(
     ("own", "others"),
     [
-        # Those of the status, of a measure, of a gradient's error, and another of one's own.
+        # Those of the status, of a measure, of a gradient's error, and another of your own.
         *((of_speed(name), ()) for name in ("force", "impulse", "slopes", "rivals", "work")),
         (of_speed("own"), [largest("other", of_speed("own"))]),
         (

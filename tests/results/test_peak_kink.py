@@ -1,4 +1,4 @@
-"""What a parabola through samples misses of a peak's derivative, against signals known exactly."""
+"""The error of a peak's derivative by a parabola through samples, against signals known exactly."""
 
 import jax
 import jax.numpy as jnp
@@ -54,7 +54,7 @@ def test_the_jump_at_a_kink_that_is_the_peak(times, share, after):
 @pytest.mark.parametrize("times", TIMES)
 def test_a_kink_beside_a_peak_counts_by_the_weight_of_the_sample_beyond(times):
     """An even force has its maximum a tenth of a step before the sample, and falls by 8 more from
-    the middle of the step after it: the parabola's derivative is off by just what is told, where
+    the middle of the step after it: the parabola's derivative is off by just the estimate, where
     the force is straight but for the vertex that the three samples see."""
     h_0, h = times[2] - times[1], times[3] - times[2]
     kink = times[2] + 0.5 * h
@@ -101,6 +101,6 @@ def test_a_cubic_has_no_kink(times):
 
     # N_p is a cubic: the product of the distances from three samples, half a step from the second.
     before, after = times[2] - times[1], times[3] - times[2]
-    own, far = (before, after) if 0.1 > times[2] else (after, before)
-    expected = 0.5 * far * (own + 0.5 * far) * 0.5 * far
+    opposite, near = (before, after) if 0.1 > times[2] else (after, before)
+    expected = 0.5 * near * (opposite + 0.5 * near) * 0.5 * near
     np.testing.assert_allclose(abs(derivative(quartic)), expected, rtol=1e-12)

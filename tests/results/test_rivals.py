@@ -1,4 +1,5 @@
-"""Instants at which the fence's force may be largest, and what of it the gradient's error tells."""
+"""Instants at which the fence's force may be largest, and their part in the estimated error of
+gradients."""
 
 from types import SimpleNamespace
 
@@ -70,7 +71,7 @@ TOLERANCE = 2e-5
 
 
 @pytest.mark.parametrize("heights", [(1.0, 0.98), (0.98, 1.0)])
-def test_maxima_about_as_high_are_told(heights):
+def test_maxima_about_as_high_are_estimated(heights):
     largest, least, most = ranges(two_bumps, heights, 0.05)
     assert largest == pytest.approx(1.0, abs=TOLERANCE)
     np.testing.assert_allclose(least, [0, 0], atol=TOLERANCE)

@@ -88,9 +88,9 @@ def test_against_differences_of_gradients():
     # Friction, belt, drive and a bending fence. The gradient is judged elsewhere by an independent
     # version; its central differences are off by the square of their step, 1e-8 times the third
     # derivatives, of the order of a thousand at the places between the elements, and by round-off
-    # over the step, 1e-9. Where a corner begins to be held, gradients leave out how its friction
-    # moves the first guess of its way (`friction_tangent.carried`), of the second order in the
-    # step: some 2e-5 of the largest here.
+    # over the step, 1e-9. Where a corner begins to stick, gradients leave out the effect of its
+    # friction on the first guess of its displacement (`friction_tangent.carried_over`), of the
+    # second order in the step: some 2e-5 of the largest here.
     step = 1e-4
     points = jnp.concatenate([step * jnp.eye(4), -step * jnp.eye(4), jnp.zeros((1, 4))])
 

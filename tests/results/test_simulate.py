@@ -1,4 +1,4 @@
-"""What a simulation returns and says about itself."""
+"""The results of a simulation and their printed form."""
 
 import functools
 import itertools
@@ -200,7 +200,7 @@ def test_too_coarse_a_step_is_said():
     assert float(result.defect) > 1e-3 * float(result.peak_force)
     with pytest.raises(RuntimeError, match="STEP_TOO_COARSE: the steps are too long"):
         fj.simulate(scene, fidelity=coarse, history=False, throw=True)
-    # With the iterations it takes the equations are solved, and the step is as rough as before.
+    # With enough iterations the equations are solved, and the step is as coarse as before.
     enough = fj.simulate(scene, fidelity=coarse.replace(iterations=12), history=False)
     assert float(enough.defect) < 1e-6 * float(enough.peak_force)
     assert int(enough.status) == fj.Status.STEP_TOO_COARSE
@@ -282,7 +282,7 @@ def test_general_integrators_agree(integrator):
 
 
 class Counting(fj.HarmonicDrive):
-    """A drive that counts how often it is looked at: in tracing alone, never in a run."""
+    """A drive that counts how often it is evaluated: in tracing alone, never in a run."""
 
     def angle(self, time):
         next(LOOKED_AT)

@@ -1,4 +1,4 @@
-"""The measured error of the peak force's gradient, beside the true one."""
+"""The estimated error of the peak force's gradient, compared with the true one."""
 
 import functools
 
@@ -17,8 +17,8 @@ POWERS = np.array([0.8, 0.2, 1.6])
 
 @functools.cache
 def elasticities(fidelity):
-    """Those of an elastic impact's peak force on a wall, in mass, stiffness and speed; the gradient
-    error that the result tells, and the status."""
+    """The elasticities of an elastic impact's peak force on a wall, in mass, stiffness and speed;
+    the estimated error of the gradient, and the status."""
 
     @jax.jit
     def run(x):
@@ -50,7 +50,7 @@ def test_is_infinite_where_nothing_is_differentiated():
     assert np.isinf(fj.simulate(fj.scenes.rigid_wall()).gradient_error)
 
 
-def test_is_not_told_in_reverse_mode():
+def test_is_not_estimated_in_reverse_mode():
     """Sizes of derivatives are not linear in them."""
     scene = fj.scenes.rigid_wall()
     fidelity = fj.Fidelity.coarse(gradient="reverse")
@@ -73,7 +73,7 @@ RINGS = {
 
 
 def test_a_value_may_be_good_and_its_gradient_not():
-    """Then the status says so where the gradient is asked for, and a finer rung mends it."""
+    """Then the status says so where the gradient is computed, and a finer rung removes it."""
 
     def peak(thickness, fidelity):
         parts = RINGS["fence"] | {"material": fj.Material(*RINGS["material"])}
@@ -99,10 +99,10 @@ def test_a_value_may_be_good_and_its_gradient_not():
     assert finer.gradient_error < found.gradient_error / 10
 
 
-def test_a_kink_beside_the_peak_is_told():
+def test_a_kink_beside_the_peak_is_estimated():
     """Found by searching: the force is largest some 20 us after the tip has begun to take the
     contact over from the corner, where its derivatives have a kink. Of their true error at a
-    tolerance of 2e-3, 1.6, at least a half is told; and it is gone at the finest rung."""
+    tolerance of 2e-3, 1.6, at least a half is estimated; and it is gone at the finest rung."""
     numbers = found_sorts.FOUND["the tip takes over just before the peak"]["numbers"]
     names = ("belt", "reach")
     at = jnp.array([numbers[name] for name in names])
@@ -113,32 +113,32 @@ def test_a_kink_beside_the_peak_is_told():
         return result.peak_force, (result.gradient_error, result.status)
 
     def found(fidelity):
-        slopes, (told, status) = jax.jit(jax.jacfwd(peak, has_aux=True), static_argnums=1)(
+        slopes, (estimate, status) = jax.jit(jax.jacfwd(peak, has_aux=True), static_argnums=1)(
             at, fidelity
         )
-        return slopes * at, told, status
+        return slopes * at, estimate, status
 
     *_, finest = fj.Fidelity.standard().ladder()
-    slopes, told, status = found(fj.Fidelity.fast(step_tolerance=2e-3))
+    slopes, estimate, status = found(fj.Fidelity.fast(step_tolerance=2e-3))
     true, finely, sound = found(finest)
     error = np.linalg.norm(slopes - true) / np.linalg.norm(true)
     assert error > 0.5
-    assert told > 0.5 * error
+    assert estimate > 0.5 * error
     assert status == fj.Status.STEP_TOO_COARSE
     assert finely < 0.05
     assert sound <= fj.Status.LEFT_OVER_TIP
 
 
 @pytest.mark.parametrize("rung", ["coarse", "standard"])
-def test_a_force_that_the_tip_cuts_off_is_told(rung):
+def test_a_force_that_the_tip_ends_has_a_large_estimated_error(rung):
     """Found by searching: a heavy parcel slides over the tip at 3.4 m/s. Its force grows until the
     tip takes the contact over, and is gone half a millisecond later. Slopes over the belt's speed
-    are up to 180 and 50 times the force where the true one is some 4 times it, and what was told
-    of that was 0.01 to 0.5."""
+    are up to 180 and 50 times the force where the true one is some 4 times it, and the estimated
+    error was 0.01 to 0.5."""
     fidelity = getattr(fj.Fidelity, rung)()
     course = found_sorts.course("the tip cuts the force off", -1e-3, 1e-3, 33, fidelity)
     slopes = course.slopes / course.forces
     assert np.max(slopes) > 20
     off = (slopes < 0) | (slopes > 8)
-    assert np.all(course.told[off] > fidelity.gradient_tolerance)
+    assert np.all(course.estimated[off] > fidelity.gradient_tolerance)
     assert np.all(course.status[off] == fj.Status.STEP_TOO_COARSE)

@@ -1,5 +1,5 @@
-"""What a simulation says about itself: each status where it belongs, and what is refused before
-anything is compiled."""
+"""The status of a simulation: each status where it belongs, and the arguments that are refused
+before anything is compiled."""
 
 import functools
 import inspect
@@ -203,19 +203,19 @@ OFF = [
     (WIDE, [14, 6], 25, fj.Status.STEP_TOO_COARSE, 0.03),
     # 10 g come to rest on a grippy belt at the end of a step, and are pushed back from there.
     (WIDE, [13, 13], 85, fj.Status.STEP_TOO_COARSE, 0.08),
-    # The slip on the belt turns round without ever being nought, at 1.1 w_s for 4 ms.
+    # The slip on the belt reverses without ever being zero, at 1.1 w_s for 4 ms.
     (USUAL, [13, 25], 34, fj.Status.FRICTION_SMOOTHED, 0.008),
 ]
 
 
 @functools.cache
-def told(name):
+def outcomes(name):
     """Status and peak force of impacts at a fidelity: a heavy parcel that bends the fence far, one
-    that sticks to the belt until the fence lets it go, and those of `OFF`."""
+    that sticks to the belt until the fence pushes it off, and those of `OFF`."""
     fixed = fj.Fidelity(
         step=5e-4, step_tolerance=None, slip_speed=5e-5, static_speed=2.5e-3
     )
-    # Friction sharper than a slip on the belt that turns round without ever being nought, and steps
+    # Friction sharper than a slip on the belt that reverses without ever being zero, and steps
     # short enough for it.
     truth = TRUTH.replace(step=2.5e-5, slip_speed=5e-6, static_speed=2.5e-4)
     known = {"truth": truth, "fixed": fixed}
@@ -241,28 +241,29 @@ def told(name):
 
 def test_modes_left_out_that_bend_the_fence_are_right():
     # Two modes: the rest takes 0.2 % of the link's length in deflection, and turns the fence.
-    (_, rough), (fast, fine), (_, true) = (told(n)[:, 0] for n in ("coarse", "fast", "truth"))
-    assert abs(rough / true - 1) < 0.005
+    names = "coarse", "fast", "truth"
+    (_, coarse), (fast, fine), (_, true) = (outcomes(name)[:, 0] for name in names)
+    assert abs(coarse / true - 1) < 0.005
     assert fast <= fj.Status.LEFT_OVER_TIP
     assert abs(fine / true - 1) < 0.001
 
 
 def test_a_parcel_that_lets_go_of_the_belt_is_said():
-    (said, rough), (_, true) = (told(n)[:, 1] for n in ("fixed", "truth"))
-    assert said == fj.Status.FRICTION_SMOOTHED
-    assert abs(rough / true - 1) > 0.004
+    (given, too_coarse), (_, true) = (outcomes(n)[:, 1] for n in ("fixed", "truth"))
+    assert given == fj.Status.FRICTION_SMOOTHED
+    assert abs(too_coarse / true - 1) > 0.004
 
 
 @pytest.mark.parametrize("row", range(len(OFF)))
 def test_what_a_step_misses_is_said(row):
     *_, expected, least = OFF[row]
-    (said, force), (held, true) = (told(n)[:, 2 + row] for n in ("fixed", "truth"))
-    assert held <= fj.Status.LEFT_OVER_TIP
-    assert said == expected
+    (given, force), (true_status, true) = (outcomes(n)[:, 2 + row] for n in ("fixed", "truth"))
+    assert true_status <= fj.Status.LEFT_OVER_TIP
+    assert given == expected
     assert abs(force / true - 1) > least
     # Steps that follow their error say so, too, or keep the promise.
-    said, followed = told("fast")[:, 2 + row]
-    assert said == expected or abs(followed / true - 1) < 0.025
+    given, followed = outcomes("fast")[:, 2 + row]
+    assert given == expected or abs(followed / true - 1) < 0.025
 
 
 def test_general_integrators_end_on_what_is_not_a_number():
@@ -287,12 +288,12 @@ def test_good_masks_value_and_gradient():
             result = fj.simulate(fj.scenes.rigid_wall(speed=v + scale - 1), only=("peak_force",))
             return fj.good(result, {"force": result.peak_force})["force"], fj.holds(result)
 
-        forces, held = jax.vmap(one)(speeds)
-        return jnp.sum(forces), held
+        forces, true_status = jax.vmap(one)(speeds)
+        return jnp.sum(forces), true_status
 
     for differentiate in (jax.jacfwd, jax.grad):
-        slope, held = differentiate(total, has_aux=True)(1.0)
-        assert held.tolist() == [True, False, True]
+        slope, true_status = differentiate(total, has_aux=True)(1.0)
+        assert true_status.tolist() == [True, False, True]
         alone = jax.grad(
             lambda v: fj.simulate(fj.scenes.rigid_wall(speed=v), only=("peak_force",)).peak_force
         )(1.0)

@@ -1,5 +1,5 @@
-"""What a status still means: how random real designs end at each fidelity, as they are and with
-those in doubt computed again (`fencejax.simulate_many`), and what that costs.
+"""The statuses of random real designs at each fidelity, before and after those with a numerical
+status are computed again (`fencejax.simulate_many`), and the cost of that.
 
 From the folder `tests`:
 
@@ -81,9 +81,9 @@ def main():
         print(f"{name}: {plain}\nrefined: {refined}\n{ratio:.2f} times the time", flush=True)
     rows = {}
     for name in (*fj.Status.__members__, _DOUBT):
-        told = said(fj.Status[name]) if name in fj.Status.__members__ else ""
+        meaning = said(fj.Status[name]) if name in fj.Status.__members__ else ""
         found = [column[name] for column in columns_of.values()]
-        rows[name] = {"unit": "%", "values": [told, *found]}
+        rows[name] = {"unit": "%", "values": [meaning, *found]}
     if given.record:
         known, command = figures.record(), "cd tests && python -m robustness.doubt --record"
         heads = ["status", "what it says", *columns_of]

@@ -1,5 +1,5 @@
-"""Whole sorts and their stages at the ends of what they may be asked for, as numbers of a few
-compiled programs."""
+"""Whole sorts and their stages at the limits of their arguments, as numbers of a few compiled
+programs."""
 
 import functools
 

@@ -8,9 +8,9 @@ Half of them from end to end of what a sweep may ask for, half as real designs m
 compared with `Fidelity.reference` (steps of 25 us, friction smoothed over 0.02 mm/s), in the peak
 force and its gradient. A scene that differs by more than is promised, or has its peak at another
 time, is looked at with steps of an eighth, as some derivatives need them: the gradient may be that
-of another peak as high, within the promise. Both counts are told.
-`offline_fuzz.json` beside this file is what that command found, `offline_fuzz_16.json` and
-`_17.json` what `--scenes 12288 --sample 12288` did, with seeds that no limit was set by.
+of another peak as high, within the promise. Both counts are printed. `offline_fuzz.json` beside
+this file is what that command found, `offline_fuzz_16.json` and `_17.json` what `--scenes 12288
+--sample 12288` did, with seeds that no limit was set by.
 """
 
 import argparse
@@ -152,11 +152,11 @@ def looked_at(name, numbers, outcome, lane):
 
 def shares(off, *limits):
     """Of errors: median, 99 %, largest, and how many are above the `limits`."""
-    told = {
+    row = {
         "median": float(np.median(off)), "99 %": float(np.quantile(off, 0.99)),
         "largest": float(np.max(off)),
     }
-    return told | {f"above {100 * limit:g} %": int(np.sum(off > limit)) for limit in limits}
+    return row | {f"above {100 * limit:g} %": int(np.sum(off > limit)) for limit in limits}
 
 
 @functools.cache
@@ -212,8 +212,8 @@ def main():
     for name in given.fidelities:
         report[name] = {}
         for half in HALVES:
-            told = report[name][half] = tally(name, half, given)
-            print(name, half, json.dumps(told, indent=1), f"{time.perf_counter() - began:.0f} s")
+            row = report[name][half] = tally(name, half, given)
+            print(name, half, json.dumps(row, indent=1), f"{time.perf_counter() - began:.0f} s")
             given.out.write_text(json.dumps(report, indent=1) + "\n")
 
 

@@ -44,13 +44,13 @@ def gradient_error(slopes, true, size):
 
 class Course(NamedTuple):
     """The peak force of a sort at some belt speeds, its slopes in the factor on the speed, each
-    (speeds,), the secant from the first to the last, the error told of each gradient, and
+    (speeds,), the secant from the first to the last, the estimated error of each gradient, and
     statuses."""
 
     forces: np.ndarray
     slopes: np.ndarray
     secant: float
-    told: np.ndarray
+    estimated: np.ndarray
     status: np.ndarray
 
 
@@ -81,6 +81,6 @@ def over_belt_speeds(numbers, low, high, count, fidelity=None, kind="sort"):
     factors = 1 + np.linspace(low, high, count)
     numbers = {name: jnp.asarray(value) for name, value in numbers.items()}
     found = _course(fidelity, kind)(numbers, np.resize(factors, _SPEEDS))
-    slopes, (forces, told, status) = jax.tree.map(lambda leaf: np.asarray(leaf[:count]), found)
+    slopes, (forces, estimated, status) = jax.tree.map(lambda leaf: np.asarray(leaf[:count]), found)
     secant = float((forces[-1] - forces[0]) / (factors[-1] - factors[0]))
-    return Course(forces, slopes, secant, told, status)
+    return Course(forces, slopes, secant, estimated, status)

@@ -1,5 +1,5 @@
-"""How far every measure that can be an objective or a limit is off under a good status, in value
-and gradient, at each named fidelity.
+"""The errors of all measures that can be an objective or a limit under a good status, in value and
+gradient, at each named fidelity.
 
 From the folder `tests`:
 
@@ -52,7 +52,7 @@ def scenes(kind, seed, count):
 
 
 def truth_of(kind):
-    """As fine as can be waited for."""
+    """The finest computation of the truth in an acceptable time."""
     standard = fj.Fidelity.standard()
     if kind == "impacts":
         return truths.fixed(standard, 1.25e-5, modes=12, longest_stride=1, **truths.SHARPER)
@@ -91,17 +91,17 @@ def errors(found, truth, reach):
     ended = good & (np.minimum(status, true_status) != fj.Status.IN_CONTACT_AT_END)
     ended &= np.maximum(status, true_status) != fj.Status.IN_CONTACT_AT_END
     sizes = {"last_contact": lasts, "leave_x": reach, "leave_y": reach}
-    told = {}
+    by_measure = {}
     for k, name in enumerate(MEASURES):
         some = ended if name in _ENDS else good
         size = sizes.get(name, np.abs(true[:, k]))
         off = np.abs(values[:, k] - true[:, k]) / size
         bent = gradient_error(slopes[:, k], true_slopes[:, k], size)
-        told[name] = off[some], bent[some], np.flatnonzero(some)
-    return told, float(np.mean(good))
+        by_measure[name] = off[some], bent[some], np.flatnonzero(some)
+    return by_measure, float(np.mean(good))
 
 
-def told_of(values):
+def as_text(values):
     """Median, 99 % and largest [%]."""
     found = [100 * float(f(values)) for f in (np.median, lambda v: np.quantile(v, 0.99), np.max)]
     return " / ".join(f"{number:.2g}" for number in found)
@@ -129,9 +129,9 @@ def main():
             print(f"{kind} {name}: good {100 * good:.0f} %", flush=True)
             for measure, (off, bent, where) in by_rung[name].items():
                 worst = where[np.argmax(off)]
-                print(f"  {measure:16} {told_of(off):>24} | {told_of(bent):>24}  lane {worst}")
+                print(f"  {measure:16} {as_text(off):>24} | {as_text(bent):>24}  lane {worst}")
         for measure in MEASURES:
-            cells = [told_of(part) for name in NAMES for part in by_rung[name][measure][:2]]
+            cells = [as_text(part) for name in NAMES for part in by_rung[name][measure][:2]]
             rows[f"{kind}: {measure}"] = {"unit": "1", "values": cells}
     if given.record:
         known, command = figures.record(), "cd tests && python -m robustness.promises --record"

@@ -1,4 +1,4 @@
-"""From what deflection of the tip on a motion is out of control: `_RUNAWAY` of
+"""The deflection of the tip above which a motion is out of control: `_RUNAWAY` of
 `fencejax.results.diagnostics`.
 
 From the folder `tests`:
@@ -9,9 +9,9 @@ From the folder `tests`:
 Impacts on limp fences, as thin as a sheet, are computed at a named fidelity and at the last rung of
 its ladder. Linear beam theory ends at a quarter of the flexible link, and the geometry of the bent
 fence with it: a motion may then feed on itself until its numbers have nothing to do with the scene.
-For each range of the tip's deflection, in such quarters, told is in how many designs the peak force
-is within a factor of two of the finer one's, and its gradient has a norm of less than a hundred
-times the force.
+For each range of the tip's deflection, in such quarters, it prints in how many designs the peak
+force is within a factor of two of the finer one's, and its gradient has a norm of less than a
+hundred times the force.
 """
 
 import argparse

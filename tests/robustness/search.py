@@ -1,4 +1,4 @@
-"""A search for large errors under a good status, as an optimiser may stumble upon them.
+"""A search for large errors under a good status, as an optimiser might find them.
 
 From the folder `tests`:
 
@@ -15,15 +15,14 @@ or, with `--sharper`, that of `reference`, too: then the search finds what the p
 speed over which static friction falls to kinetic. Its steps follow their error there, with a
 tolerance 256 times as small as that of `standard`, and a first truth, of eight modes and four times
 the tolerance, judges all designs; the truth itself those of each generation that come to more than
-their parents, the largest errors first, up to a tenth of all: the errors told are the truth's. A
-finding, the largest error after a generation, is judged again by a second truth: that of values of
-sorts has fixed steps of 10 us, every other one half the step, or a quarter of the tolerance, of the
-first. Where the two truths differ by a quarter of the error, it is the truth that cannot be told;
-so it is where secants of the truth's forces do not find the error of a gradient: two truths may be
-wrong alike, where the force is a sawtooth of the steps of both.
-Such a design is left out, and how many there were is told. Where the truth does not tell either
-which of two maxima is the peak, it tells no gradient.
-`search.json` beside this file is what the first command found.
+their parents, the largest errors first, up to a tenth of all: the errors reported are the truth's.
+A finding, the largest error after a generation, is judged again by a second truth: that of values
+of sorts has fixed steps of 10 us, every other one half the step, or a quarter of the tolerance, of
+the first. Where the two truths differ by a quarter of the error, the truth itself is uncertain; so
+it is where secants of the truth's forces do not find the error of a gradient: two truths may be
+wrong alike, where the force is a sawtooth of the steps of both. Such a design is left out, and
+their number is reported. Where the truth does not determine which of two maxima is the peak either,
+it gives no gradient. `search.json` beside this file is what the first command found.
 """
 
 import argparse
@@ -68,7 +67,8 @@ def _friction(kind, sharper):
 
 
 def truth_of(fidelity, kind, sharper=False):
-    """As fine as can be waited for; of sorts with `sharper` friction if asked for."""
+    """The finest computation of the truth in an acceptable time; of sorts with `sharper` friction
+    on request."""
     step, friction = KINDS[kind].step, _friction(kind, sharper)
     if step is None:
         return truths.following(fidelity, 256, modes=16, **friction)
@@ -76,7 +76,7 @@ def truth_of(fidelity, kind, sharper=False):
 
 
 def first_truth_of(fidelity, kind, sharper=False):
-    """One that tells which designs are worth the truth; `None` where the truth is cheap."""
+    """A cheaper truth, to select the designs for the expensive one; `None` where that is cheap."""
     if KINDS[kind].step is not None:
         return None
     return truths.following(fidelity, 64, modes=8, **_friction(kind, sharper))
@@ -103,7 +103,8 @@ def run(fidelity, kind, of, x, batch=_BATCH):
 
 
 def _against(truth, x, found, of, kind, where, batch=_BATCH):
-    """Of the lanes `where`: the error of what was found; -1 where the truth does not tell."""
+    """The errors of the results `found` in the lanes `where`; -1 where the truth has no good
+    status."""
     _, peak, _, slopes = (each[where] for each in found)
     # Filled up, so that one program serves any number of them.
     rows = np.append(where, np.full(-len(where) % batch, where[0]))
@@ -121,13 +122,13 @@ def _against(truth, x, found, of, kind, where, batch=_BATCH):
 
 
 class Errors(NamedTuple):
-    """Of each lane the error, relative to the peak force, or of the gradient to its norm or to the
-    peak if that is more; -1 where the status is not good, the truth's neither, or nothing is
-    touched. `told` are those that are so by the truth and not by a first one, and `apart` is how
-    far the two differ at most."""
+    """The error of each lane, relative to the peak force, or of the gradient to its norm or to the
+    peak if that is larger; -1 where the status is not good, nor that of the truth, or nothing is
+    touched. `exact_lanes` are judged by the truth and not by a first one, and `apart` is the
+    largest difference between the two."""
 
     errors: np.ndarray
-    told: np.ndarray
+    exact_lanes: np.ndarray
     apart: float = 0.0
 
 
@@ -136,25 +137,25 @@ def errors(fidelity, truth, x, of, kind="impact", first=None, least: np.ndarray 
     finds to be above `least`, (lanes,) or a number."""
     found = run(fidelity, kind, of, x)
     status, lanes = found[0], len(found[0])
-    off, told = np.full(lanes, -1.0), np.ones(lanes, bool)
+    off, exact_lanes = np.full(lanes, -1.0), np.ones(lanes, bool)
     # What is refused needs no truth.
     some = (status <= fj.Status.LEFT_OVER_TIP) & (status != fj.Status.NEVER_TOUCHED)
     where = np.flatnonzero(some)
     if not where.size:
-        return Errors(off, told)
+        return Errors(off, exact_lanes)
     if first is None:
         off[where] = _against(truth, x, found, of, kind, where, min(_BATCH, lanes))
-        return Errors(off, told)
+        return Errors(off, exact_lanes)
     off[where] = _against(first, x, found, of, kind, where)
-    told = ~some
+    exact_lanes = ~some
     worth = np.flatnonzero(off > np.maximum(least, 0.0))
     worth = worth[np.argsort(-off[worth])][: max(1, round(_JUDGED * lanes))]
     if not worth.size:
-        return Errors(off, told)
+        return Errors(off, exact_lanes)
     exact = _against(truth, x, found, of, kind, worth, _FEWER)
     apart = float(np.max(np.where(exact >= 0, np.abs(exact - off[worth]), 0.0)))
-    off[worth], told[worth] = exact, True
-    return Errors(off, told, apart)
+    off[worth], exact_lanes[worth] = exact, True
+    return Errors(off, exact_lanes, apart)
 
 
 def bred(rng, population, fitness):
@@ -176,9 +177,9 @@ def written(numbers):
 
 
 class Found(NamedTuple):
-    """Of a search: the share of random designs with a good status; the largest error told by the
-    truth after each generation; the worst design's numbers; how far a first truth was from it; and
-    how many designs were left out as the truth was not sure of them."""
+    """The outcome of a search: the share of random designs with a good status; the largest error by
+    the truth after each generation; the worst design's numbers; the difference of a first truth
+    from it; and the number of designs left out as the truth was uncertain."""
 
     good: float
     course: list[float]
@@ -188,7 +189,7 @@ class Found(NamedTuple):
 
 
 def search(
-    fidelity, truth, bounds, of, lanes, generations, seed, kind="impact", tell=lambda _: None,
+    fidelity, truth, bounds, of, lanes, generations, seed, kind="impact", show=lambda _: None,
     first=None, certain=False,
 ):  # fmt: skip
     """Breed designs for the largest error; with `certain`, of those that the truth is sure of."""
@@ -203,16 +204,17 @@ def search(
     def numbers(lane):
         return {name: float(each[0]) for name, each in designs(population[[lane]]).items()}
 
-    def so_far():
-        worst = numbers(int(np.argmax(np.where(told, fitness, -1.0))))
+    def best_so_far():
+        worst = numbers(int(np.argmax(np.where(exact_lanes, fitness, -1.0))))
         return Found(good, course, worst, apart, unsure)
 
     def largest(least):
-        """Of what the truth tells, and is sure of where it is above `least`; how many it is not."""
+        """The largest error by the truth, if it is certain where above `least`; and the number of
+        uncertain ones."""
         left_out = 0
         while True:
-            best = int(np.argmax(np.where(told, fitness, -1.0)))
-            most = float(fitness[best]) if told[best] else -1.0
+            best = int(np.argmax(np.where(exact_lanes, fitness, -1.0)))
+            most = float(fitness[best]) if exact_lanes[best] else -1.0
             if not certain or most <= max(least, 0.0):
                 return most, left_out
             if sure(fidelity, truth, numbers(best), of, kind, most):
@@ -220,28 +222,29 @@ def search(
             fitness[best], left_out = -1.0, left_out + 1
 
     population = rng.random((lanes, searched.count(bounds)))
-    fitness, told, apart = judged(population)
+    fitness, exact_lanes, apart = judged(population)
     good = float(np.mean(fitness >= 0))
     most, unsure = largest(-1.0)
     course = [most]
-    tell(so_far())
+    show(best_so_far())
     for _ in range(generations):
         children = bred(rng, population, fitness)
-        found, by_truth, off = judged(children, fitness)
+        found, now_exact, off = judged(children, fitness)
         better = found > fitness
         population = np.where(better[:, None], children, population)
-        fitness, told = np.where(better, found, fitness), np.where(better, by_truth, told)
+        fitness = np.where(better, found, fitness)
+        exact_lanes = np.where(better, now_exact, exact_lanes)
         apart = max(apart, off)
         most, left_out = largest(course[-1])
         unsure += left_out
         course.append(most)
-        tell(so_far())
-    return so_far()
+        show(best_so_far())
+    return best_so_far()
 
 
 def sure(fidelity, truth, worst, of, kind, error):
-    """Whether a finding is one: whether another truth tells the same and, of a gradient, the forces
-    of the truth do."""
+    """Whether a finding is certain: whether another truth confirms it and, for a gradient, so do
+    the forces of the truth."""
     x = {name: np.array([value]) for name, value in worst.items()}
     finer = second_truth_of(truth, of)
     between = float(errors(truth, finer, x, of, kind).errors[0])
@@ -282,12 +285,12 @@ def _table():
     """The record as a table: the largest error found under a good status, by kind and rung."""
     found = json.loads(RECORD.read_text())
     rows, most, judged = {}, {}, 0
-    for key, told in found.items():
+    for key, finding in found.items():
         kind, bounds, of, name = key.split(" | ")
         column = f"{of}, `{name}`" if name in RUNGS else f"{of}, tolerance {name}"
-        lanes = told["lanes"] * (1 + told["generations"])
-        unsure = "" if told["sure"] else ", truth unsure"
-        error = float(f"{100 * told['error, found']:.2g}")
+        lanes = finding["lanes"] * (1 + finding["generations"])
+        unsure = "" if finding["sure"] else ", truth unsure"
+        error = float(f"{100 * finding['error, found']:.2g}")
         rows.setdefault(f"{kind}, {bounds}", {})[column] = f"{error:g} % of {lanes:,}{unsure}"
         of_which = f"{'sorts, ' if kind.startswith('sort') else ''}{bounds}, {column}"
         for which in (of_which, f"{kind}, {bounds}, {column}"):

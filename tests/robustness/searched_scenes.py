@@ -1,4 +1,4 @@
-"""What is searched for errors: kinds of scenes, each with the bounds of its numbers."""
+"""The kinds of scenes that are searched for errors, each with the bounds of its numbers."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple

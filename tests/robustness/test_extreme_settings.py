@@ -1,5 +1,5 @@
-"""The ends of every knob: elements, modes, tapers, the smoothing of friction, horizons, steps and
-single precision. Each is a program of its own; the scenes are as small as they can be."""
+"""The limits of every setting: elements, modes, tapers, the smoothing of friction, horizons, steps
+and single precision. Each is a program of its own; the scenes are as small as they can be."""
 
 import functools
 
@@ -43,7 +43,7 @@ def test_elements_and_modes(elements, modes):
 
 @pytest.mark.parametrize("elements", [1, 20, 500])
 def test_no_modes_is_the_wall(elements):
-    """Without modes the fence is rigid, and held still it is the wall: 3293.85 N to 1e-4."""
+    """Without modes the fence is rigid, and at rest it is the wall: 3293.85 N to 1e-4."""
     result = struck(fj.Fidelity(elements=elements, modes=0, step=1e-4, step_tolerance=None))
     assert int(result.status) == fj.Status.SUCCESSFUL
     assert float(result.peak_force) == pytest.approx(3293.85, rel=1e-4)

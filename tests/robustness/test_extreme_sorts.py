@@ -1,5 +1,5 @@
-"""Whole sorts at the ends of what they may be asked for: a result within its fidelity's promise, or
-a status that says what happened, in value and in gradient.
+"""Whole sorts at the limits of their arguments: a result within its fidelity's promise, or a status
+that says what happened, in value and in gradient.
 
 Every row of `extreme_sorts` is a lane of one compiled program a fidelity. The truth is
 `Fidelity.reference` with steps of 0.1 ms and eight modes. `test_extreme_stages` does the same for

@@ -1,6 +1,6 @@
-"""The stages of a sort at the ends of what they may be asked for: along the fence, between border
-and fence, and the normal impact. As `test_extreme_sorts`; here contacts end at the fence's tip,
-and the status says so.
+"""The stages of a sort at the limits of their arguments: along the fence, between border and fence,
+and the normal impact. As `test_extreme_sorts`; here contacts end at the fence's tip, and the status
+says so.
 """
 
 import functools

@@ -318,15 +318,15 @@ def total(scale):
         result = fj.simulate(scene, fidelity=PLAIN, only=("peak_force",))
         return fj.good(result, result.peak_force), fj.holds(result)
 
-    forces, held = jax.vmap(one)({k: jnp.asarray(v) for k, v in stack(rows).items()})
-    return jnp.sum(forces), held
+    forces, valid = jax.vmap(one)({k: jnp.asarray(v) for k, v in stack(rows).items()})
+    return jnp.sum(forces), valid
 
 
 @pytest.mark.parametrize("mode", ["forward", "reverse"])
 def test_sums_over_lanes_are_not_spoiled(mode):
     differentiate = jax.jacfwd if mode == "forward" else jax.grad
-    slope, held = jax.jit(differentiate(total, has_aux=True))(1.0)
-    assert held.tolist() == [True, False, True]
+    slope, valid = jax.jit(differentiate(total, has_aux=True))(1.0)
+    assert valid.tolist() == [True, False, True]
     above, below = total(1 + 1e-4)[0], total(1 - 1e-4)[0]
     assert float(slope) == pytest.approx(float(above - below) / 2e-4, rel=5e-3)
     assert np.isfinite(slope)

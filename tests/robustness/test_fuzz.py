@@ -56,14 +56,14 @@ def test_a_derivative_that_is_not_finite_is_said():
     """One lane in 100 by fixed steps, far too long for the fence, runs away: its values are finite
     still, its derivatives need not be. Which lane that is goes with round-off, and so with the
     processor."""
-    run, told = program("fast", step_tolerance=None), 0
+    run, reported = program("fast", step_tolerance=None), 0
     for k in (51, 60, 68, 87):
         status, found, slopes, _ = jax.device_get(run(draw([20260101, k], LANES, WIDE)))
         lost = (status == fj.Status.NON_FINITE) & np.isfinite(found).all(axis=1)
         assert np.all(slopes[lost] == 0)
         assert np.isfinite(slopes).all()
-        told += np.sum(lost)
-    assert told > 0
+        reported += np.sum(lost)
+    assert reported > 0
 
 
 # --- Symmetries, with the cheapest program ------------------------------------------------------
@@ -87,7 +87,7 @@ def runner(fidelity=PLAIN, duration=0.06, build=impact):
 
 def agree(one, other, factors=None, tolerance=1e-6):
     """The same answers. Newton's method stops at 5e-7 of the forces, wherever it comes from; where
-    friction turns round a difference of round-off may grow a little more."""
+    friction reverses a difference of round-off may grow a little more."""
     (a, status), (b, other_status) = jax.device_get((one, other))
     factors = np.ones(len(FIELDS)) if factors is None else factors
     good = (status <= fj.Status.LEFT_OVER_TIP) & (other_status <= fj.Status.LEFT_OVER_TIP)
@@ -151,8 +151,8 @@ def without_friction(x, duration):
 @given(SEEDS)
 def test_no_friction_is_friction_of_nought(seed):
     numbers = draw(seed, 64, USUAL)
-    nought = numbers | {"kinetic": np.zeros(64), "static": np.zeros(64)}
-    agree(runner()(nought), runner(build=without_friction)(numbers))
+    frictionless = numbers | {"kinetic": np.zeros(64), "static": np.zeros(64)}
+    agree(runner()(frictionless), runner(build=without_friction)(numbers))
 
 
 def shifted(x, duration):

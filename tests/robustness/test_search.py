@@ -1,4 +1,4 @@
-"""What a short search for errors of the steps finds. `search.py` beside this file goes on."""
+"""A short search for errors of the steps; `search.py` beside this file searches longer."""
 
 import json
 
@@ -28,11 +28,11 @@ def test_error_found_is_in_proportion_to_the_tolerance():
 
 
 def test_secants_of_the_truth_judge_a_gradient():
-    """In an even course they find it right, to the promise of a value over the change, and one by
-    steps as long as the blow wrong."""
+    """For a smooth course they confirm a right gradient, to the promise of a value over the change,
+    and refute one by steps as long as the blow."""
     kind = KINDS["normal impact"]
     x = kind.numbers(np.full((1, kind.count("realistic")), 0.5), "realistic")
     truth = truths.fixed(COARSE, 1.25e-5)
     assert gradient_off(COARSE, truth, x, "normal impact") < 0.01
-    rough = COARSE.replace(step=8e-3, step_tolerance=None)
-    assert gradient_off(rough, truth, x, "normal impact") > 0.03
+    too_coarse = COARSE.replace(step=8e-3, step_tolerance=None)
+    assert gradient_off(too_coarse, truth, x, "normal impact") > 0.03

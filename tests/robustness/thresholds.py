@@ -1,5 +1,5 @@
-"""What each constant of `fencejax.results.diagnostics`, and of `hold` beside it, refuses and lets
-pass: of random designs, with all others as they are.
+"""The random designs that each constant of `fencejax.results.diagnostics`, and of `hold` beside it,
+refuses and accepts, with all other constants unchanged.
 
 From the folder `tests`:
 
@@ -245,18 +245,18 @@ def peaks_of(trial, fidelity):
 
 
 def kept(found, truth, name):
-    """Of each lane: whether the promise is kept, and whether that can be told."""
+    """For each lane, whether the promise is kept, and whether that is certain."""
     _, peak, slopes = found
     true_status, true, true_slopes = truth
-    told = (true_status <= fj.Status.LEFT_OVER_TIP) & (true > 0)
+    certain = (true_status <= fj.Status.LEFT_OVER_TIP) & (true > 0)
     size = np.where(true > 0, true, 1.0)
     of_value, of_gradient = PROMISE[name]
     value = np.abs(peak / size - 1) <= of_value
-    return value & (gradient_error(slopes, true_slopes, size) <= of_gradient), told
+    return value & (gradient_error(slopes, true_slopes, size) <= of_gradient), certain
 
 
 def truth_of():
-    """As fine as can be waited for."""
+    """The finest computation of the truth in an acceptable time."""
     return truths.fixed(
         fj.Fidelity.standard(), 1.25e-5, modes=16, longest_stride=1, **truths.SHARPER
     )
@@ -271,8 +271,8 @@ def tried(trial, scenes, seed, name):
     each = np.eye(len(constants))[:, None] * (np.array(FACTORS)[:, None] - 1) + 1
     factors = np.concatenate([np.ones((1, len(constants))), each.reshape(-1, len(constants))])
     fidelity = getattr(fj.Fidelity, name)(**given.changes)
-    told = statuses_of(trial, fidelity)
-    statuses = in_chunks(lambda some: told(some, factors), numbers, _LANES)
+    judged = statuses_of(trial, fidelity)
+    statuses = in_chunks(lambda some: judged(some, factors), numbers, _LANES)
     good = statuses <= fj.Status.LEFT_OVER_TIP
     changes = good[:, 1:] != good[:, :1]
     # The others need no truth.
@@ -283,9 +283,9 @@ def tried(trial, scenes, seed, name):
         found, truth = (
             in_chunks(peaks_of(trial, f), x, _FEWER) for f in (fidelity, truth_of())
         )
-        keeps, told = kept(found, truth, name)
+        keeps, certain = kept(found, truth, name)
         shape = len(some), len(constants), len(FACTORS)
-        changed = changes[some].reshape(shape) & told[:, None, None]
+        changed = changes[some].reshape(shape) & certain[:, None, None]
         for k, constant in enumerate(constants):
             cells[constant] = [
                 (int(np.sum(by & ~keeps)), int(np.sum(by & keeps))) for by in changed[:, k].T

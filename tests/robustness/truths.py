@@ -1,4 +1,4 @@
-"""What searches and promises take for the truth: the same model, as fine as can be waited for.
+"""The truth for searches and promises: the same model, as fine as an acceptable time allows.
 
 Two kinds. Fixed steps share no error control with what they judge. Steps that follow their error
 put short ones where a parcel lets go of the belt: fixed ones let go in jumps, which is nothing

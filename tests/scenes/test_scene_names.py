@@ -1,4 +1,4 @@
-"""One table of names: what sets a number by name, and what reads it, mean the same number."""
+"""One table of names: setting and reading a number by name refer to the same number."""
 
 import jax
 import numpy as np

@@ -1,5 +1,5 @@
-"""Contact laws, one a file: the normal force between a corner of the parcel and what it presses on,
-as a function of the gap and its rate. `fencejax.Parcel(contact=...)` takes one.
+"""Contact laws, one a file: the normal force between a corner of the parcel and the body it
+touches, as a function of the gap and its rate. `fencejax.Parcel(contact=...)` takes one.
 
 >>> fj.Parcel(contact=fj.contact_laws.HuntCrossley(6.1e5, 0.5)).contact
 HuntCrossley(

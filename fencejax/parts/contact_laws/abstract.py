@@ -1,4 +1,4 @@
-"""What a contact law is, and what follows from any of them: the peak force at a rigid wall."""
+"""The interface of a contact law, and the peak force at a rigid wall by any law."""
 
 import abc
 from typing import NamedTuple
@@ -30,11 +30,11 @@ class NormalForce(NamedTuple):
 
 
 class AbstractContactLaw(Part):
-    """The normal force N(D, Ddot) [N] between a corner of the parcel and what it presses on.
+    """The normal force N(D, Ddot) [N] between a corner of the parcel and the body it touches.
 
-    D [m] is the gap, positive where the corner has gone in, and Ddot [m/s] its rate. A law is a
-    property of the parcel, like the taper of the fence, and belongs to the parts for that reason:
-    it is a function of two numbers and knows no scene. The model asks it at every instant.
+    D [m] is the gap, positive in contact, and Ddot [m/s] its rate. A law is a property of the
+    parcel, as the taper is one of the fence: a function of two numbers that does not depend on a
+    scene. The model evaluates it at every instant.
 
     A law gives N >= 0, N = 0 for D <= 0, and N continuous in D. Where N is also continuously
     differentiable at D = 0 the integrator keeps its order through the onset of a contact, and
@@ -50,30 +50,30 @@ class AbstractContactLaw(Part):
     def viscosity(self, mass: Array) -> Array:
         """The coefficient of the viscous part for a parcel of `mass` [kg], in the law's own unit.
 
-        It is worked out once a scene and passed back to `force`: a law may depend on the mass, and
-        a power of it need not be taken anew at every step.
+        It is computed once a scene and passed to `force`: a law may depend on the mass, and a power
+        of it need not be computed at every step.
         """
 
     @abc.abstractmethod
     def force(self, gap: Array, gap_rate: Array, viscosity: Array) -> NormalForce:
         """N at the gap D [m] and its rate [m/s], and its two slopes.
 
-        The slopes are asked for beside the force because Newton's method needs them at every
-        iteration. Derivatives of a result do not use them: they differentiate the force itself,
-        which must therefore be free of NaN derivatives at D = 0 and below.
+        The slopes come with the force because Newton's method needs them at every iteration.
+        Derivatives of a result do not use them: they are those of the force itself, which must not
+        be NaN at D = 0 and below.
         """
 
     @abc.abstractmethod
     def stored_energy(self, gap: Array) -> Array:
-        """Energy [J] held by the elastic part, the integral of N over D at Ddot = 0."""
+        """Energy [J] stored in the elastic part, the integral of N over D at Ddot = 0."""
 
     def wall_force(self, speed: ArrayLike, mass: ArrayLike) -> Array:
         """N_stiff [N], the peak force of a `mass` [kg] that meets an undeformable wall with a
         corner at `speed` [m/s], above 0: the largest N of m D'' = -N(D, D'), D(0) = 0,
         D'(0) = `speed`.
 
-        By the classical Runge-Kutta method, the peak refined by a parabola through three samples.
-        A law that knows its peak in closed form, or as a table, gives it in its own way.
+        By the classical Runge-Kutta method, the peak refined by a parabola through three samples. A
+        law whose peak is known in closed form, or as a table, overrides this.
         """
         speed, mass = jnp.broadcast_arrays(jnp.asarray(speed), jnp.asarray(mass))
         step = jax.lax.stop_gradient(self._crossing_time(speed, mass)) / _STEPS

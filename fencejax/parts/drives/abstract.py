@@ -40,7 +40,8 @@ class AbstractDrive(Part):
 
     @property
     def feasible(self) -> Array | None:
-        """Whether the law's numbers fit together; `None` where each stands for itself."""
+        """Whether the law's numbers are consistent; `None` for a law whose numbers are
+        independent."""
         return None
 
     @abc.abstractmethod
@@ -50,7 +51,8 @@ class AbstractDrive(Part):
     @property
     @abc.abstractmethod
     def cycle(self) -> Array:
-        """Time [s] from the start until the drive is home again (or has done all it does)."""
+        """Time [s] from the start until the drive is back at its start (or has ended its
+        motion)."""
 
     @property
     @abc.abstractmethod

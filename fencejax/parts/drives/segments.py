@@ -48,7 +48,8 @@ def within(phase):
 
 
 def span_at(phase, spans: int) -> tuple[Array, Array]:
-    """Of so many equal spans of [0, 1], in which one a phase lies, and how far into it [1]."""
+    """The index of the one of `spans` equal parts of [0, 1] that a phase lies in, and its place in
+    it [1]."""
     place = within(phase) * spans
     floor = jnp.clip(jnp.floor(jax.lax.stop_gradient(place)), 0.0, spans - 1.0)
     return floor.astype(int), place - floor

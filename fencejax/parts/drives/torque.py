@@ -1,4 +1,4 @@
-"""Drives that give a torque: the hinge's angle is what becomes of it."""
+"""Drives that give a torque; the hinge's angle follows from it."""
 
 import abc
 from collections.abc import Callable
@@ -31,11 +31,12 @@ class AbstractTorqueDrive(AbstractDrive):
 
     phi [rad] the hinge's angle, a state; J_d, c and k the drive's `inertia`, `damping` and
     `stiffness` at the hinge, J the inertia of the fence. The fence starts at rest at phi = 0. There
-    is no stop: what brings the fence home is the torque, and the spring.
+    is no stop: the torque and the spring return the fence.
 
-    A fence on such a drive has no shaft that gives way. A result's `history.drive` is the hinge's
-    motion, its torque, `peak_torque` and `Ledger.drive_work` those of T(t); the ledger's fence and
-    strain hold the drive's inertia and its spring, its damping loss that of the drive.
+    A fence on such a drive has no flexible shaft. A result's `history.drive` is the hinge's motion;
+    its torque, `peak_torque` and `Ledger.drive_work` are those of T(t); the ledger's fence and
+    strain energies include those of the drive's inertia and spring, and its damping loss includes
+    the drive's.
 
     A law is a subclass with `torque`, `largest`, `cycle` and `turning_time`; the latter ends the
     search for the time at which an angle is reached.

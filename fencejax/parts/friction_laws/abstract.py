@@ -1,4 +1,4 @@
-"""What a friction law is."""
+"""The interface of a friction law."""
 
 import abc
 from typing import NamedTuple
@@ -9,11 +9,11 @@ from ...printing import Part
 
 
 class FrictionScales(NamedTuple):
-    """What tells how far the smoothing of a friction law may be felt [1].
+    """The coefficients by which the effect of a friction law's smoothing is estimated [1].
 
     `sliding` is the coefficient at the speed asked for, `largest` the largest one near rest, and
-    `jump` by how much the coefficient changes over `Fidelity.static_speed` for no other reason than
-    smoothing; 0 for a law that is continuous in the speed.
+    `jump` the change of the coefficient over `Fidelity.static_speed` that is due to smoothing
+    alone; 0 for a law that is continuous in the speed.
 
     >>> scales = fj.Friction(0.35, 0.5).scales(0.2)
     >>> f"{scales.sliding:.2f} {scales.jump:.2f} {scales.largest:.2f}"
@@ -28,8 +28,8 @@ class FrictionScales(NamedTuple):
 class AbstractFriction(Part):
     """The coefficient of friction mu(w) [1] between two surfaces that slide at the speed w [m/s].
 
-    A law is a property of a pair of surfaces. The force that follows from it, its direction and
-    what is smoothed at rest over `Fidelity.slip_speed`, are the model's (`fencejax.model`). All its
+    A law is a property of a pair of surfaces. The force that follows from it, its direction and its
+    smoothing at rest over `Fidelity.slip_speed` belong to the model (`fencejax.model`). All its
     numbers are array fields, checked against the `bounds` of the class by `fencejax._check.fields`.
 
     >>> law = fj.friction_laws.Stribeck(0.35, 0.5, stribeck_speed=0.1)
@@ -41,11 +41,11 @@ class AbstractFriction(Part):
     def coefficient(self, speed_squared: Array, static_speed: float) -> tuple[Array, Array]:
         """mu [1] at w^2 = `speed_squared` [m^2/s^2], and its derivative in w^2 [s^2/m^2].
 
-        `static_speed` [m/s] is what a coefficient that jumps from static to kinetic friction is
-        smoothed over. Both numbers and their derivatives are finite at w = 0, where the belt holds
-        a parcel exactly.
+        `static_speed` [m/s] is the speed over which a coefficient that jumps from static to kinetic
+        friction is smoothed. Both numbers and their derivatives are finite at w = 0, where a parcel
+        sticks to the belt exactly.
         """
 
     @abc.abstractmethod
     def scales(self, speed: Array) -> FrictionScales:
-        """What the diagnostics have to know of the law, for sliding at `speed` [m/s]."""
+        """The coefficients that the diagnostics need, for sliding at `speed` [m/s]."""

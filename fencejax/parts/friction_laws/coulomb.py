@@ -14,8 +14,8 @@ class Friction(AbstractFriction):
     """Coulomb friction with a static and a kinetic coefficient, smoothed where it jumps at rest:
     mu(w) = mu_k + (mu_s - mu_k) exp(-(w / w_s)^2), w_s the `static_speed` of the fidelity.
 
-    Paper: (2.21)-(2.24). There what is at rest is a case of its own, held by the other forces; this
-    law tends to it as w_s and eps fall.
+    Paper: (2.21)-(2.24). There friction at rest is a case of its own, in balance with the other
+    forces; this law tends to it as w_s and eps fall.
 
     >>> fj.Friction(kinetic=0.35, static=0.5)
     Friction(kinetic=0.35, static=0.5)
@@ -45,8 +45,8 @@ class Friction(AbstractFriction):
 
 
 def on_cover() -> Friction:
-    """Of a parcel on the cover of the fence, the border and a deflector, where nothing else is
-    said: kinetic 0.35, static 0.5.
+    """The default friction of a parcel on the cover of the fence, the border and a deflector:
+    kinetic 0.35, static 0.5.
 
     >>> fj.friction_laws.on_cover()
     Friction(kinetic=0.35, static=0.5)
@@ -57,8 +57,8 @@ def on_cover() -> Friction:
 def friction_of(
     name: str, friction: AbstractFriction | None | Literal["default"]
 ) -> AbstractFriction | None:
-    """The friction that is given as an argument of some name: that of covers for `"default"`,
-    `None` for none.
+    """The friction given as the argument `name`: that of covers for `"default"`, `None` for no
+    friction.
 
     Raises `TypeError` where it is no law of friction.
 

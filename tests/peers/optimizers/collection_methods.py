@@ -1,8 +1,8 @@
 """The methods on the collection's problems, each with first derivatives alone.
 
-The package's own sees a worst case as such; the others have t as a further variable, min t with
-t >= F_i(x), and start with the least t that is allowed. All are told to go on far beyond what is
-asked for. A point that is evaluated counts once, whatever is asked of it.
+The package's own sees a worst case as such; the others have t as a further variable, min t with t
+>= F_i(x), and start with the least t that is allowed. All are set to go on far beyond what is asked
+for. A point that is evaluated counts once, whatever is asked of it.
 """
 
 import dataclasses
@@ -18,7 +18,7 @@ from fencejax.results import Status
 
 from .collection import Known, Numbers
 
-# What a method is told to come within, far beyond what is asked for.
+# The tolerance set for a method, far beyond what is asked for.
 _END = 1e-12
 # Processor time of a run at most [s]: trust-constr needs minutes for a thousand constraints, and
 # MMA may go on without evaluating anything.
@@ -115,7 +115,7 @@ class _Epigraph:
         self.start = np.concatenate([known.start, top])
         self.lower = np.concatenate([known.lower, np.negative(edge)])
         self.upper = np.concatenate([known.upper, edge])
-        self.limits = self.held(self.start).size
+        self.limits = self.limit_values(self.start).size
 
     def _at(self, x: np.ndarray) -> Numbers:
         return self._count(x[:-1] if self.raised else x)
@@ -128,12 +128,12 @@ class _Epigraph:
             return np.append(np.zeros(x.size - 1), 1.0)
         return self._at(x).objective_rows[0].copy()
 
-    def held(self, x: np.ndarray) -> np.ndarray:
+    def limit_values(self, x: np.ndarray) -> np.ndarray:
         found = self._at(x)
         above = x[-1] - found.objectives if self.raised else np.zeros(0)
         return np.concatenate([above, found.limits])
 
-    def held_rows(self, x: np.ndarray) -> np.ndarray:
+    def limit_slopes(self, x: np.ndarray) -> np.ndarray:
         found = self._at(x)
         if not self.raised:
             return found.limit_rows.copy()
@@ -149,7 +149,7 @@ def _scipy_slsqp(count: Count) -> None:
         found = optimize.minimize(
             task.value, at, jac=task.slope, method="SLSQP",
             bounds=optimize.Bounds(task.lower, task.upper),
-            constraints=dict(type="ineq", fun=task.held, jac=task.held_rows),
+            constraints=dict(type="ineq", fun=task.limit_values, jac=task.limit_slopes),
             options=dict(maxiter=count.budget, ftol=_END),
         )  # fmt: skip
         if not np.all(np.isfinite(found.x)) or np.max(np.abs(found.x - at)) < 1e-9:
@@ -160,7 +160,7 @@ def _scipy_slsqp(count: Count) -> None:
 def _trust_constr(count: Count) -> None:
     task = _Epigraph(count)
     limits = optimize.NonlinearConstraint(
-        task.held, 0.0, np.inf, jac=task.held_rows, hess=optimize.BFGS()
+        task.limit_values, 0.0, np.inf, jac=task.limit_slopes, hess=optimize.BFGS()
     )
     # A line has no curvature for BFGS to find.
     linear = dict(hess=lambda x: np.zeros((x.size, x.size))) if task.raised else {}
@@ -179,11 +179,11 @@ def _ipopt(count: Count) -> None:
     class Callbacks:
         objective = staticmethod(task.value)
         gradient = staticmethod(task.slope)
-        constraints = staticmethod(task.held)
+        constraints = staticmethod(task.limit_values)
 
         @staticmethod
         def jacobian(x):
-            return task.held_rows(x).ravel()
+            return task.limit_slopes(x).ravel()
 
         @staticmethod
         def intermediate(*_):
@@ -214,8 +214,8 @@ def _nlopt(algorithm: str) -> Method:
 
         def missing(found, x, rows):
             if rows.size:
-                rows[:] = -task.held_rows(x)
-            found[:] = -task.held(x)
+                rows[:] = -task.limit_slopes(x)
+            found[:] = -task.limit_values(x)
 
         solver = nlopt.opt(getattr(nlopt, algorithm), task.start.size)
         solver.set_min_objective(value)

@@ -91,7 +91,7 @@ def _slsqp(walled: bool) -> Method:
         first = ledger.rows(start)
         unit = np.append(np.zeros(task.size), 1.0)
 
-        def held(x):
+        def limit_margins(x):
             found = ledger.rows(x[:-1])
             # A wall of ten times the first force, at which a line search turns round.
             wall = 10.0 * (walled and task.failed(found))
@@ -112,7 +112,7 @@ def _slsqp(walled: bool) -> Method:
                 jac=lambda x: unit,
                 method="SLSQP",
                 bounds=[(0.0, 1.0)] * task.size + [(0.0, 10.0)],
-                constraints=dict(type="ineq", fun=held, jac=slopes),
+                constraints=dict(type="ineq", fun=limit_margins, jac=slopes),
                 options=dict(maxiter=500, ftol=1e-8),
             )
             if np.max(np.abs(found.x - at)) < 1e-6:
