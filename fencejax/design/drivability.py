@@ -75,8 +75,8 @@ def _jumps(step: Step) -> Array:
 
 
 def _peak(name: str, signal) -> Accumulator:
-    """The largest magnitude of a signal of the motor. The peak is not refined by a parabola across a
-    jump of the gear's losses."""
+    """The largest magnitude of a signal of the motor. Across a jump of the gear's losses the peak
+    is not refined by a parabola."""
 
     def of(motor: Motor | None) -> Accumulator:
         return accumulators.peak_of(name, lambda sample: jnp.abs(signal(sample, motor)))

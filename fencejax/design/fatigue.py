@@ -98,7 +98,7 @@ def _paired(values: Array, count: Array) -> tuple[Array, Array, Array]:
 
 
 def _vertices(signal: Array, time: Array) -> Array:
-    """The signal, with each extreme replaced by the vertex of the parabola through three samples."""
+    """The signal, each extreme replaced by the vertex of the parabola through three samples."""
     before, after = time[1:-1] - time[:-2], time[2:] - time[1:-1]
     spaced = (before > 0) & (after > 0)
     ratio = jnp.where(spaced, before, 1.0) / jnp.where(spaced, after, 1.0)

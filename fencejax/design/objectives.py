@@ -1,4 +1,4 @@
-"""What a design is judged by: quantities of a result, and limits on them.
+"""Objectives and limits of a design: quantities of a result, and bounds on them.
 
 >>> fj.LIMITS["tip_deflection"]
 tip_deflection at most 80 mm
@@ -22,18 +22,19 @@ AnyScene = NormalScene | Scene
 
 @dataclasses.dataclass(frozen=True)
 class Quantity:
-    """A number read from a result, differentiable, that can be an objective or be limited.
+    """A differentiable number read from a result: an objective, or limited by a bound.
 
-    Call it: `quantity(result, scene)`. What the scene has no part for is 0, as in `Result`.
+    Call it: `quantity(result, scene)`. Where the scene lacks the part for it, it is 0, as in
+    `Result`.
 
     **Fields:**
 
     - `name`, `unit`, `meaning`: what it is.
     - `read`: the function of the result and the scene behind it.
-    - `needs`: the parts of the scene that it cannot do without: `"fence"`, `"belt"`, `"drive"`.
-    - `fields`: the fields of the result that it reads; `None` if that is not known.
-    - `measures`: measures of its own among these, for `fencejax.simulate(measures=...)`. What is
-      not asked for is not computed.
+    - `needs`: the parts that the scene must have: `"fence"`, `"belt"`, `"drive"`.
+    - `fields`: the fields of the result that it reads; `None` if unknown.
+    - `measures`: those of its fields that are measures of its own, to be passed to
+      `fencejax.simulate(measures=...)`, which computes only the measures asked for.
 
     >>> slenderness = fj.Quantity(
     ...     "slenderness", "1", "length over thickness",
@@ -142,12 +143,13 @@ OBJECTIVES: Mapping[str, Quantity] = {
     **_MEASURED,
     **{q.name: q for q in (CROSSING, TIP_CLEARANCE, RING_ENERGY, FENCE_MASS, CYCLE_TIME)},
 }
-"""Every quantity by name: each measure of a result, and what is made of several or of the scene."""
+"""Every quantity by name: each measure of a result, and those computed from several measures or
+from the scene."""
 
 
 def fields(quantities: Iterable[Quantity]) -> tuple[str, ...] | None:
     """The fields of a result that some quantities read, for `fencejax.simulate(only=...)`; `None`
-    if that is not known of one of them.
+    if they are unknown for one of the quantities.
 
     >>> fj.objectives.fields([fj.objectives.PEAK_FORCE, fj.objectives.CROSSING])
     ('furthest_y', 'peak_force')
@@ -161,10 +163,9 @@ def fields(quantities: Iterable[Quantity]) -> tuple[str, ...] | None:
 
 
 def measures(quantities: Iterable[Quantity]) -> tuple[Measure, ...]:
-    """The measures of their own that some quantities read, each once, for
-    `fencejax.simulate(measures=...)`.
+    """The own measures of some quantities, each once, for `fencejax.simulate(measures=...)`.
 
-    Raises `ValueError` where two that are not the same have one name.
+    Raises `ValueError` where two different measures have the same name.
 
     >>> damage = fj.shock.damage_boundary(60.0, 2.0)
     >>> [measure.name for measure in fj.objectives.measures([damage])]
