@@ -58,17 +58,17 @@ class Point:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What the finer fidelity says against it."""
-        told = []
+        doubts = []
         status = Status(int(np.max(self.finer.measured.statuses)))
         if not self.finer.violation < np.inf:
-            told.append("a number is not finite")
+            doubts.append("a number is not finite")
         elif self.feasible and self.finer.violation > self.feasibility:
-            told.append(f"a limit is broken by {100 * self.finer.violation:.2g} %")
+            doubts.append(f"a limit is broken by {100 * self.finer.violation:.2g} %")
         if status > Status.LEFT_OVER_TIP:
-            told.append(f"{status.name}: {status.text}")
+            doubts.append(f"{status.name}: {status.text}")
         if not abs(self.error) <= self.agreement:
-            told.append(f"the objective differs by {100 * self.error:+.2g} %")
-        return tuple(told)
+            doubts.append(f"the objective differs by {100 * self.error:+.2g} %")
+        return tuple(doubts)
 
     @property
     def confirmed(self) -> bool:
@@ -249,8 +249,8 @@ class Search:
             f"{UNITS[point.minimised]:<2}"
         )
         decides = ", ".join(name.replace("_", " ") for name in point.decides)
-        told = f"; {decides} decide" if point.feasible and decides else ""
-        return f"{cells}  {point.verdict}{told}"
+        deciding = f"; {decides} decide" if point.feasible and decides else ""
+        return f"{cells}  {point.verdict}{deciding}"
 
 
 def _better(one: Solution, other: Solution) -> bool:

@@ -87,12 +87,12 @@ def test_concepts_of_one_program_differ_in_data_alone(groups):
     assert [[c.name for c in g.concepts] for g in groups] == [
         ["rigid", "rigid+pad"], ["one_link"], ["two_link+motion"],
     ]  # fmt: skip
-    # What no concept of a group has, its scenes do not hold; what all have is not held.
+    # Scenes lack the parts that no concept of the group has; parts that all have are not fixed.
     assert rigid.problem.machine.fence.pad is not None
     assert rigid.problem.machine.fence.shaft is None
     assert bends.problem.machine.fence.pad is None
-    assert rigid.held == ("fence.pad.thickness", "fence.pad.modulus")
-    assert free.held == ()
+    assert rigid.fixed == ("fence.pad.thickness", "fence.pad.modulus")
+    assert free.fixed == ()
     assert rigid.fidelity("reference").modes == 0
     z, rate = rigid.problem.start, 3600.0
     alone, padded = (rigid.candidate(c, rate) for c in rigid.concepts)
@@ -116,8 +116,8 @@ def test_what_a_problem_does_not_have_is_refused(groups):
     problem, candidate = rigid.problem, rigid.candidate(rigid.concepts[0], 2400.0)
     with pytest.raises(ValueError, match="`bounds` must name limits of the sorter, .*holds life"):
         problem.limits(candidate._replace(bounds={"life": 1.0}))
-    with pytest.raises(ValueError, match="`held` must name free numbers"):
-        SorterProblem(bends.problem.machine, held=("fence.pad.thickness",))
+    with pytest.raises(ValueError, match="`fixed` must name free numbers"):
+        SorterProblem(bends.problem.machine, fixed=("fence.pad.thickness",))
     with pytest.raises(ValueError, match="`objective` must be of a quantity that is read"):
         problem.with_objective(Objective(objectives.IMPULSE))
 
@@ -167,7 +167,7 @@ def test_torques_that_swing_a_fence_as_a_drive_does(groups):
 
 def test_the_problem_of_a_torque_drive(config):
     (group,) = grouped(config, [Concept.read("rigid+torque")])
-    assert (group.name, group.held) == ("rigid-torque", ())
+    assert (group.name, group.fixed) == ("rigid-torque", ())
     problem, candidate = group.problem, group.candidate(group.concepts[0], 3600.0)
     drive = problem.scene(problem.start, candidate, 0).drive
     assert isinstance(drive, fj.TorqueDrive)
