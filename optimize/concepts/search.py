@@ -240,9 +240,9 @@ class Search:
             concept, rate, name, solution, design, finer, self.config.agreement,
             self.config.feasibility,
         ))  # fmt: skip
-        self.say(self._told(self.points[-1]))
+        self.say(self._line(self.points[-1]))
 
-    def _told(self, point: Point) -> str:
+    def _line(self, point: Point) -> str:
         cells = (
             f"{point.concept.title:<34}{point.rate:6.0f}/h {period(point.rate):6.3f} s  "
             f"{point.minimised.replace('_', ' ')} {point.finer.objective:8.4g} "

@@ -238,7 +238,7 @@ def test_refusals(settings, error, message):
 
 
 def test_a_bound_is_met_exactly():
-    """What a step leaves beside it by rounding is not told as a design."""
+    """A design next to a step by rounding alone does not count."""
 
     def problem(z):
         return (z[0] + 0.1) ** 2 - z[1] + (z[2] - 0.5) ** 2, jnp.ones(1), 0

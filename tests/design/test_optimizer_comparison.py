@@ -21,7 +21,7 @@ WITH_GRADIENTS, WITHOUT_GRADIENTS = {"fence": 600, "motion": 900}, {"fence": 500
 
 
 class _Quadratic:
-    """A task in closed form: (s - 0.3)^2, s >= 0.5, which cannot be told above 0.9."""
+    """A task in closed form: (s - 0.3)^2, s >= 0.5, which cannot be evaluated above 0.9."""
 
     scale, price = 1.0, 4.0
 

@@ -90,7 +90,7 @@ FREQUENCIES = np.array([1.0, 7.3, 21.0, 60.0, 133.0, 300.0])
 
 
 def course(time, width):
-    """A half-sine, and a rough one behind it."""
+    """A half-sine, and an irregular pulse after it."""
     return half_sine(time, 300.0, width) + 40 * jnp.sin(900 * time) * jnp.exp(-time / 0.01)
 
 

@@ -56,11 +56,11 @@ def noisy(signals, seed, share=1.0):
 def test_what_is_in_doubt_is_fitted_finer():
     # Steps of 4 ms are too long for a blow of 20 ms: its force is that of other parameters.
     given = Experiment(impact(), Recording(_TIME, clean(impact(stiffness=1.2e9))))
-    rough = fj.Fidelity.coarse(step=4e-3, step_tolerance=None)
-    plain = fit(given, ["stiffness"], fidelity=rough, refine=False)
+    coarse = fj.Fidelity.coarse(step=4e-3, step_tolerance=None)
+    plain = fit(given, ["stiffness"], fidelity=coarse, refine=False)
     assert plain.rung == 0
     assert any("step" in warning for warning in plain.warnings)
-    found = fit(given, ["stiffness"], fidelity=rough)
+    found = fit(given, ["stiffness"], fidelity=coarse)
     assert found.rung > 0
     assert found.evaluations > plain.evaluations
     assert not any("step" in warning for warning in found.warnings)
@@ -259,10 +259,10 @@ def test_what_is_not_told_is_said(truth):
     ]
     found = fit(Experiment(impact(), noisy(truth, 8)), wanted, most=20)
     assert found.standard_errors[3] == np.inf
-    assert any("breadth is not told" in w for w in found.warnings)
-    # The one direction is told no better than rounding allows, some 1e-8 of the others.
+    assert any("breadth is not determined" in w for w in found.warnings)
+    # The one direction is determined only to rounding, some 1e-8 of the others.
     assert found.condition > 1e6
-    assert any("hardly told apart" in w for w in found.warnings)
+    assert any("hardly distinguishable" in w for w in found.warnings)
     assert found.weakest == pytest.approx(found.weakest[1] * np.array([-1, 1, -1, 0]), abs=1e-4)
 
 

@@ -77,18 +77,18 @@ def test_lanes_in_doubt_are_computed_finer(tmp_path):
     fidelity = tiny().fidelity.replace(step=3e-3, step_tolerance=None)
     base = dataclasses.replace(tiny(), fidelity=fidelity)
     plain = run_sweep(dataclasses.replace(base, refine=False), tmp_path / "plain", **PLAIN)
-    rough = plain.status == fj.Status.STEP_TOO_COARSE
-    assert 4 <= np.sum(rough) <= 12
+    too_coarse = plain.status == fj.Status.STEP_TOO_COARSE
+    assert 4 <= np.sum(too_coarse) <= 12
     assert np.all(plain.rung == 0)
     table = run_sweep(base, tmp_path / "refined", **PLAIN)
-    np.testing.assert_array_equal(table.rung, np.where(rough, 1, 0))
+    np.testing.assert_array_equal(table.rung, np.where(too_coarse, 1, 0))
     assert np.all(table.good)
     finer = dataclasses.replace(base, fidelity=base.fidelity.ladder()[1], refine=False)
     finer = run_sweep(finer, tmp_path / "finer", **PLAIN)
     for name, column in table.outputs.items():
-        np.testing.assert_array_equal(column[~rough], plain.outputs[name][~rough])
+        np.testing.assert_array_equal(column[~too_coarse], plain.outputs[name][~too_coarse])
         # Lanes of a group wait for each other's last Newton iteration.
-        np.testing.assert_allclose(column[rough], finer.outputs[name][rough], rtol=1e-5)
+        np.testing.assert_allclose(column[too_coarse], finer.outputs[name][too_coarse], rtol=1e-5)
     assert "computed finer" in repr(table)
     assert_same(SweepTable.load(tmp_path / "refined"), table)
     np.testing.assert_array_equal(table.to_pandas()["rung"], table.rung)

@@ -19,7 +19,7 @@ from optimize.sweep.configuration import SweepConfig
 PATIENCE = 120
 
 
-def started(*command, told=subprocess.DEVNULL):
+def started(*command, output=subprocess.DEVNULL):
     # Nobody reads what a scheduler and its workers say: a full pipe would hold them.
     # The flags of XLA that this process has, tests' own modules, one cache for compiled programs.
     environment = os.environ | {
@@ -28,7 +28,7 @@ def started(*command, told=subprocess.DEVNULL):
         "JAX_NUMPY_DTYPE_PROMOTION": "strict",
     }
     return subprocess.Popen(
-        [sys.executable, *command], env=environment, stdout=told, stderr=subprocess.STDOUT,
+        [sys.executable, *command], env=environment, stdout=output, stderr=subprocess.STDOUT,
         text=True,
     )  # fmt: skip
 
@@ -106,7 +106,7 @@ with distributed.Client(sys.argv[2]) as client:
 def test_the_client_is_killed(dask, alone, tmp_path):
     with dask.client(2) as client:
         address = client.scheduler.address
-        killed = started("-c", CLIENT, str(tmp_path), address, told=subprocess.PIPE)
+        killed = started("-c", CLIENT, str(tmp_path), address, output=subprocess.PIPE)
         assert killed.stdout is not None
         line = killed.stdout.readline()
         killed.send_signal(signal.SIGKILL)
