@@ -1,4 +1,4 @@
-"""The front of every concept, rate by rate, each search begun at the designs that are near."""
+"""The front of every concept, rate by rate, each search started from neighbouring designs."""
 
 import concurrent.futures
 import dataclasses
@@ -18,14 +18,14 @@ from .problem import Group, period
 from .quantities import FORCE, LOAD, UNITS
 
 _AHEAD, _DECIDE = 2, 3
-# Designs whose objectives are nearer than this share are alike.
-_ALIKE = 1e-3
+# Designs whose objectives differ by less than this share count as equal.
+_EQUAL = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """The best design of a concept at a rate [1/h] for a quantity's name, as the search has it and
-    at the finer fidelity (`finer`)."""
+    """The best design of a concept at a rate [1/h] for the quantity `minimised`, as found by the
+    search and as measured at the finer fidelity (`finer`)."""
 
     concept: Concept
     rate: float
@@ -57,7 +57,7 @@ class Point:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What the finer fidelity says against it."""
+        """The objections of the finer fidelity."""
         doubts = []
         status = Status(int(np.max(self.finer.measured.statuses)))
         if not self.finer.violation < np.inf:
@@ -77,8 +77,8 @@ class Point:
 
     @property
     def decides(self) -> tuple[str, ...]:
-        """The limits and bounds that decide it or, where it breaks limits, that fight; most
-        first."""
+        """The active limits and bounds or, where it breaks limits, those in conflict; the most
+        important first."""
         return tuple(price.name for price in self.solution.prices[:_DECIDE])
 
     @property
@@ -96,10 +96,10 @@ class Point:
 class Search:
     """Searches the concepts' fronts; every evaluation goes through a journal of its group.
 
-    A front is searched from the slowest rate to the fastest, each from the design before and from
-    the best of the concepts that are special cases of this one, then back: what sorts faster with
-    less force is a design for the slower rate, too. A design of least acceleration with less force
-    than the front of the force is a start for that.
+    A front is searched from the slowest rate to the fastest, each time from the previous design and
+    from the best of the concepts that are special cases of this one; then back, as a design for a
+    faster rate with less force also serves the slower rate. A design of least acceleration with
+    less force than the force's front is a further start for that front.
     """
 
     def __init__(
@@ -174,7 +174,7 @@ class Search:
                 self._found[name, concept, rate] for name in (FORCE.name, LOAD.name)
             )
             other = float(np.max(load.after.measured.values[FORCE.name]))
-            less = other < (1 - _ALIKE) * force.after.objective
+            less = other < (1 - _EQUAL) * force.after.objective
             if load.feasible and (less or not force.feasible):
                 start = np.asarray(load.after.point)
                 found = self._best(group, concept, problem, journal, rate, [start], force)
@@ -254,16 +254,16 @@ class Search:
 
 
 def _better(one: Solution, other: Solution) -> bool:
-    """Whether a design is better than another, by more than what makes them alike."""
+    """Whether a design is better than another by more than `_EQUAL`."""
     if one.feasible and other.feasible:
-        return one.after.objective < (1 - _ALIKE) * other.after.objective
+        return one.after.objective < (1 - _EQUAL) * other.after.objective
     return one.feasible
 
 
 def _different(starts: list[np.ndarray]) -> list[np.ndarray]:
-    """Those that are not one another."""
+    """The starts without near duplicates."""
     kept: list[np.ndarray] = []
     for start in starts:
-        if not any(np.max(np.abs(start - other)) < _ALIKE for other in kept):
+        if not any(np.max(np.abs(start - other)) < _EQUAL for other in kept):
             kept.append(start)
     return kept

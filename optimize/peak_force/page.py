@@ -97,8 +97,8 @@ def mine(config: PeakForceConfig, outcome: Outcome, impacts: Impacts) -> str:
     of += " of the paper's fence and drive" if config.machine is None else ""
     force = float(outcome.stiff[lane]) if quantity.name == "peak_force" else None
     where = f"R = {distance:g} m, {mass:g} kg"
-    held = outcome.optimum.feasible
-    return report.mine(float(values[lane]), quantity, of, where, obstacle=force, held=held)
+    feasible = outcome.optimum.feasible
+    return report.mine(float(values[lane]), quantity, of, where, obstacle=force, feasible=feasible)
 
 
 def _comparison(side_by_side: dict[str, dict]) -> Table:
