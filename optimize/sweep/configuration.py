@@ -106,7 +106,7 @@ class SweepConfig:
     def samples(self) -> Samples:
         """The points.
 
-        Raises `ValueError` where `vary` cannot be read, or names what has no bounds.
+        Raises `ValueError` where `vary` cannot be read, or names a number without bounds.
         """
         read = [_variable(text) for text in self.vary]
         variables = [variable for variable, _ in read]

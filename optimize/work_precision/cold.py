@@ -1,4 +1,4 @@
-"""What one impact costs in a fresh process: compile times, run times, memory.
+"""The cost of one impact in a fresh process: compile times, run times, memory.
 
     python -m optimize.work_precision.cold '{"modes": 4}'
 
@@ -25,7 +25,7 @@ from .measure import Times, memory
 
 def _rss() -> int:
     """Peak resident memory of this process so far [bytes]."""
-    # Linux says what this program took; ru_maxrss may be what the one before it had taken.
+    # Linux reports the memory of this program; ru_maxrss may include that of its parent.
     status = pathlib.Path("/proc/self/status")
     if status.exists():
         (line,) = (row for row in status.read_text().splitlines() if row.startswith("VmHWM:"))

@@ -11,7 +11,7 @@ from .cases import QUANTITIES, VARIABLES
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a fidelity gave over a family of n scenes.
+    """The results of a fidelity over a family of n scenes.
 
     `values` (n, 3) [SI], by `QUANTITIES`; `slopes` (n, 3, 8), elasticities d ln Q / d ln p [1] by
     `QUANTITIES` and `VARIABLES`, or `None` where only values were asked for; `status` (n,).

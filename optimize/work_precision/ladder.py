@@ -9,7 +9,8 @@ import fencejax as fj
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """One knob moved from the base: `label` says to what, `size` is what it is drawn over."""
+    """One knob changed from the base: `label` is its value in words, `size` the abscissa in
+    figures."""
 
     knob: str
     label: str
@@ -19,15 +20,15 @@ class Point:
 
 @dataclasses.dataclass(frozen=True)
 class Ladder:
-    """All that is run.
+    """All fidelities that are run.
 
     **Fields:**
 
-    - `truth`: what every total error is against; `check` the same with half its step.
-    - `base`: the finely converged setting in which one knob at a time is moved.
+    - `truth`: the reference of all total errors; `check` the same with half its step.
+    - `base`: the finely converged setting in which one knob at a time is changed.
     - `rungs`: by name.
-    - `knobs`: by name; the last point of each is the finest, against which its effect is counted.
-    - `grid`: the product grid, each with the points of the knobs that it consists of.
+    - `knobs`: by name; the last point of each is the finest, the reference of its effect.
+    - `grid`: the product grid, each point with those points of the knobs that it combines.
     """
 
     truth: fj.Fidelity

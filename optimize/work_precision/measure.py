@@ -109,7 +109,7 @@ class Bench:
         self._pool = concurrent.futures.ThreadPoolExecutor(max_workers=threads)
         self._say, self._begin = say, time.perf_counter()
         self._runs: dict[Any, tuple[concurrent.futures.Future, str]] = {}
-        self._told: set = set()
+        self._reported: set = set()
         self.failures: dict[str, str] = {}
 
     def ask(self, family: Family, fidelity: fj.Fidelity, label: str, *, gradient=True, keep=False):
@@ -128,11 +128,11 @@ class Bench:
     def wait(self) -> None:
         """Wait for all that was asked for; one line each."""
         pending = {future: (key, label) for key, (future, label) in self._runs.items()
-                   if key not in self._told}  # fmt: skip
+                   if key not in self._reported}  # fmt: skip
         total, done, begin = len(pending), 0, time.perf_counter()
         for future in concurrent.futures.as_completed(pending):
             key, label = pending[future]
-            self._told.add(key)
+            self._reported.add(key)
             done += 1
             now = time.perf_counter()
             left = (now - begin) / done * (total - done)
