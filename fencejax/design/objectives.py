@@ -92,7 +92,7 @@ def of_measure(
     )
 
 
-# Measures that a designer knows by another name.
+# Measures with another name as a quantity.
 _KNOWN_AS = {"peak_border_force": "border_force", "deepest": "indentation"}
 _MEASURED = {
     quantity.name: quantity
@@ -191,10 +191,10 @@ class Limit:
 
     **Fields:**
 
-    - `quantity`: what is limited.
+    - `quantity`: the limited quantity.
     - `bound` [the quantity's unit].
     - `sense`: `"at most"` or `"at least"`.
-    - `scale` [the quantity's unit], above 0: what the margin is measured in; by default the
+    - `scale` [the quantity's unit], above 0: the unit of the margin; by default the
       bound's magnitude.
 
     Raises `ValueError` where the bound is 0 and no scale is given.
@@ -226,12 +226,12 @@ class Limit:
 
     @property
     def name(self) -> str:
-        """The name of what is limited."""
+        """The name of the limited quantity."""
         return self.quantity.name
 
     @property
     def unit_of_margin(self) -> float:
-        """What the margin is measured in [the quantity's unit]."""
+        """The unit of the margin [the quantity's unit]."""
         return abs(self.bound) if self.scale is None else self.scale
 
     def margin_of(self, value: Any) -> Any:
@@ -297,4 +297,4 @@ LIMITS: Mapping[str, Limit] = {
     limit.name: limit
     for limit in (tip_deflection_limit(), stress_limit(), diverted_limit(), tip_clearance_limit())
 }
-"""The default limits by the name of what they limit."""
+"""The default limits by the names of their quantities."""

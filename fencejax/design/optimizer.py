@@ -134,7 +134,7 @@ class Settings:
         journal: Journal | None = None,
         progress: Callable[[Record], None] | None = None,
     ) -> Optimum:
-        """Minimise what `compute` gives; see `minimize`."""
+        """Minimise the problem computed by `compute`; see `minimize`."""
         point = np.asarray(_check.vector("start", np.asarray(start, dtype=float)))
         if self.bounded and not np.all((point >= 0) & (point <= 1)):
             raise ValueError(

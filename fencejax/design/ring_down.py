@@ -22,7 +22,7 @@ def ring_amplitude(energy: Array, fence: Fence, drive: AbstractDrive | None = No
     tip = link.tip_deflection(alone, (), ())
     if link.hinge is not None:
         tip = tip + link.reach * link.hinge.turn[0]
-    # 1e-18 J: far below what matters, so that the root has a derivative.
+    # 1e-18 J is negligible and makes the root differentiable at 0.
     eta = jnp.sqrt(2 * (jnp.maximum(energy, 0.0) + 1e-18) / (link.mass_scale * square))
     return jnp.abs(tip) * eta
 

@@ -138,7 +138,7 @@ class LocalModel:
         )
 
     def smooth_to(self, other: "LocalModel", multipliers: Multipliers) -> bool:
-        """Whether what counts in the Lagrangian has no kink between here and there."""
+        """Whether no row with a multiplier that counts has a kink between here and there."""
         forces, limits = self._kinks_to(other)
         weights, margins = multipliers
         return not (np.any(forces[weights > _COUNTS]) or np.any(limits[margins > _COUNTS]))
@@ -220,7 +220,7 @@ class LocalModel:
         size, count = self.at.size, self.objectives.size
         top = float(np.max(self.objectives))
         reach = np.maximum(-least, most)
-        # What no step within the region can reach is left out of the program.
+        # Limits and objectives that no step within the region can reach are left out.
         near = self.margins - np.abs(self.margin_rows) @ reach <= 0
         swing = np.abs(self.objective_rows) @ reach
         high = self.objectives + swing >= np.max(self.objectives - swing)

@@ -130,7 +130,7 @@ class SorterProblem:
         self.program = LaneProgram(self._read, self._combined, ladder)
         self._measures: dict[Fidelity, Any] = {}
 
-    # ---- what varies
+    # ---- variables and data
 
     def _space(self) -> DesignSpace | None:
         machine = self.machine

@@ -68,7 +68,7 @@ def as_fine(one: Fidelity, other: Fidelity) -> bool:
 def distinct(
     candidates: Iterable[Fidelity], scenes: Sequence[NormalScene | Scene]
 ) -> list[Fidelity]:
-    """Candidates that differ in what the scenes hold, cheapest first."""
+    """Candidates that differ for these scenes, the cheapest first."""
     fence = any(scene.fence is not None for scene in scenes)
     full = any(isinstance(scene, Scene) for scene in scenes)
     seen, kept = set(), []

@@ -33,7 +33,7 @@ from .problem import Joint
 
 
 def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = CoDesignConfig() if config is None else config

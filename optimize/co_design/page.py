@@ -20,7 +20,7 @@ _FIGURES = {
 
 
 def write(outcome: Outcome, verdict: str) -> None:
-    """Write the page and what belongs to it."""
+    """Write the page and its files."""
     config, joint, optimum = outcome.config, outcome.joint, outcome.optimum
     space, measured = joint.space, outcome.measured
     fence, _ = space.apply(outcome.after)

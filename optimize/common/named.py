@@ -23,8 +23,8 @@ OWN = "or your own as module:Name"
 
 
 def drive(text: str) -> fj.AbstractDrive:
-    """A drive by name, with its default numbers, or `module:Name` of a drive or of what makes one
-    without arguments, such as its class.
+    """A drive by name, with its default numbers, or `module:Name` of a drive or of a callable
+    that returns one without arguments, such as its class.
 
     Raises `ValueError` where there is no such module or name, or it is no drive.
     """

@@ -271,7 +271,7 @@ def _plain(value):
 
 
 def write_json(path: Path, content) -> None:
-    """Write plain numbers, indented; what is not finite becomes null."""
+    """Write plain numbers, indented; numbers that are not finite become null."""
     write_whole(path, json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
 
 

@@ -97,7 +97,7 @@ class ConceptsConfig:
 
     @property
     def described(self) -> fj.Sorter:
-        """The sorter with what is set and freed.
+        """The sorter with numbers set and freed.
 
         Raises `ValueError` and `TypeError` where it cannot be read.
         """

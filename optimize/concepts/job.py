@@ -35,7 +35,7 @@ from .search import Point, Search
 
 
 def main(config: ConceptsConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = ConceptsConfig() if config is None else config

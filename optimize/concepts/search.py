@@ -167,8 +167,8 @@ class Search:
     def _softer(
         self, group: Group, concept: Concept, problem: SorterProblem, journal: Journal
     ) -> None:
-        """Search for the least force from designs of least acceleration that have less of it than
-        was found."""
+        """Search for the least force from designs of least acceleration with less force than the
+        least one found."""
         for rate in self.config.paces:
             (_, force), (_, load) = (
                 self._found[name, concept, rate] for name in (FORCE.name, LOAD.name)
@@ -184,7 +184,7 @@ class Search:
         self, group: Group, concept: Concept, problem: SorterProblem, journal: Journal,
         rate: float, starts: list[np.ndarray], *known: Solution,
     ) -> Solution:  # fmt: skip
-        """The best of what searches from some starts end with, and of what is known."""
+        """The best of the results of searches from some starts and of the known solutions."""
         every = list(known)
         for start in _different(starts):
             found = solve(

@@ -58,7 +58,7 @@ class DesignConfig:
 
     @property
     def machine(self) -> fj.sorter.Machine:
-        """The sorter with what is set and freed.
+        """The sorter with numbers set and freed.
 
         Raises `ValueError` and `TypeError` where it cannot be read.
         """

@@ -29,7 +29,7 @@ from .outcome import Outcome
 
 
 def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = DesignConfig() if config is None else config

@@ -24,7 +24,7 @@ _MOST_PARCELS, _MOST_BARS, _MOST_COLUMNS = 40, 5, 6
 
 
 def write(outcome: Outcome) -> None:
-    """Write the page and what belongs to it."""
+    """Write the page and its files."""
     config, problem = outcome.config, outcome.problem
     machine = problem.machine
     title = machine.title or config.sorter

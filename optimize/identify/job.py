@@ -82,7 +82,7 @@ def _made(config: IdentifyConfig) -> Path:
 
 
 def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it finds, and write its files into `config.out`."""
+    """Run the job, print its results, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     searched = config.searched()

@@ -80,7 +80,7 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
 
 
 def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = ParetoConfig() if config is None else config

@@ -173,18 +173,18 @@ class Tracer:
         spans = [max(np.ptp(x), 1e-12) for x in (force, bound)]
         wide = np.hypot(np.diff(force) / spans[0], np.diff(bound) / spans[1])
         at = int(np.argmax(wide))
-        # The design of the tighter bound holds the new one, too.
+        # The design of the tighter bound is feasible for the new one, too.
         self._solve(0.5 * (bound[at] + bound[at + 1]), self.points[at + 1].optimum)
 
     def _add(self, bound: float, optimum: Optimum) -> None:
         tradeoff, config = self.tradeoff, self.config
-        # As the search saw it, which computes finer from then on what was once in doubt.
+        # At the rungs of the search, which computes lanes once in doubt finer from then on.
         found = tradeoff.measure(config.fidelity, optimum.point, optimum.last.rungs)
         finer, verified = None, None
         if config.verify != "none":
             finer = tradeoff.measure(config.verify, optimum.point)
             own = finer
-            # The bound as measured: beyond it by what the fidelities differ is no violation.
+            # The measured bound: a difference between the fidelities is no violation.
             data = self._data(FORCE, max(bound, finer.other))
             verified = verify(
                 lambda z, encounters, *data: tradeoff.judged(own, *data),

@@ -117,7 +117,7 @@ class _Checks:
 
 
 def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = PeakForceConfig() if config is None else config

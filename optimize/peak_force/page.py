@@ -30,7 +30,7 @@ def write(
     config: PeakForceConfig, outcome: Outcome, impacts: Impacts, verdict: str,
     side_by_side: dict[str, dict],
 ) -> None:  # fmt: skip
-    """Write the page and what belongs to it."""
+    """Write the page and its files."""
     space, optimum, measured = outcome.space, outcome.optimum, outcome.measured
     quantity, limits = outcome.objective, outcome.limits
     fence, drive = space.apply(outcome.after)
@@ -83,7 +83,7 @@ def write(
 
 
 def rows(outcome: Outcome, impacts: Impacts) -> list[nearby.Rows]:
-    """What the margins of the search are, in their order."""
+    """The description of the search's margins, in their order."""
     return [nearby.Rows.of(limit, len(impacts.lanes)) for limit in outcome.limits]
 
 

@@ -82,7 +82,7 @@ def _sorts(
 
 
 def main(config: PaperConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it finds, and write its files into `config.out`."""
+    """Run the job, print its results, and write its files into `config.out`."""
     say = command.begin(quiet)
     config = PaperConfig() if config is None else config
     config.out.mkdir(parents=True, exist_ok=True)

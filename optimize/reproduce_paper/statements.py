@@ -144,7 +144,7 @@ def largest_dip(values: np.ndarray, sound: np.ndarray, axis: int) -> float:
 
 def _grows(evidence: Evidence, axis: int, key: str, says: str, remark: str) -> Finding:
     maps = evidence.maps
-    # Away from the joint: what happens near it is a statement of its own.
+    # Away from the joint, about which there is another statement.
     away = maps.distances >= fences.JOINT + 0.2 * fences.FLEXIBLE - 1e-9
     sound = maps.sound[..., away]
     read = {"force": maps.ratio[..., away], "tip": maps.tip[..., away]}

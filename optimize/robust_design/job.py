@@ -59,7 +59,7 @@ def _judgement(population: Population, read: dict[str, np.ndarray], fresh: Encou
 
 
 def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = RobustConfig() if config is None else config

@@ -23,7 +23,7 @@ _MEASURES = {"mean": "mean", "cvar": "CVaR", "worst": "worst"}
 
 
 def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: str) -> None:
-    """Write the page and what belongs to it."""
+    """Write the page and its files."""
     config, space = outcome.config, population.space
     severity = plain(config.severity)
     fence, _ = space.apply(outcome.after)

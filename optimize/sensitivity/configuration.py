@@ -136,7 +136,7 @@ class SensitivityConfig:
         return tuple(named.quantity("outputs", text) for text in self.outputs)
 
     def inputs(self, scene: AnyScene) -> tuple[fj.DesignVariable, ...]:
-        """What varies, with its ranges.
+        """The inputs that vary, with their ranges.
 
         Raises `ValueError` for a name or a range that cannot be.
         """

@@ -61,7 +61,7 @@ class _Clock:
 
 
 def main(config: SensitivityConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the study, print what it finds, and write its files into `config.out`."""
+    """Run the study, print its results, and write its files into `config.out`."""
     say = command.begin(quiet)
     config = SensitivityConfig() if config is None else config
     config.check()

@@ -72,8 +72,8 @@ def compare(found: Outcome, truth: Outcome) -> Errors:
 
 
 def spread(errors: np.ndarray) -> dict[str, float]:
-    """Median, 95 % quantile and largest over scenes, errors of shape (n,); what is not finite
-    counts as infinite."""
+    """Median, 95 % quantile and largest over scenes, errors of shape (n,); errors that are
+    not finite count as infinite."""
     given = np.where(np.isfinite(errors), errors, np.inf)
     quantile = np.quantile(given, 0.95, method="higher")
     return {

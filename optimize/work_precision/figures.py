@@ -230,7 +230,7 @@ def random_figure(report: "Report") -> "Figure":
 
 
 def _costs(report: "Report") -> dict[str, list[tuple["Rung", float, float, float]]]:
-    """What each rung costs, by title: the rung, median, 10 and 90 % quantile."""
+    """The costs of the rungs, by title: the rung, median, 10 and 90 % quantile."""
     found: dict = {}
     for rung in report.rungs:
         for lanes, t in sorted(rung.value_times.items()):

@@ -99,10 +99,10 @@ def run(family: Family, fidelity: fj.Fidelity, *, gradient: bool, keep: bool) ->
 
 
 class Bench:
-    """Runs programs in a few threads, each (family, fidelity, lanes) once however often asked for,
-    and says how far it is.
+    """Runs programs in a few threads, each (family, fidelity, lanes) only once, and prints its
+    progress.
 
-    A program that fails stands as `None` in the results, with its error in `failures`.
+    The result of a program that fails is `None`, with its error in `failures`.
     """
 
     def __init__(self, threads: int, say: Callable[[str], None]):
@@ -126,7 +126,7 @@ class Bench:
         return key
 
     def wait(self) -> None:
-        """Wait for all that was asked for; one line each."""
+        """Wait for all queued runs and print a line for each."""
         pending = {future: (key, label) for key, (future, label) in self._runs.items()
                    if key not in self._reported}  # fmt: skip
         total, done, begin = len(pending), 0, time.perf_counter()

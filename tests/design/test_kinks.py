@@ -24,8 +24,8 @@ def _limited(z):
 @pytest.mark.parametrize("start", [[-1.0, 1.5], [2.0, -1.0], [0.0, 0.3]])
 def test_kinked_valley_is_followed_to_its_end(start):
     found = minimize(_valley, start, scale=1.0, bounded=False, tolerance=1e-4, budget=250)
-    # Steps that know one side of the kink alone end between 0.4 and 4.6. Along the valley a step's
-    # gain falls below the tolerance where |1 - x| is some hundredths.
+    # Steps with the slopes of one side of the kink alone end between 0.4 and 4.6. Along the valley
+    # a step's gain falls below the tolerance where |1 - x| is some hundredths.
     assert found.objective < 0.03**2
     np.testing.assert_allclose(found.point, [1, 1], atol=0.1)
     # With the slope of one side alone 20 are left.

@@ -1,4 +1,4 @@
-"""Quadratic programming and what runs on it: steps, several starts at once, journals, checks."""
+"""Quadratic programming and SQP: steps, several starts at once, journals, checks."""
 
 import json
 

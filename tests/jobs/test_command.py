@@ -116,10 +116,10 @@ def test_a_wrong_flag_is_said_in_one_line(arguments, said, capsys):
     with pytest.raises(SystemExit) as leaving:
         flags.reader(Config, "optimize.job", "A job.")(arguments)
     assert leaving.value.code == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.startswith(f"python -m optimize.job: {said}")
-    assert told.err.count("\n") == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith(f"python -m optimize.job: {said}")
+    assert printed.err.count("\n") == 1
 
 
 # ---- interrupts
@@ -202,7 +202,7 @@ def test_an_interrupt_ends_a_job_with_one_line(stage, tmp_path):
 
 
 def test_a_job_that_is_done_leaves_at_once(tmp_path):
-    """Python takes no modules apart, where no signal would be heard; what is registered is done."""
+    """Python's shutdown, which handles no signal, is skipped; registered functions are called."""
     done = subprocess.run(
         [sys.executable, "-c", RUNNING.format(work=ENDING.format(last=None))], cwd=tmp_path,
         text=True, capture_output=True, check=False, timeout=50,

@@ -63,7 +63,7 @@ def test_every_material_is_designed_and_ranked(outcome):
     assert found[0].rank <= found[1].rank
     for one in found:
         assert one.feasible
-        # Less than at a start that held the limits, or that they are held.
+        # Less than at a feasible start, or feasible.
         assert one.after.objective < one.before.objective or one.before.violation > 0.1
         # The optimiser's feasibility.
         assert one.after.violation <= 1e-3

@@ -1,4 +1,4 @@
-"""The page of a job, and what its sections are made of."""
+"""The page of a job, and the parts of its sections."""
 
 import importlib
 import re
@@ -52,7 +52,7 @@ def test_figures_are_within_the_page(tmp_path):
     assert Figure.of_axes(axes, "as vectors") == one
 
 
-def test_numbers_are_told_from_words():
+def test_numbers_are_distinguished_from_words():
     table = Table(["", ""], [["5 kg", ""], ["≤ 80 mm", "a 5"], ["-0.2 m/s^2", "kg^-0.4 m^-3"]])
     assert table.cells == [
         [("5 kg", True), ("", False)],

@@ -187,7 +187,7 @@ def test_sweep_keeps_its_lanes_apart(monkeypatch):
     seen = []
 
     def known(cases, fidelity):
-        # A stand-in for the impacts, from which every lane can be told.
+        # A stand-in for the impacts that identifies every lane.
         seen.append(cases.distance.size)
         mass, place, reach = cases.parcel.mass, cases.distance, cases.fence.rigid_length
         return maps._Outcome(mass, 2 * mass, place, reach)

@@ -1,4 +1,4 @@
-"""Numbers that a job cannot be done with are refused before anything is compiled or written."""
+"""Impossible numbers for a job are refused before anything is compiled or written."""
 
 import importlib
 

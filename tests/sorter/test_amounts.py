@@ -1,4 +1,4 @@
-"""Numbers with units, names that are none, and numbers that no machine has."""
+"""Numbers with units, unknown names, and implausible numbers."""
 
 import math
 
@@ -97,7 +97,7 @@ def test_texts_of_flags():
         ({"parcels": {"mass": [5, 5000]}}, "mass` is 5000 .* Is it 5000 g"),
     ],
 )
-def test_numbers_that_no_machine_has_are_told_with_the_likely_unit(tables, said):
+def test_implausible_numbers_are_reported_with_the_likely_unit(tables, said):
     with pytest.warns(fj.sorter.ImplausibleNumberWarning, match=said):
         fj.Sorter(**tables)
 

@@ -1,4 +1,4 @@
-"""The rows of a sorter's table of limits: bounds, settings, and what is asked for alone."""
+"""The rows of a sorter's table of limits: bounds, settings, and limits only on request."""
 
 import numpy as np
 import pytest
@@ -144,7 +144,7 @@ def test_refusals(table, said):
         limits(limits=table)
 
 
-def test_machines_that_differ_in_a_setting_are_told_apart():
+def test_machines_that_differ_in_a_setting_are_distinguished():
     one, other = (
         fj.Sorter(limits={"tipping": {"center_height": h, "contact_height": 0.1}}).machine
         for h in (0.2, 0.3)

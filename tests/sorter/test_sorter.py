@@ -1,4 +1,4 @@
-"""What a sorter file says, is refused for, and is changed to."""
+"""Sorter files: their contents, refusals and changes."""
 
 import equinox as eqx
 import jax
@@ -322,7 +322,7 @@ def test_parcels_from_a_file(tmp_path, text):
     np.testing.assert_allclose(parcels.weights, [0.75, 0.25])
 
 
-def test_a_files_defects_are_told_with_their_line(tmp_path):
+def test_a_files_defects_are_reported_with_their_line(tmp_path):
     (tmp_path / "parcels.csv").write_text("mass [kg]\n1\nheavy\n")
     with pytest.raises(ValueError, match=r"parcels.csv:3.mass` \[kg\] must be a number"):
         fj.Sorter(parcels={"file": "parcels.csv"}, folder=tmp_path)

@@ -1,4 +1,4 @@
-"""Sweeps on a Dask cluster: the same numbers, whoever is killed."""
+"""Sweeps on a Dask cluster: the same numbers, whichever process is killed."""
 
 import contextlib
 import os
@@ -15,12 +15,12 @@ from fencejax.study import SweepTable, WorkerSettings, run_sweep
 from optimize.sweep import main
 from optimize.sweep.configuration import SweepConfig
 
-# For what takes seconds on a machine with nothing else to do [s].
+# Timeout for steps that take seconds on an idle machine [s].
 PATIENCE = 120
 
 
 def started(*command, output=subprocess.DEVNULL):
-    # Nobody reads what a scheduler and its workers say: a full pipe would hold them.
+    # The output of a scheduler and its workers is not read: a full pipe would block them.
     # The flags of XLA that this process has, tests' own modules, one cache for compiled programs.
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join(sys.path),

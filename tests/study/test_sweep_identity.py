@@ -1,5 +1,5 @@
-"""What makes a sweep another one: every number and choice of its setting, the code of measures and
-parts of a user's own, and the package itself."""
+"""The identity of a sweep: every number and choice of its setting, the code of a user's own
+measures and parts, and the package itself."""
 
 import dataclasses
 import inspect
@@ -161,7 +161,7 @@ def own_drive(factor):
 
 
 @pytest.mark.parametrize(("part", "make"), [("drive", own_drive), ("taper", own_taper)])
-def test_parts_of_one_name_are_told_apart(part, make):
+def test_parts_of_one_name_are_distinguished(part, make):
     def described(value):
         parts = {"drive": value} if part == "drive" else {"fence": fj.Fence(taper=value)}
         return json.dumps(lane(SETTING | parts).describe())
