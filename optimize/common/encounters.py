@@ -34,7 +34,7 @@ class Encounter(NamedTuple):
     [N s kg^-0.4 m^-3] of the parcel; `belt_friction` and `fence_friction`, kinetic coefficients
     [1], the static ones being larger by the paper's ratios. Of a sort: `offset` Delta s [m],
     `angle` phi [rad] and `front` [m], where the parcel is when the drive starts. Of an impact:
-    `distance` R [m] and `drive_angle` alpha_w [rad] of the first touch.
+    `distance` R [m] and `drive_angle` alpha_w [rad] of the first contact.
     """
 
     mass: ArrayLike = 15.0

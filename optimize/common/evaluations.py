@@ -16,9 +16,9 @@ def key(config: Any) -> str:
     fields = (f.name for f in dataclasses.fields(config) if f.name not in config.not_in_key)
     ladder = getattr(fj.Fidelity, config.fidelity)().ladder()
     machine = getattr(config, "machine", None)
-    said = machine.signature if isinstance(machine, Machine) else ""
+    signature = machine.signature if isinstance(machine, Machine) else ""
     rungs = [vars(rung) for rung in ladder]
-    return repr({name: getattr(config, name) for name in fields}) + repr(rungs) + said
+    return repr({name: getattr(config, name) for name in fields}) + repr(rungs) + signature
 
 
 def journal(

@@ -209,15 +209,15 @@ def reader(
     text = functools.partial(described, configuration, prog, description, **switches)
 
     def configure(arguments: Sequence[str] | None = None) -> _T:
-        said = given(parser(text()), arguments)
-        wanted = [name for name in switches if said.pop(name, False)]
+        values = given(parser(text()), arguments)
+        wanted = [name for name in switches if values.pop(name, False)]
         # Nothing is checked before it is complete.
         made = object.__new__(configuration)
         fields: tuple[dataclasses.Field, ...] = dataclasses.fields(configuration)  # pyright: ignore
-        vars(made).update({each.name: each.default for each in fields} | said)
+        vars(made).update({each.name: each.default for each in fields} | values)
         for name in wanted:
             made = getattr(made, name)()
-        return configuration(**(vars(made) | said))
+        return configuration(**(vars(made) | values))
 
     configure.described = text  # pyright: ignore
     return configure

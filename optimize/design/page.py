@@ -219,7 +219,7 @@ def _pictures(outcome: Outcome) -> list[Part | str]:
     text = problem.machine.parcels.text(lane)
     above = plot.draw_scene(scene, result, times, path=True, fidelity=fidelity)
     return [
-        Figure.of_axes(above, f"The hardest parcel, {text}, from the first touch to the last."),
+        Figure.of_axes(above, f"The hardest parcel, {text}, from the first contact to the last."),
         Figure.of_axes(plot.force({text: trace}), f"The force of the fence on it, {text}."),
         Figure.of_axes(plot.tip_deflection({text: trace}), f"How far the tip bends, {text}."),
     ]

@@ -146,7 +146,7 @@ def _used(recording: Recording, aligned: Aligned) -> str:
     used = aligned.experiment.recording
     text = (
         f"{recording.source}: {len(used.time)} of {len(recording.time)} rows of "
-        f"{', '.join(recording.names)}, first touch at {shown(aligned.delay, 's')}"
+        f"{', '.join(recording.names)}, first contact at {shown(aligned.delay, 's')}"
     )
     text += "" if aligned.offset is None else " or so"
     gaps = [f"{count} samples of {name}" for name, count in used.missing.items()]
@@ -194,7 +194,7 @@ def _report(config: IdentifyConfig, outcome: Outcome, say) -> None:
     for delay, experiment in zip(outcome.delays, outcome.experiments, strict=True):
         if delay.standard_error:
             value, error = shown(delay.value, "s", 6), shown(delay.standard_error, "s", 2)
-            say(f"first touch by the clock of {experiment.recording.source}: {value}, standard "
+            say(f"first contact by the clock of {experiment.recording.source}: {value}, standard "
                 f"error {error}")  # fmt: skip
     for warning in found.warnings:
         say(f"warning: {warning}")

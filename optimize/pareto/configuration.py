@@ -60,9 +60,9 @@ class ParetoConfig:
     )
     masses: tuple[float, ...] = flags.field((5.0, 10.0, 20.0), "parcel masses [kg]", above=0)
     distances: tuple[float, ...] = flags.field(
-        (0.85, 1.0), "of impacts: arc coordinates of the first touch [m]", least=0
+        (0.85, 1.0), "of impacts: arc coordinates of the first contact [m]", least=0
     )
-    drive_angle: float = flags.field(0.30, "of impacts: drive angle at the first touch [rad]")
+    drive_angle: float = flags.field(0.30, "of impacts: drive angle at the first contact [rad]")
     offsets: tuple[float, ...] = flags.field(
         (0.05, 0.20), "of sorts: Delta s, from the border to the parcel [m]", least=0
     )

@@ -20,10 +20,10 @@ class PeakForceConfig:
     set: tuple[str, ...] = machine.set_field()
     free: tuple[str, ...] = machine.free_field()
     distances: tuple[float, ...] = flags.field(
-        (0.8, 0.9, 1.0), "arc coordinates of the first touch [m]", least=0
+        (0.8, 0.9, 1.0), "arc coordinates of the first contact [m]", least=0
     )
     masses: tuple[float, ...] = flags.field((10.0, 15.0, 20.0), "parcel masses [kg]", above=0)
-    drive_angle: float = flags.field(0.30, "drive angle at the first touch [rad]")
+    drive_angle: float = flags.field(0.30, "drive angle at the first contact [rad]")
     duration: float = flags.field(
         0.25, "length of each impact [s]; the parcel must be diverted within it", above=0
     )

@@ -74,7 +74,7 @@ def write(
                 pages.search_text(optimum),
             ]),
             pages.assumptions(
-                f"The impacts start at the first touch, the drive at {config.drive_angle:g} rad; "
+                f"The impacts start at the first contact, the drive at {config.drive_angle:g} rad; "
                 "that they are diverted is asked of them, and of whole sorts afterwards.",
             ),
             pages.again(config, "peak_force"),

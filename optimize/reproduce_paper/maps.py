@@ -104,7 +104,7 @@ def sweep(
     lanes = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
     begin = None
 
-    def said(done, total):
+    def report(done, total):
         # The first chunk includes compilation and does not count for the speed.
         nonlocal begin
         begin = time.perf_counter() if begin is None else begin
@@ -116,7 +116,7 @@ def sweep(
 
     def compute(rung: int, some: Case) -> tuple[_Outcome, np.ndarray]:
         size = min(chunk, some.distance.shape[0])
-        tell = said if rung == 0 else None
+        tell = report if rung == 0 else None
         found = in_chunks(lambda part: _impacts(part, ladder[rung]), some, size, progress=tell)
         return found, found.status
 

@@ -105,10 +105,10 @@ class RobustConfig:
         (0.25, 0.45), "span of the kinetic friction on the fence [1]", least=0, **_SPAN
     )
     distance: Span = flags.field(
-        (0.75, 1.05), "of impacts: span of the first touch's arc coordinate [m]", least=0, **_SPAN
+        (0.75, 1.05), "of impacts: span of the first contact's arc coordinate [m]", least=0, **_SPAN
     )
     drive_angle: Span = flags.field(
-        (0.2, 0.4), "of impacts: span of the drive angle at the first touch [rad]", **_SPAN
+        (0.2, 0.4), "of impacts: span of the drive angle at the first contact [rad]", **_SPAN
     )
     drive: str = named.drive_field()
     taper: str = named.taper_field()

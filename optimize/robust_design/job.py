@@ -99,8 +99,8 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
     say("\n" + _table(population, outcome) + "\n\n" + _verdict(outcome))
     if found.optimum is not None:
         rows = page.rows(population)
-        said = nearby.price_text(population.space, found.optimum, rows, config.unit)
-        say("\n" + said)
+        prices = nearby.price_text(population.space, found.optimum, rows, config.unit)
+        say("\n" + prices)
     say("\n" + page.mine(outcome))
     say(f"wrote {config.out} ({outcome.elapsed:.1f} s in all)")
     return outcome

@@ -137,7 +137,7 @@ def _write_samples(config: SensitivityConfig, names, samples: Samples) -> None:
 def _axis(response: Response, name: str) -> str:
     """The label of an axis over one of the scene's numbers."""
     path = scene_numbers.resolve(response.scene, name)
-    words = "place of the first touch R" if name == "distance" else name.replace("_", " ")
+    words = "place of the first contact R" if name == "distance" else name.replace("_", " ")
     return f"{words} [{scene_numbers.number(response.scene, path).unit}]"
 
 

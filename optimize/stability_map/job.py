@@ -92,12 +92,12 @@ def _run(
         result = fj.simulate(scene, fidelity=fidelity, only=("peak_force",))
         return result.status, result.peak_force
 
-    def said(done, total):
+    def report(done, total):
         if done % (8 * config.lanes) == 0:
             say(f"  {done} of {total}")
 
     numbers = {name: np.array([row[name] for row in rows]) for name in ORDINARY}
-    return in_chunks(run, numbers, config.lanes, progress=said)
+    return in_chunks(run, numbers, config.lanes, progress=report)
 
 
 RIGHT, OFF, WARNED, REFUSED = range(4)
@@ -113,10 +113,10 @@ def verdicts(status, peak, true, promise: float) -> np.ndarray:
 
 def main(config: StabilityConfig, quiet: bool = False) -> bool:
     """Run the job; whether no point is off."""
-    said, began = command.begin(quiet), time.perf_counter()
+    printed, began = command.begin(quiet), time.perf_counter()
 
     def say(text):
-        said(f"{time.perf_counter() - began:6.1f} s  {text}")
+        printed(f"{time.perf_counter() - began:6.1f} s  {text}")
 
     config.out.mkdir(parents=True, exist_ok=True)
     rows = _rows(config)

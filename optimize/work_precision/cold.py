@@ -64,7 +64,7 @@ def elsewhere(fidelity: fj.Fidelity, duration: float, repeats: int) -> dict:
     """The same in a process of its own, and again in one that finds the programs in the
     compilation cache ("cached compile [s]").
 
-    Raises `RuntimeError` with what the process said where it fails.
+    Raises `RuntimeError` with the output of the process where it fails.
     """
     with tempfile.TemporaryDirectory() as cache:
         settings = {"duration": duration, "repeats": repeats, "cache": cache}

@@ -117,7 +117,7 @@ def test_shock_spectrum_against_recursive_filters():
 
 
 @pytest.mark.parametrize(
-    ("frequencies", "damping", "said"),
+    ("frequencies", "damping", "message"),
     [
         ([5.0], 1.2, r"`damping_ratio` must be below 1 \[1\], but is 1.2"),
         ([5.0], 1.0, r"`damping_ratio` must be below 1 \[1\], but is 1"),
@@ -125,8 +125,8 @@ def test_shock_spectrum_against_recursive_filters():
         ([5.0, 0.0], 0.05, r"`frequencies` must be above 0 \[Hz\], but is 0"),
     ],
 )
-def test_a_shock_spectrum_of_what_does_not_ring_is_refused(frequencies, damping, said):
-    with pytest.raises(ValueError, match=said):
+def test_a_shock_spectrum_of_what_does_not_ring_is_refused(frequencies, damping, message):
+    with pytest.raises(ValueError, match=message):
         shock.pseudo_velocity_spectrum([0.0, 0.1], [1.0, 1.0], frequencies, damping)
 
 

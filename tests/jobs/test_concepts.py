@@ -254,12 +254,12 @@ def test_the_front_and_who_wins(stubbed, config):
     assert [p.concept.name for p in last] == ["rigid+pad", "rigid"]
     assert not last[-1].feasible
     # The way back: from the design of 3600/h on, 300 N were found at 2400/h.
-    said = " ".join(json.loads((config.out / "concepts.json").read_text())["wins"])
-    assert "At 2400/h one-link has the least peak force, 300 N" in said
-    assert "At 3600/h one-link has the least peak force, 400 N" in said
-    assert "a constant push would need " in said
+    wins = " ".join(json.loads((config.out / "concepts.json").read_text())["wins"])
+    assert "At 2400/h one-link has the least peak force, 300 N" in wins
+    assert "At 3600/h one-link has the least peak force, 400 N" in wins
+    assert "a constant push would need " in wins
     # No way back for a rigid fence, whose design of 3600/h breaks a limit.
-    assert "rigid 1200 N" in said
+    assert "rigid 1200 N" in wins
     assert "breaks a limit by 20 %" in words.table(outcome, "peak_force")
     assert outcome.succeeded
 

@@ -126,7 +126,7 @@ def test_height_and_fragility_of_each_parcel():
 
 
 @pytest.mark.parametrize(
-    ("table", "said"),
+    ("table", "message"),
     [
         ({"damage": 1.0}, "`limits.damage` must be a table with critical_load"),
         ({"damage": {"critical_load": 3}}, "must be a table with critical_load, critical_vel"),
@@ -139,8 +139,8 @@ def test_height_and_fragility_of_each_parcel():
         ({"impulse": True}, "`limits.impulse` must be a number"),
     ],
 )
-def test_refusals(table, said):
-    with pytest.raises(ValueError, match=said):
+def test_refusals(table, message):
+    with pytest.raises(ValueError, match=message):
         limits(limits=table)
 
 

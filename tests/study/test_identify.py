@@ -239,14 +239,14 @@ def test_recordings_that_cannot_be_aligned_are_refused_by_their_own_cause():
     assert "Change its sign" in refused(signals=signals)
     assert "Give the `delay`" in refused(signals={"y": recording.signals["force"]})
     assert "rows after the delay" in refused(delay=0.5)
-    # Seconds that are milliseconds, or rows that are too far apart: both are said as what they may
-    # be.
+    # Seconds that are milliseconds, or rows that are too far apart: both are reported with what
+    # they may be.
     coarse = refused(time=1e3 * _CLOCK)
     assert "rows must be nearer to each other" in coarse
     assert "If these are milliseconds" in coarse
     long = Recording(0.002 * np.arange(4000), {"force": np.full(4000, 1.0)}, "clock.csv")
-    said = refused(time=long.time, signals=long.signals, delay=0.0)
-    assert "Give the `length`" in said
+    message = refused(time=long.time, signals=long.signals, delay=0.0)
+    assert "Give the `length`" in message
 
 
 def test_what_is_not_told_is_said(truth):

@@ -98,8 +98,8 @@ from fencejax.study import run_sweep
 
 jax.config.update("jax_enable_x64", True)
 with distributed.Client(sys.argv[2]) as client:
-    said = lambda now: print(now.done, flush=True)
-    run_sweep(plain(), sys.argv[1], **PLAIN, client=client, progress=said)
+    report = lambda now: print(now.done, flush=True)
+    run_sweep(plain(), sys.argv[1], **PLAIN, client=client, progress=report)
 """
 
 
