@@ -22,7 +22,7 @@ present point from all such points nearby; with more of these points, called wal
 approaches the border of the region that can be evaluated. Points at which the model does not hold
 (`Evaluation.doubtful`) count as walls, too; but they have slopes, which update B and the branches.
 
-Where no step lowers the merit, the run restarts from its best point with a new B and without
+Where no step lowers the merit, the run restarts from its last point with a new B and without
 branches, as long as that lowers the worst case; the points of all descents count only where a kink
 is judged. Where a restart does not help, points all around are evaluated, and the next descent
 starts with their slopes: gradient sampling (Burke, Lewis and Overton 2005). It finds branches of a

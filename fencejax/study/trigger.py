@@ -73,8 +73,8 @@ def align(
     if last > LONGEST:
         raise ValueError(
             f"{recording.source}: goes on for {last:g} s after the first contact, where impacts "
-            f"last {LONGEST:g} s at most. Give the `length` that is used or, if these are milliseconds, "
-            "write `time [ms]` in the header."
+            f"last {LONGEST:g} s at most. Give the `length` that is used or, if these are "
+            "milliseconds, write `time [ms]` in the header."
         )
     used = recording.within(delay - width, delay + last)
     used = dataclasses.replace(used, time=used.time - delay)

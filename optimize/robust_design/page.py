@@ -36,7 +36,7 @@ def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: s
     Report(
         f"A robust fence: {title}",
         f"Which fence makes the {_MEASURES[config.measure]} of the {severity} least over parcels "
-        f"as they come, each limit held for {100 * config.fraction:g} % of them?",
+        f"as they come, with each limit met for {100 * config.fraction:g} % of them?",
         pages.sentences(
             mine(outcome), f"the {_MEASURES[config.measure]}{verdict.removeprefix(config.measure)}"
         ),

@@ -248,7 +248,7 @@ def document(report: "Report") -> str:
         parts += ["## Slide and whole sorts", stage_table(report)]
     parts += [
         "## Each knob by itself",
-        f"All else held at {describe(report.ladder.base)}; over {config.lanes} impacts, against "
+        f"All else fixed at {describe(report.ladder.base)}; over {config.lanes} impacts, against "
         "the finest point of the knob; median / 95 %.",
         knob_table(report),
     ]

@@ -158,7 +158,7 @@ def test_evaluations_at_other_data_are_not_known(path, data, other):
     assert Journal(path, "a").find([0.0, 0.0], copy.deepcopy(data)) is not None
 
 
-def test_what_cannot_be_opened_is_said_in_one_line(tmp_path, path):
+def test_a_file_that_cannot_be_opened_is_reported_in_one_line(tmp_path, path):
     (tmp_path / "file").write_text("")
     for place in (tmp_path / "file" / "j.jsonl", tmp_path):
         with pytest.raises(OSError, match="cannot be read or written .*name another folder") as no:

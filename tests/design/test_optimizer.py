@@ -184,7 +184,7 @@ def test_failed_evaluations_shorten_the_step_and_are_recorded():
     assert [record.evaluation for record in seen] == [r.evaluation for r in found.history]
 
 
-def test_failed_start_is_said():
+def test_failed_start_is_reported():
     found = minimize(lambda z: (jnp.log(z[0]), jnp.ones(1), 0), [-1.0], bounded=False)
     assert found.stop is Stop.FAILED_START
     assert not found.feasible

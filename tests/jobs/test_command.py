@@ -54,14 +54,14 @@ def failing(error):
     return main
 
 
-def test_what_is_refused_is_said_and_the_rest_raised():
+def test_refusals_are_printed_and_other_errors_raised():
     assert left(failing(ValueError("no"))) == "job: no"
     assert left(failing(KeyError("none")), refused=(KeyError,)) == "job: 'none'"
     with pytest.raises(KeyError):
         command.run("job", Config, failing(KeyError("none")), tune=False)
 
 
-def test_what_the_system_refuses_is_said_with_its_remedy(tmp_path):
+def test_errors_of_the_system_are_printed_with_a_remedy(tmp_path):
     def write(place):
         return lambda config: place.mkdir(parents=True)
 
@@ -112,7 +112,7 @@ def test_a_full_disk_leaves_what_was_written_before(there, tmp_path, monkeypatch
         (["--kind", "c"], "argument --kind: invalid choice: 'c' (choose from"),
     ],
 )
-def test_a_wrong_flag_is_said_in_one_line(arguments, message, capsys):
+def test_a_wrong_flag_is_reported_in_one_line(arguments, message, capsys):
     with pytest.raises(SystemExit) as leaving:
         flags.reader(Config, "optimize.job", "A job.")(arguments)
     assert leaving.value.code == 2

@@ -195,20 +195,20 @@ def _step(before, now, cycle=1.0, **fields):
     return SimpleNamespace(before=sample(before, fields), now=sample(now, fields), scene=scene)
 
 
-def test_what_all_concepts_are_held_to():
+def test_limits_that_all_concepts_share():
     give = quantities.TIP_GIVE.measures[0].accumulator.update
     # w - R theta: behind by the bending and by the turn of the shaft.
     assert float(give(0.0, _step(0.0, 0.1, tip_deflection=0.02, twist=-0.01))) == pytest.approx(
         0.02 + 1.2 * 0.01
     )
     assert float(give(0.05, _step(0.0, 0.1, tip_deflection=0.02, twist=None))) == 0.05
-    held = quantities.HOME_RING.measures[0].accumulator.update
+    update = quantities.HOME_RING.measures[0].accumulator.update
     # 5 t along the line through both samples, at the cycle's end; later samples change nothing.
-    state = held(0.0, _step(0.5, 0.9))
+    state = update(0.0, _step(0.5, 0.9))
     assert float(state) == pytest.approx(4.5)
-    state = held(state, _step(0.9, 1.2))
+    state = update(state, _step(0.9, 1.2))
     assert float(state) == pytest.approx(5.0)
-    assert float(held(state, _step(1.2, 1.3))) == pytest.approx(5.0)
+    assert float(update(state, _step(1.2, 1.3))) == pytest.approx(5.0)
 
 
 @pytest.fixture(scope="module")

@@ -145,7 +145,7 @@ def test_files(small):
     assert (out / "fence.dxf").exists()
 
 
-def test_no_feasible_design_is_said(small, tmp_path, capsys):
+def test_no_feasible_design_is_reported(small, tmp_path, capsys):
     found = main(_with(out=tmp_path, tip_limit=1e-4, plots=False, budget=25))
     assert not found.succeeded
     assert "no feasible design found" in capsys.readouterr().out

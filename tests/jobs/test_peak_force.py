@@ -185,7 +185,7 @@ def test_what_is_freed_is_designed():
         assert PeakForceConfig(free=("thickness=0.08:0.02",)).space
 
 
-def test_a_start_that_cannot_be_evaluated_is_said_lane_by_lane():
+def test_a_start_that_cannot_be_evaluated_is_reported_lane_by_lane():
     encounters = Encounter.grid(offset=(0.05, 0.2), mass=(2.0, 30.0))
     statuses = np.array([fj.Status.SUCCESSFUL, fj.Status.LARGE_DEFLECTION,
                          fj.Status.STEP_TOO_COARSE, fj.Status.LARGE_DEFLECTION])  # fmt: skip

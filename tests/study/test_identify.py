@@ -249,7 +249,7 @@ def test_recordings_that_cannot_be_aligned_are_refused_by_their_own_cause():
     assert "Give the `length`" in message
 
 
-def test_what_is_not_told_is_said(truth):
+def test_undetermined_parameters_are_reported(truth):
     # E, the width z and rho act through E z and rho z alone; the parcel's breadth not at all.
     wanted = [
         "youngs_modulus",
@@ -266,14 +266,14 @@ def test_what_is_not_told_is_said(truth):
     assert found.weakest == pytest.approx(found.weakest[1] * np.array([-1, 1, -1, 0]), abs=1e-4)
 
 
-def test_bounds_that_bind_are_said(truth):
+def test_active_bounds_are_reported(truth):
     tight = fj.DesignVariable("youngs_modulus", 2.9e9, 3.5e9, "Pa")
     found = fit(Experiment(impact(), noisy(truth, 9)), [tight, *_NAMES[1:]])
     assert found.values[0] == pytest.approx(2.9e9, rel=1e-3)
     assert any("at its lower bound" in w for w in found.warnings)
 
 
-def test_a_wrong_model_is_said(truth):
+def test_a_wrong_model_is_reported(truth):
     # The parcel weighed 15 kg; whoever fits takes it for 10 kg.
     found = fit(Experiment(impact(mass=10.0), noisy(truth, 10)), _NAMES)
     assert any("follow one another" in w for w in found.warnings)

@@ -170,7 +170,7 @@ def test_parts_of_one_name_are_distinguished(part, make):
     assert described(make(1.0)) != described(make(2.0))
 
 
-def test_what_cannot_be_told_from_others_is_refused_in_one_line(tmp_path):
+def test_parts_without_an_identity_are_refused_in_one_line(tmp_path):
     file = (tmp_path / "file").open("w")
     read = Measure("own", "1", "", "", FLING.accumulator, lambda state: file and state.value)
     with pytest.raises(ValueError, match="`measures` must be made of .* but holds an obj") as no:
