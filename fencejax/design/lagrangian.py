@@ -114,7 +114,7 @@ def projected(point: Vector, gradient: Vector, bounded: bool) -> float:
 
 
 def residual(at: Evaluation, multipliers: Multipliers, bounded: bool) -> Residual:
-    """How far the point and the multipliers are from the conditions of Karush, Kuhn and Tucker."""
+    """The residual of the conditions of Karush, Kuhn and Tucker at a point with multipliers."""
     stationarity = projected(at.point, slope(at, multipliers), bounded)
     return Residual(
         stationarity, complementarity(at.objectives, at.margins, multipliers), at.violation
@@ -122,7 +122,8 @@ def residual(at: Evaluation, multipliers: Multipliers, bounded: bool) -> Residua
 
 
 def complementarity(objectives: Vector, margins: Vector, multipliers: Multipliers) -> float:
-    """How far objectives with a weight are below the worst case, and active margins from 0."""
+    """The largest of the weighted distance of the objectives to the worst case and the products of
+    multipliers and margins."""
     behind = multipliers.weights @ (np.max(objectives) - objectives)
     slack = np.abs(multipliers.margins * margins)
     return float(max(behind, np.max(slack, initial=0.0)))

@@ -177,7 +177,7 @@ def _arc(
     chord = float(np.hypot(x1 - x0, y1 - y0))
     if abs(area) >= chord**2 * _segment(0.9 * np.pi):
         return None
-    # How far the profile is outside of the chord, and how far along it.
+    # Coordinates of the profile normal to the chord and along it.
     along = ((x1 - x0) * (x - x0) + (y1 - y0) * (y - y0)) / chord
     out = ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / chord
     angle = 0.0

@@ -45,7 +45,7 @@ class Look(NamedTuple):
 
     @property
     def violation(self) -> float:
-        """By how much the most violated limit is broken [1]; infinite where a number is none."""
+        """The largest violation of a limit [1]; infinite where a number is not finite."""
         worst = float(np.max(-self.margins, initial=0.0))
         finite = np.all(np.isfinite(self.margins)) and np.all(np.isfinite(self.objectives))
         return worst if finite else math.inf

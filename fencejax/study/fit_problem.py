@@ -87,7 +87,7 @@ class Problem:
 
     @property
     def spans(self) -> np.ndarray:
-        """From shares of the ranges to ln p, or to p where the scaling is linear, (n,)."""
+        """Factors from shares of the ranges to ln p, or to p where the scaling is linear, (n,)."""
         return np.array([
             p.upper - p.lower if p.scaling == "linear" else np.log(p.upper / p.lower)
             for p in self.parameters

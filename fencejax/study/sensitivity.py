@@ -1,4 +1,4 @@
-"""How outputs depend on inputs: elasticities at a point, and shares of variance over ranges.
+"""Sensitivity of outputs to inputs: elasticities at a point, and shares of variance over ranges.
 
 Local: e = d ln Q / d ln p from derivatives, and the sum rules that follow because physical laws do
 not depend on the units. Global, for inputs that vary independently over ranges: the indices of
@@ -66,7 +66,7 @@ class SobolIndices(NamedTuple):
 
 
 class DerivativeMeasures(NamedTuple):
-    """Of m outputs in n inputs: `measure` nu_i = E[(dQ/du_i)^2] [the output's unit squared] and
+    """For m outputs and n inputs: `measure` nu_i = E[(dQ/du_i)^2] [the output's unit squared] and
     `bound` on S_Ti [1], each of shape (m, n).
 
     >>> points = fj.sensitivity.design(1, 64).first

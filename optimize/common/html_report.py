@@ -82,12 +82,12 @@ class Figure:
 
     @classmethod
     def of_file(cls, path: Path, caption: str) -> "Figure":
-        """Of a PNG file."""
+        """The figure in a PNG file."""
         return cls(_url("image/png", path.read_bytes()), caption)
 
     @classmethod
     def of_axes(cls, axes: Any, caption: str, sheet: bool = False) -> "Figure":
-        """Of the figure that some axes are part of, as vectors; a `sheet` keeps its size and is
+        """The figure of some axes as vector graphics; a `sheet` keeps its size and is
         printed on a page of its own."""
         import matplotlib
 

@@ -71,7 +71,7 @@ class Concept(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> "Concept":
-        """Of names joined by `+`, one of which is the fence's: `"two_link+pad"`.
+        """A concept from names joined by `+`, one of them of the fence: `"two_link+pad"`.
 
         Raises `ValueError` where one is not known, or the fence is not named once.
         """

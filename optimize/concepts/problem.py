@@ -17,23 +17,23 @@ from .means import Concept, Number
 from .quantities import COSTS, FORCE, HOME_RING, LOAD, TIP_GIVE
 
 SPEEDS, SHORTEST = (0.5, 6.0), 0.4
-"""Of a harmonic drive that the sorter does not free: its top speeds [rad/s], and the shortest cycle
-as a share of the period at the fastest rate."""
+"""For a harmonic drive without free numbers in the sorter: top speeds [rad/s], and the shortest
+cycle as a share of the period at the fastest rate."""
 FRONT = (0.0, 0.3)
-"""Where the parcel's front may be when the drive starts [m], where the sorter does not free it."""
+"""The span of the parcel's front at the drive's start [m], where the sorter does not free it."""
 _RIDES, _ANGLES = "parcels.front", (-1e-3, 1.2)
 _THICK = "fence.thickness"
 _TOP, _CYCLE, _FORM = "drive.top_speed", "drive.cycle_time", "drive.control_angles"
 _TORQUES, _AT_HINGE = "drive.torques", ("drive.inertia", "drive.damping", "drive.stiffness")
 _MOST = 2e3
-"""Of a torque drive's torque, where the motor has no limit [N m]."""
+"""The bound of a torque drive's torque where the motor has no limit [N m]."""
 
 Design = Mapping[str, float]
 """Free numbers [SI] by their paths in a sorter file."""
 
 
 def period(rate: float) -> float:
-    """From one parcel to the next [s] at a rate [1/h]."""
+    """The time from one parcel to the next [s] at a rate [1/h]."""
     return 3600.0 / rate
 
 
@@ -119,7 +119,7 @@ class Group:
         return np.clip(np.asarray(space.to_shares(_within(space, given))), 0.0, 1.0)
 
 
-# A parcel on the border arrives this much later than the drive is home (share of the period).
+# The longest cycle as a share of the period; a parcel on the border needs the rest to arrive.
 _ROOM = 0.94
 
 

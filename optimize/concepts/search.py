@@ -83,7 +83,7 @@ class Point:
 
     @property
     def verdict(self) -> str:
-        """In words."""
+        """The verdict in words."""
         if not self.feasible:
             violation = self.solution.after.violation
             fight = " and ".join(name.replace("_", " ") for name in self.decides)

@@ -163,8 +163,8 @@ def whole_sorts(
     duration: float,
     machine: Machine | None = None,
 ) -> Measurement:
-    """How far beyond the belt's edge whole sorts carry parcels [m], their peak forces [N] and
-    statuses, one a mass; a check without derivatives."""
+    """The distances beyond the belt's edge that parcels reach in whole sorts [m], their peak forces
+    [N] and statuses, one a mass; a check without derivatives."""
 
     def one(mass):
         scene = whole_sort(fence, drive, front, mass, duration, machine)

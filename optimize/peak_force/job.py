@@ -243,7 +243,7 @@ def _sorted_out(config, sorts, say) -> bool | None:
 
 
 def _drop(outcome: Outcome, paper: str) -> str:
-    """How the optimum's worst objective compares with that of one of the paper's fences."""
+    """The optimum's worst objective compared with that of one of the paper's fences, in words."""
     name = outcome.objective.name
     ratio = np.max(outcome.measured["after"][name])
     change = 1 - float(ratio / np.max(outcome.measured[paper][name]))

@@ -17,8 +17,8 @@ from fencejax.study import (
 
 
 class Local(NamedTuple):
-    """At P points: `values` (P, m) and `elasticity` in the n inputs, (P, m, n) [1]; the
-    residuals of the unit rules, (P, m, 3) [1]; statuses (P,)."""
+    """A local study at P points: `values` (P, m) and `elasticity` in the n inputs, (P, m, n) [1];
+    the residuals of the unit rules, (P, m, 3) [1]; statuses (P,)."""
 
     values: np.ndarray
     elasticity: np.ndarray

@@ -155,7 +155,7 @@ def knob_figure(report: "Report") -> "Figure | None":
 
 
 def tolerance_figure(report: "Report") -> "Figure | None":
-    """Steps that follow their error: the tolerance asked for over the error got, of value and
+    """Error-controlled steps: the tolerance over the resulting error, of value and
     gradient; lines are medians, bands reach to 95 % of the impacts."""
     points = [(p, e) for p, e in report.knobs.get("step_tolerance", []) if p.size > 0]
     if not points:
