@@ -190,7 +190,7 @@ def test_an_optimum_says_what_decides_and_what_it_costs():
     assert "margin 0 limits the design" not in printed
     assert "margin 1 limits the design             2 saved for each 1 % it is relaxed by" in printed
     space = fj.DesignSpace(["thickness", "reach"])
-    text = repr(optimum.told(space, ("clearance", "torque"), "N"))
+    text = repr(optimum.summary(space, ("clearance", "torque"), "N"))
     assert "1010 N found" in text
     text = " ".join(text.split())
     assert "lower bound of reach limits the design 10 N saved for each 1 % of the range" in text
@@ -198,10 +198,10 @@ def test_an_optimum_says_what_decides_and_what_it_costs():
     # For a limit the text says what 1 % is: of its bound or, as here, of its scale.
     limits = (fj.Limit(fj.OBJECTIVES["tip_deflection"], 0.08), fj.LIMITS["crossing"])
     assert (limits[1].bound, limits[1].scale) == (0, 0.7)
-    text = " ".join(repr(optimum.told(space, limits, "N")).split())
+    text = " ".join(repr(optimum.summary(space, limits, "N")).split())
     assert "limits the design 2 N saved for each 7 mm it is relaxed by" in text
     with pytest.raises(ValueError, match="must name the 2 margins and 2 variables"):
-        optimum.told(space, ("clearance",))
+        optimum.summary(space, ("clearance",))
 
 
 def test_results_sorters_and_spaces_print_themselves():

@@ -1,20 +1,21 @@
-"""What the fence's motion asks of its motor: torque, power, energy, and the line of torque over
-speed.
+"""What the fence's motion demands of its motor: torque, power, energy, and the use of its
+torque-speed line.
 
 The motor gives, at the hinge,
 
     T = eta^-+1 T_f + J i^2 alpha'',
 
-with T_f the moment at the fence's hinge, alpha the drive's angle, J i^2 the rotor's inertia seen
-through the gear and eta the gear's efficiency, which takes from what drives the fence
-(T_f alpha' > 0) and from what the fence gives back. At its shaft it gives T / i at the speed
-i alpha'. All follow the time loop step by step: integrals by the trapezoidal rule, peaks refined
-between samples, signs changing where the line through two samples does.
+with T_f the moment at the fence's hinge, alpha the drive's angle, J i^2 the rotor's inertia
+reflected to the hinge and eta the gear's efficiency. Its losses occur in both directions: while the
+motor drives the fence (T_f alpha' > 0) and while the fence returns power. At the motor's shaft the
+torque is T / i and the speed i alpha'. All quantities are computed step by step in the time loop:
+integrals by the trapezoidal rule, peaks refined between samples, and a sign changes where the
+straight line through two samples crosses 0.
 
-The motor is the scene's, its numbers differentiable as all others: `whole_sort(motor=...)`. Without
-one, or without a number, there is no inertia, no loss, and no gear. Of a torque drive T_f is its
-torque, and its own inertia takes the place of the rotor's. What is read of torques is at
-the hinge, or at the shaft where the motor's own numbers are (`Motor.at_shaft`).
+The motor is part of the scene, `whole_sort(motor=...)`, and its numbers are differentiable like all
+others. Without a motor, or without one of its numbers, there is no inertia, no loss or no gear. For
+a torque drive T_f is its torque, and its own inertia replaces that of the rotor. Torques are those
+at the hinge, or at the shaft where the motor's own numbers are (`Motor.at_shaft`).
 """
 
 import jax
@@ -65,7 +66,7 @@ def _voltage(sample: Sample, motor: Motor | None) -> Array:
 
 
 def _jumps(step: Step) -> Array:
-    """Whether the gear's losses change their side within a step."""
+    """Whether the direction of the gear's losses changes within a step."""
     motor = _motor(step)
     lossless = motor is None or motor.efficiency is None
     if lossless or step.now.drive is None or step.before.drive is None:
@@ -74,8 +75,8 @@ def _jumps(step: Step) -> Array:
 
 
 def _peak(name: str, signal) -> Accumulator:
-    """The largest size of a signal of the motor. Across a jump of the gear's losses no parabola is
-    laid."""
+    """The largest magnitude of a signal of the motor. Across a jump of the gear's losses the peak
+    is not refined by a parabola."""
 
     def of(motor: Motor | None) -> Accumulator:
         return accumulators.peak_of(name, lambda sample: jnp.abs(signal(sample, motor)))
@@ -89,12 +90,12 @@ def _peak(name: str, signal) -> Accumulator:
         refined = of(motor).update(peak, step)
         value, new = peak.value, jnp.abs(signal(step.now, motor))
         higher = new > value
-        rough = refined._replace(
+        unrefined = refined._replace(
             value=jnp.where(higher, new, value),
             time=jnp.where(higher, step.now.time, peak.time),
         )
         across = jumps | (jumped > 0)
-        chosen = jax.tree.map(lambda a, b: jnp.where(across, a, b), rough, refined)
+        chosen = jax.tree.map(lambda a, b: jnp.where(across, a, b), unrefined, refined)
         return chosen, jnp.where(jumps, 1.0, 0.0).astype(jumped.dtype)
 
     return Accumulator(name, start, update)
@@ -108,7 +109,7 @@ MOTOR_TORQUE = _quantity(
     "motor_torque", "N m", "largest torque that the motor gives, either way", "at least 0",
     _peak("motor torque", _torque), lambda state: state[0].value,
 )  # fmt: skip
-"""The largest |T| [N m]; that of `PEAK_TORQUE` for a motor of no inertia, behind a gear of no
+"""The largest |T| [N m]; equal to `PEAK_TORQUE` for a motor without inertia and a gear without
 losses."""
 
 
@@ -131,8 +132,8 @@ RMS_TORQUE = _quantity(
     Accumulator("rms torque", lambda nothing, body: (nothing.time, nothing.time), _add_square),
     _root,
 )  # fmt: skip
-"""sqrt(mean over the scene of T^2) [N m], which heats the motor: of a scene as long as the period
-from parcel to parcel."""
+"""sqrt(mean over the scene of T^2) [N m], which heats the motor; meant for a scene as long as the
+period from parcel to parcel."""
 PEAK_POWER = _quantity(
     "peak_power", "W", "largest power that the motor gives to the fence or takes from it",
     "at least 0", _peak("motor power", _power), lambda state: state[0].value,
@@ -141,7 +142,7 @@ PEAK_POWER = _quantity(
 
 
 def _work(name: str, meaning: str, sign: str, given: bool) -> Quantity:
-    """What the motor gives, or, where not `given`, what it gives less what it takes back."""
+    """The work that the motor does; unless `given`, less the work that it takes back."""
 
     def update(state, step):
         motor = _motor(step)
@@ -163,13 +164,13 @@ NET_WORK = _work(
     "net_work", "work that the motor does in a scene, less what the fence gives back", "either way",
     False,
 )  # fmt: skip
-"""The integral of T alpha' [J]: energy a cycle, all that comes back used again."""
+"""The integral of T alpha' [J]: energy a cycle with full recuperation."""
 SPEED_TORQUE = _quantity(
     "speed_torque", "1", "how much of its line of torque over speed the motor uses, at most",
     "at least 0", _peak("line of torque over speed", _voltage), lambda state: state[0].value,
 )  # fmt: skip
-"""The largest |T / T_s + alpha' / omega_0| [1], at most 1 where the motor can do it; 0 for one
-whose line is not known.
+"""The largest |T / T_s + alpha' / omega_0| [1], at most 1 where the motor can follow the motion; 0
+for a motor whose line is not known.
 
-That is the voltage of a motor with T = T_s (1 - omega / omega_0), over the largest one: while it
-drives, |T| stays below what it has at that speed; while it brakes, it has more."""
+This is the voltage of a motor with T = T_s (1 - omega / omega_0) over its largest voltage: while it
+drives, |T| stays below the torque available at that speed; while it brakes, more is available."""

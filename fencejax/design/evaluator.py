@@ -1,4 +1,4 @@
-"""Evaluations of a compiled problem, one after the other, each of them recorded."""
+"""Evaluations of a compiled problem, one after the other, each recorded."""
 
 import functools
 import time
@@ -12,7 +12,7 @@ from .journal import Journal
 from .lagrangian import Evaluation, Multipliers, Residual, Vector, residual
 from .program import Numbers
 
-# Points nearer to each other than this, relative to their size, are one.
+# Points nearer to each other than this, relative to their size, count as the same.
 _SAME = 1e-12
 
 
@@ -43,24 +43,23 @@ class Record(NamedTuple):
 
     @property
     def in_doubt(self) -> int:
-        """The lanes whose numbers are in doubt at the finest rung, too, and are used all the
-        same."""
+        """The number of lanes in numerical doubt even at the finest rung; their numbers are used
+        nevertheless."""
         return sum(n for status, n in enumerate(self.statuses) if Status(status).numerical)
 
     @property
     def kkt(self) -> float:
-        """The larger of stationarity and complementarity; NaN where they are not known."""
+        """The larger of stationarity and complementarity; NaN where they are unknown."""
         return float("nan") if self.residual is None else max(self.residual[:2])
 
 
 class Evaluator:
-    """Every evaluation that a run makes of a program with its data.
+    """Evaluates a program with its data and records every evaluation of a run.
 
     An evaluation has failed where a number is not finite, or a status that is not numerical is
     above `worst_status`. `estimate`, where set, gives the multipliers whose residual is recorded.
-    With a journal, what it holds already is not computed again, and what is computed is written
-    there. A point that was evaluated before is not evaluated again: whoever comes back to one goes
-    round in a circle, and the run is over (`circling`).
+    With a journal, recorded evaluations are not computed again, and new ones are written to it. A
+    run that returns to a point that it has evaluated before goes in a circle and ends (`circling`).
     """
 
     def __init__(
@@ -84,8 +83,9 @@ class Evaluator:
         self.first: Evaluation
         self.estimate: Callable[[Evaluation], Multipliers] | None = None
         self._begin = time.perf_counter()
-        # Lanes in doubt once begin at the second rung from then on: a value that jumps between
-        # rungs from point to point has kinks that no optimiser can tell from the problem's own.
+        # A lane once in doubt starts at the second rung from then on: a value that jumps between
+        # rungs from point to point has kinks that an optimiser cannot distinguish from those of the
+        # problem.
         self._least: np.ndarray | None = None
 
     def _numbers(self, point: Vector) -> tuple[Numbers, bool]:

@@ -1,9 +1,9 @@
-"""How soon a fence breaks by fatigue: rainflow counting of its stress over a sort, summed by Miner.
+"""Fatigue life of a fence: rainflow counting of its stress over a sort, with Miner's rule.
 
-Which samples turn and which of them make a cycle is found by comparing; it does not change with a
-small change of the design. The derivative is that of the values at the turning points, exact but
-where two ranges are equal. m of Basquin's line, N sigma_a^m = constant, is the material's own
-(`Material.fatigue_exponent`), `EXPONENT` where it has none.
+Comparisons decide which samples are turning points and which of these form a cycle; a small change
+of the design does not change that. The derivative is that of the values at the turning points; it
+is exact except where two ranges are equal. The exponent m of Basquin's line, N sigma_a^m =
+constant, is the material's own (`Material.fatigue_exponent`), or else `EXPONENT`.
 """
 
 from typing import NamedTuple
@@ -16,15 +16,16 @@ from ..parts import ENDURANCE as ENDURANCE, EXPONENT as EXPONENT, Material
 from ..results import Course, Measure, Trace
 from .objectives import of_measure
 
-# A turn by less than this share of the range does 0.02^10 of the harm of the largest.
+# A cycle of this share of the range does 0.02^10 of the damage of the largest. Then: the most
+# turning points, and at how many nodes cycles are counted.
 _GATE = 0.02
 _MOST = 256
 _PLACES = 4
 
 
 class Cycles(NamedTuple):
-    """Cycles of a signal: amplitude and mean [its unit], and how often each comes, 1 or 1/2 [1]; 0
-    for places that are left over. All of shape (k,)."""
+    """Cycles of a signal: amplitude and mean [its unit], and the count of each, 1 or 1/2 [1]; 0 for
+    unused entries. All of shape (k,)."""
 
     amplitude: Array
     mean: Array
@@ -32,8 +33,8 @@ class Cycles(NamedTuple):
 
 
 def _turning(signal: Array, gate: Array, most: int) -> tuple[Array, Array]:
-    """Places of the points at which a signal turns by more than `gate`, its ends with them, of
-    shape (most,), and their number."""
+    """Indices of the points at which a signal turns by more than `gate`, with both ends, of shape
+    (most,), and their number."""
 
     def look(carry, sample):
         direction, extreme, place = carry
@@ -62,11 +63,12 @@ def _turning(signal: Array, gate: Array, most: int) -> tuple[Array, Array]:
 
 
 def _paired(values: Array, count: Array) -> tuple[Array, Array, Array]:
-    """Of turning points, `count` of which are any, the two of each cycle and how often it counts.
+    """The two turning points of each cycle and the count of the cycle; the first `count` values are
+    turning points.
 
-    Four points in a row, of which the range in the middle is no larger than those beside it, are a
-    cycle of the two in the middle, which are taken out. Each range that is left is half a cycle.
-    ASTM E1049-85, 5.4.4, whose three points in a row come to the same.
+    Where of four points in a row the middle range is no larger than the two beside it, the two
+    middle points are a cycle and are removed. Each remaining range is half a cycle. This is
+    equivalent to ASTM E1049-85, 5.4.4, with its three points in a row.
     """
     most = values.shape[0]
     spare = jnp.int32(most)
@@ -96,7 +98,7 @@ def _paired(values: Array, count: Array) -> tuple[Array, Array, Array]:
 
 
 def _vertices(signal: Array, time: Array) -> Array:
-    """The signal, at its extremes that of the parabola through the three samples there."""
+    """The signal, each extreme replaced by the vertex of the parabola through three samples."""
     before, after = time[1:-1] - time[:-2], time[2:] - time[1:-1]
     spaced = (before > 0) & (after > 0)
     ratio = jnp.where(spaced, before, 1.0) / jnp.where(spaced, after, 1.0)
@@ -122,14 +124,14 @@ def rainflow(
     **Arguments:**
 
     - `signal`: of shape (n,), n at least 3.
-    - `time` [s]: of the samples, of shape (n,). With it, the turning points are those of parabolas
-      through three samples, right to the third order in the step; else the samples themselves.
-    - `repeating`: the signal comes again and again. It is then counted from its largest value on,
-      so that all of its cycles are whole ones (5.4.5).
-    - `gate` [1]: turns by less than this share of the whole range are none.
-    - `most`: room for so many turning points, by default for all that n samples can have.
+    - `time` [s]: of the samples, of shape (n,). With it, the turning points are the vertices of
+      parabolas through three samples, of third order in the step; else the samples themselves.
+    - `repeating`: whether the signal is periodic. It is then counted from its largest value on, so
+      that all of its cycles are whole ones (5.4.5).
+    - `gate` [1]: ranges below this share of the whole range are ignored.
+    - `most`: the most turning points, by default as many as n samples can have.
 
-    Returns not a number where there is more than room for. Differentiable in the signal.
+    The counts are NaN where there are more turning points. Differentiable in the signal.
     """
     signal = jnp.asarray(signal)
     values = signal if time is None else _vertices(signal, jnp.asarray(time))
@@ -148,11 +150,11 @@ def rainflow(
 
 
 def reversed_amplitude(cycles: Cycles) -> Array:
-    """sigma_ar = sqrt(sigma_max sigma_a), the amplitude of the cycle around 0 that does as much
-    harm as one around a mean; 0 where all of it is compression.
+    """sigma_ar = sqrt(sigma_max sigma_a), the amplitude of the fully reversed cycle that does as
+    much damage as the cycle with its mean; 0 where the whole cycle is in compression.
 
     Smith, Watson and Topper, A stress-strain function for the fatigue of metals, J. Materials 5
-    (1970), 767-778: of the corrections for the mean the one that needs no strength beside.
+    (1970), 767-778: the mean-stress correction that needs no further strength of the material.
     """
     square = jnp.maximum(cycles.mean + cycles.amplitude, 0.0) * cycles.amplitude
     return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
@@ -160,7 +162,7 @@ def reversed_amplitude(cycles: Cycles) -> Array:
 
 def equivalent_amplitude(cycles: Cycles, exponent: ArrayLike = EXPONENT) -> Array:
     """sigma_eq = (sum n_i sigma_ar,i^m)^(1/m), the reversed amplitude of the one cycle that does as
-    much harm as all of them (Basquin's line, Miner's sum)."""
+    much damage as all of them (Basquin's line, Miner's sum)."""
     amplitude = reversed_amplitude(cycles)
     largest = jax.lax.stop_gradient(jnp.max(amplitude))
     size = jnp.where(largest > 0, largest, 1.0)
@@ -171,8 +173,8 @@ def equivalent_amplitude(cycles: Cycles, exponent: ArrayLike = EXPONENT) -> Arra
 
 
 def damage(equivalent: ArrayLike, strength: ArrayLike, exponent: ArrayLike = EXPONENT) -> Array:
-    """The share of its life [1] that a fence loses by one sort: (sigma_eq / sigma_D)^m / 1e7, with
-    sigma_D the amplitude that 1e7 cycles do not break [Pa]."""
+    """The share of a fence's life [1] that one sort uses up: (sigma_eq / sigma_D)^m / 1e7, with
+    sigma_D the amplitude that the fence endures for 1e7 cycles [Pa]."""
     return (jnp.asarray(equivalent) / jnp.asarray(strength)) ** exponent / ENDURANCE
 
 
@@ -182,7 +184,7 @@ def life(equivalent: ArrayLike, strength: ArrayLike, exponent: ArrayLike = EXPON
 
 
 def amplitude_for(sorts: float, strength: ArrayLike, exponent: ArrayLike = EXPONENT) -> Array:
-    """The equivalent amplitude [Pa] that a number of sorts do not break."""
+    """The equivalent amplitude [Pa] that the fence endures for a number of sorts."""
     return jnp.asarray(strength) * (ENDURANCE / sorts) ** (1 / jnp.asarray(exponent))
 
 
@@ -196,9 +198,9 @@ STRESS = Trace("stress", lambda sample: sample.stresses)
 
 
 def worst_amplitude(course: Course, exponent: ArrayLike = EXPONENT) -> Array:
-    """The largest equivalent amplitude [Pa] of stresses over a sort that comes again and again, of
-    shape (n, nodes), on either side of the fence: of the four nodes whose largest cycle does most
-    harm."""
+    """The largest equivalent amplitude [Pa] of the stresses over a periodic sort, of shape
+    (n, nodes), on either side of the fence. Cycles are counted at the four nodes whose largest
+    cycle does most damage."""
     if course.signal is None:
         return jnp.zeros_like(course.time[0])
 
@@ -227,7 +229,7 @@ FATIGUE_STRESS = of_measure(
     ),
     needs=("fence",),
 )  # fmt: skip
-"""What the fence's material has to bear for as many cycles as there are sorts. The stress is taken
-at the time loop's samples, 0.25 to 2 ms apart, and at the elements' nodes. Turning points are
-refined between samples: a mode of 100 Hz is missed by (2 pi 100 Hz 0.5 ms)^4 / 384 of it, 3e-5, by
-steps of half a millisecond."""
+"""The amplitude that the fence's material has to endure for as many cycles as there are sorts. The
+stress is taken at the time loop's samples, 0.25 to 2 ms apart, and at the elements' nodes. Turning
+points are refined between samples: with steps of 0.5 ms the peak of a mode of 100 Hz has a relative
+error of (2 pi 100 Hz 0.5 ms)^4 / 384 = 3e-5."""

@@ -1,9 +1,9 @@
 """First-order descent: any transformation of optax on the augmented Lagrangian.
 
-Each evaluation brings the whole Jacobian, from which the gradient of the augmented Lagrangian comes
-for any multipliers. optax makes a step of it, and the multipliers follow at every step, by a share
-of what the method of multipliers would have them change: a step needs one evaluation, and the same
-descent serves where every evaluation is of another sample.
+Each evaluation gives the whole Jacobian, and with it the gradient of the augmented Lagrangian for
+any multipliers. optax turns that gradient into a step. At every step the multipliers change, too,
+by a share of the change that the method of multipliers prescribes. A step so needs one evaluation,
+and the same descent works where every evaluation is of another random sample.
 """
 
 from collections.abc import Callable
@@ -26,12 +26,12 @@ from .lagrangian import (
 
 Evaluate = Callable[[Vector], Evaluation | None]
 
-# A step shorter than this is rounding; so many in a row that lead nowhere end a run.
+# A step shorter than this is rounding; so many steps in a row that do not move end a run.
 _SHORTEST, _IDLE = 1e-10, 1000
 
 
 class FirstOrder:
-    """A descent's state: that of the transformation, and the multipliers.
+    """The state of a descent: that of the optax transformation, and the multipliers.
 
     With u the transformation's update for the gradient of the augmented Lagrangian L at z_k,
 
@@ -44,7 +44,7 @@ class FirstOrder:
     def __init__(
         self,
         transform: optax.GradientTransformation,
-        held: Multipliers,
+        multipliers: Multipliers,
         *,
         penalty: float = 10.0,
         bounded: bool = True,
@@ -52,16 +52,17 @@ class FirstOrder:
     ):
         """**Arguments:**
 
-        - `transform`: any one whose update asks for no function to call: a line search of optax
-          does, `optax.lbfgs(linesearch=None)` does not.
-        - `held`: the multipliers at the start.
+        - `transform`: any one whose update needs no function to call: a line search of optax
+          needs one, `optax.lbfgs(linesearch=None)` does not.
+        - `multipliers`: those at the start.
         - `penalty`: rho.
         - `bounded`: whether z are shares in [0, 1].
-        - `share`: of the multipliers' change that is made at a step [1]. Multipliers that change
-          faster than the transformation forgets, some ten to thirty steps, go round the optimum;
-          where a few steps are all there are, a tenth is better.
+        - `share`: of the multipliers' change that is made at a step [1]. If the multipliers change
+          faster than the transformation's memory of some ten to thirty steps, the descent circles
+          round the optimum; for runs of a few steps a tenth is better.
         """
-        self.held, self.penalty, self.bounded, self.share = held, penalty, bounded, share
+        self.multipliers, self.penalty = multipliers, penalty
+        self.bounded, self.share = bounded, share
         full = optax.with_extra_args_support(transform)
         self._init, self._state = full.init, None
         self._update = jax.jit(lambda g, state, z, value: full.update(
@@ -69,9 +70,9 @@ class FirstOrder:
         ))  # fmt: skip
 
     def step(self, at: Evaluation) -> Vector:
-        """The next point. Raises `ValueError` for a transformation that asks for more than
+        """The next point. Raises `ValueError` for a transformation that needs more than
         gradient and value."""
-        value, gradient = augmented(at, self.held, self.penalty)
+        value, gradient = augmented(at, self.multipliers, self.penalty)
         # optax mixes widths of integers, which a session with strict promotion refuses.
         with jax.numpy_dtype_promotion("standard"):
             if self._state is None:
@@ -86,9 +87,9 @@ class FirstOrder:
                     f"value alone, but optax says: {error}. Write, for example, "
                     "optax.adam(1e-2), or optax.lbfgs(linesearch=None)."
                 ) from error
-        new = updated(at, self.held, self.penalty)
-        self.held = Multipliers(*(
-            old + self.share * (aim - old) for old, aim in zip(self.held, new, strict=True)
+        new = updated(at, self.multipliers, self.penalty)
+        self.multipliers = Multipliers(*(
+            old + self.share * (aim - old) for old, aim in zip(self.multipliers, new, strict=True)
         ))  # fmt: skip
         point = at.point + np.asarray(change, dtype=float)
         return np.clip(point, 0.0, 1.0) if self.bounded else point
@@ -98,17 +99,17 @@ class FirstOrder:
     ) -> tuple[Evaluation, str]:
         """Step until the conditions of Karush, Kuhn and Tucker hold within the tolerance.
 
-        Gives the last point and the outcome: `"optimal"`, `"spent"` where nothing more is
-        evaluated, `"stalled"` where steps lead nowhere, `"infeasible"` where the violation is
-        stationary. `held` are the multipliers there. A step to a point that cannot be evaluated is
-        halved.
+        Returns the last point and the outcome: `"optimal"`, `"spent"` where `evaluate` returns
+        `None`, `"stalled"` where the point no longer moves, `"infeasible"` where the violation is
+        stationary. `multipliers` are then those at that point. A step to a point that cannot be
+        evaluated is halved.
         """
         idle = 0
         while True:
-            for held in (self.held, updated(at, self.held, self.penalty)):
-                left = residual(at, held, self.bounded)
+            for multipliers in (self.multipliers, updated(at, self.multipliers, self.penalty)):
+                left = residual(at, multipliers, self.bounded)
                 if max(left[:2]) <= tolerance and left.violation <= feasibility:
-                    self.held = held
+                    self.multipliers = multipliers
                     return at, "optimal"
             if at.violation > feasibility:
                 value, gradient = shortfall(at)
@@ -125,7 +126,7 @@ class FirstOrder:
                 if not trial.failed:
                     break
                 step = 0.5 * step
-            # Pressed on bounds, the point stays while the multipliers follow.
+            # A point pressed against its bounds stays while the multipliers still change.
             idle = idle + 1 if trial is at or trial.failed else 0
             if idle > _IDLE:
                 return at, "stalled"

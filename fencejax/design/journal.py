@@ -1,4 +1,4 @@
-"""A file of evaluations, one a line, from which an interrupted optimisation goes on."""
+"""A file of evaluations, one a line, from which an interrupted optimisation resumes."""
 
 import contextlib
 import errno
@@ -20,8 +20,8 @@ _FORMAT = 3
 
 
 def _address(point, data: Any) -> str:
-    """A digest of a point and its data: of every number, bit by bit, and of where in the data it
-    stands."""
+    """A digest of a point and its data: of the bits of every number and its position in the
+    data."""
     leaves, structure = jax.tree.flatten(data)
     known = refused("data", lambda: text(structure))
     digest = hashlib.sha256(known.encode())
@@ -34,12 +34,12 @@ def _address(point, data: Any) -> str:
 class Journal:
     """Evaluations by their point and data, kept in a file of JSON lines.
 
-    Every evaluation is written out as soon as it is made. An optimisation is a deterministic
-    function of its evaluations: run again with the same journal it takes the same way, without
-    computing what is known, and goes on where it was interrupted. Lines that a kill, a full disk or
-    a defect has torn count as not made, and are left in the file; the others are kept. Several runs
-    of one problem with different data may share a journal. Another version or source of fencejax
-    may find other numbers: it does not take over a journal.
+    Every evaluation is written to the file at once. An optimisation is a deterministic function of
+    its evaluations: run again with the same journal, it takes the same steps without computing the
+    recorded evaluations again, and continues where it was interrupted. Lines damaged by a kill, a
+    full disk or a defect stay in the file, but are ignored; the others are used. Several runs of
+    one problem with different data may share a journal. Another version or source of fencejax may
+    compute other numbers, so a journal is refused there.
 
     >>> journal = fj.Journal("evaluations.jsonl")
     >>> problem = fj.Program(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)))
@@ -52,9 +52,9 @@ class Journal:
     def __init__(self, path: str | os.PathLike[str], key: str = ""):
         """**Arguments:**
 
-        - `path`: the file; read if it is there, made with its folder if not.
-        - `key`: what else decides the numbers (fidelity, scenes, bounds), as text. A file with
-          another key is of another problem.
+        - `path`: the file; read if it exists, else created with its folder.
+        - `key`: everything else that the numbers depend on (fidelity, scenes, bounds), as text. A
+          file with another key belongs to another problem.
 
         Raises `ValueError` for a file of another problem, of another version or source of fencejax
         or of another kind, and `OSError` where it cannot be read or written.
@@ -67,14 +67,14 @@ class Journal:
             "fencejax": edition(),
             "key": hashlib.sha256(key.encode()).hexdigest(),
         }
-        with self._said():
+        with self._with_remedy():
             self.path.parent.mkdir(parents=True, exist_ok=True)
             raw = self.path.read_bytes() if self.path.exists() else b""
         first, *rows = raw.decode(errors="replace").split("\n")
         start = json.dumps(header)
         if not rows and start.startswith(first):
-            # Nothing is there yet, or not even the whole header.
-            with self._said():
+            # The file is new, or its header was not written completely.
+            with self._with_remedy():
                 self.path.write_text(start + "\n")
             return
         self._check(first, header)
@@ -108,8 +108,8 @@ class Journal:
             )
 
     @contextlib.contextmanager
-    def _said(self) -> Iterator[None]:
-        """What the system refuses, in one line with its remedy."""
+    def _with_remedy(self) -> Iterator[None]:
+        """Raise an `OSError` of the system again, with the file and a remedy."""
         try:
             yield
         except OSError as error:
@@ -130,8 +130,8 @@ class Journal:
     def numbers(
         self, point, data: Any, compute: Callable[[], Numbers]
     ) -> tuple[Numbers, bool]:
-        """The numbers at a point, and whether they were known: those that are not are computed and
-        kept."""
+        """The numbers at a point, and whether they were recorded; otherwise they are computed and
+        recorded."""
         known = self.find(point, data)
         if known is not None:
             return Numbers(*known), True
@@ -155,13 +155,13 @@ class Journal:
             "point": np.asarray(point, dtype=float).tolist(),
             "numbers": [part.tolist() for part in parts],
         })  # fmt: skip
-        with self._lock, self._said():
+        with self._lock, self._with_remedy():
             _append(self.path, line.encode() + b"\n")
             self._known[name] = parts
 
 
 def _append(path: Path, line: bytes) -> None:
-    """Add a line to a file, whole or not at all; a torn line before it takes none with it."""
+    """Add a line to a file, whole or not at all, on a line of its own after an incomplete one."""
     with path.open("ab+", buffering=0) as file:
         end = file.seek(0, os.SEEK_END)
         file.seek(max(0, end - 1))
@@ -180,7 +180,8 @@ def _append(path: Path, line: bytes) -> None:
 def _evaluation(line: str) -> tuple[str, list[np.ndarray]]:
     """Address and numbers of a line.
 
-    Raises `ValueError`, `KeyError`, `TypeError`, `IndexError` or `OverflowError` where it is torn.
+    Raises `ValueError`, `KeyError`, `TypeError`, `IndexError` or `OverflowError` where the line is
+    damaged.
     """
     row = json.loads(line)
     size = len(row["point"])
@@ -190,7 +191,7 @@ def _evaluation(line: str) -> tuple[str, list[np.ndarray]]:
     counts = [np.asarray(part, dtype=int) for part in row["numbers"][4:]]
     if len(counts) != 2 or any(np.any(part < 0) for part in counts):
         raise ValueError("counts")
-    # Of no rows, a list does not know how long they are.
+    # A list of no rows has lost their length.
     slopes = slopes.reshape(objectives.size, size)
     margin_slopes = margin_slopes.reshape(margins.size, size)
     return str(row["address"]), [objectives, margins, slopes, margin_slopes, *counts]

@@ -14,10 +14,10 @@ class Evaluation:
     """Objectives F (k,) and margins g (m,) at a point z (n,), with their Jacobians.
 
     `objectives` and their Jacobian are already divided by the objective's scale. `status` is the
-    largest one of the lanes, of a failed evaluation the largest that is not numerical; `failed`
-    says that the numbers must not be used. Where they are `doubtful` besides, they still tell how
-    values and slopes change towards the point. `rungs`: that of each lane's numbers, where the
-    problem has a ladder of fidelities.
+    largest one of the lanes, or of a failed evaluation the largest that is not numerical. The
+    numbers of a `failed` evaluation must not be used as a design; where it is `doubtful`, too, they
+    still show how values and slopes change towards the point. `rungs`: the rung of each lane's
+    numbers, where the problem has a ladder of fidelities.
     """
 
     point: Vector
@@ -105,8 +105,8 @@ def shortfall(at: Evaluation) -> tuple[float, Vector]:
 def projected(point: Vector, gradient: Vector, bounded: bool) -> float:
     """Largest entry of the projected gradient.
 
-    Of shares s in [0, 1] (`bounded`) the step -dL/ds is cut off at their bounds:
-    |P(s - dL/ds) - s|, which vanishes at a bound that L pushes against, too.
+    For shares s in [0, 1] (`bounded`) the step -dL/ds is clipped at the bounds: |P(s - dL/ds) - s|,
+    which also vanishes at a bound towards which L decreases.
     """
     if not bounded:
         return float(np.max(np.abs(gradient)))
@@ -114,7 +114,7 @@ def projected(point: Vector, gradient: Vector, bounded: bool) -> float:
 
 
 def residual(at: Evaluation, multipliers: Multipliers, bounded: bool) -> Residual:
-    """How far the point and the multipliers are from the conditions of Karush, Kuhn and Tucker."""
+    """The residual of the conditions of Karush, Kuhn and Tucker at a point with multipliers."""
     stationarity = projected(at.point, slope(at, multipliers), bounded)
     return Residual(
         stationarity, complementarity(at.objectives, at.margins, multipliers), at.violation
@@ -122,7 +122,8 @@ def residual(at: Evaluation, multipliers: Multipliers, bounded: bool) -> Residua
 
 
 def complementarity(objectives: Vector, margins: Vector, multipliers: Multipliers) -> float:
-    """How far what counts is behind the worst case, or from its bound."""
+    """The largest of the weighted distance of the objectives to the worst case and the products of
+    multipliers and margins."""
     behind = multipliers.weights @ (np.max(objectives) - objectives)
     slack = np.abs(multipliers.margins * margins)
     return float(max(behind, np.max(slack, initial=0.0)))

@@ -1,4 +1,4 @@
-"""Several optimisations side by side, whose evaluations are made in one vectorised call."""
+"""Several optimisations at once, with their evaluations in one vectorised call."""
 
 import concurrent.futures
 import functools
@@ -32,9 +32,9 @@ def minimize_many(
 ) -> list[Optimum]:
     """`minimize` from several starts, or with several data, at once.
 
-    Up to `width` runs are under way together. Each waits at its next point for the others, and one
-    vectorised call evaluates them all; a run that ends gives its place to the next start. What
-    each of them does is what `minimize` does alone, within rounding.
+    Up to `width` runs proceed together. Each waits at its next point for the others, and one
+    vectorised call evaluates all points; when a run ends, the next start takes its place. Each run
+    takes the same steps as `minimize` alone, within rounding.
 
     **Arguments:**
 
@@ -99,7 +99,7 @@ def minimize_many(
 
 
 class _Together:
-    """Gathers one point from every run that is under way, evaluates them, hands the numbers out."""
+    """Gathers one point from every active run, evaluates them in one call, returns the numbers."""
 
     def __init__(self, program: Program | LaneProgram, width: int):
         self._program, self._width = program, width
@@ -130,7 +130,7 @@ class _Together:
         if not self._asked or set(self._asked) != self._present:
             return
         places, asked = list(self._asked), list(self._asked.values())
-        # Vacant places are filled with a point that is asked for: the shape stays the same.
+        # Vacant places are filled with one of the points, so that the shape stays the same.
         filled = asked + [asked[0]] * (self._width - len(asked))
         try:
             stacked = jax.tree.map(lambda *parts: np.stack(parts), *(data for _, data, _ in filled))

@@ -1,4 +1,4 @@
-"""What a design is judged by: quantities of a result, and limits on them.
+"""Objectives and limits of a design: quantities of a result, and bounds on them.
 
 >>> fj.LIMITS["tip_deflection"]
 tip_deflection at most 80 mm
@@ -22,18 +22,19 @@ AnyScene = NormalScene | Scene
 
 @dataclasses.dataclass(frozen=True)
 class Quantity:
-    """A number read from a result, differentiable, that can be an objective or be limited.
+    """A differentiable number read from a result: an objective, or limited by a bound.
 
-    Call it: `quantity(result, scene)`. What the scene has no part for is 0, as in `Result`.
+    Call it: `quantity(result, scene)`. Where the scene lacks the part for it, it is 0, as in
+    `Result`.
 
     **Fields:**
 
     - `name`, `unit`, `meaning`: what it is.
     - `read`: the function of the result and the scene behind it.
-    - `needs`: the parts of the scene that it cannot do without: `"fence"`, `"belt"`, `"drive"`.
-    - `fields`: the fields of the result that it reads; `None` if that is not known.
-    - `measures`: measures of its own among these, for `fencejax.simulate(measures=...)`. What is
-      not asked for is not computed.
+    - `needs`: the parts that the scene must have: `"fence"`, `"belt"`, `"drive"`.
+    - `fields`: the fields of the result that it reads; `None` if unknown.
+    - `measures`: those of its fields that are measures of its own, to be passed to
+      `fencejax.simulate(measures=...)`, which computes only the measures asked for.
 
     >>> slenderness = fj.Quantity(
     ...     "slenderness", "1", "length over thickness",
@@ -91,7 +92,7 @@ def of_measure(
     )
 
 
-# Measures that a designer knows by another name.
+# Measures with another name as a quantity.
 _KNOWN_AS = {"peak_border_force": "border_force", "deepest": "indentation"}
 _MEASURED = {
     quantity.name: quantity
@@ -142,12 +143,13 @@ OBJECTIVES: Mapping[str, Quantity] = {
     **_MEASURED,
     **{q.name: q for q in (CROSSING, TIP_CLEARANCE, RING_ENERGY, FENCE_MASS, CYCLE_TIME)},
 }
-"""Every quantity by name: each measure of a result, and what is made of several or of the scene."""
+"""Every quantity by name: each measure of a result, and those computed from several measures or
+from the scene."""
 
 
 def fields(quantities: Iterable[Quantity]) -> tuple[str, ...] | None:
     """The fields of a result that some quantities read, for `fencejax.simulate(only=...)`; `None`
-    if that is not known of one of them.
+    if they are unknown for one of the quantities.
 
     >>> fj.objectives.fields([fj.objectives.PEAK_FORCE, fj.objectives.CROSSING])
     ('furthest_y', 'peak_force')
@@ -161,10 +163,9 @@ def fields(quantities: Iterable[Quantity]) -> tuple[str, ...] | None:
 
 
 def measures(quantities: Iterable[Quantity]) -> tuple[Measure, ...]:
-    """The measures of their own that some quantities read, each once, for
-    `fencejax.simulate(measures=...)`.
+    """The own measures of some quantities, each once, for `fencejax.simulate(measures=...)`.
 
-    Raises `ValueError` where two that are not the same have one name.
+    Raises `ValueError` where two different measures have the same name.
 
     >>> damage = fj.shock.damage_boundary(60.0, 2.0)
     >>> [measure.name for measure in fj.objectives.measures([damage])]
@@ -190,10 +191,10 @@ class Limit:
 
     **Fields:**
 
-    - `quantity`: what is limited.
+    - `quantity`: the limited quantity.
     - `bound` [the quantity's unit].
     - `sense`: `"at most"` or `"at least"`.
-    - `scale` [the quantity's unit], above 0: what the margin is measured in; by default the
+    - `scale` [the quantity's unit], above 0: the unit of the margin; by default the
       bound's magnitude.
 
     Raises `ValueError` where the bound is 0 and no scale is given.
@@ -225,12 +226,12 @@ class Limit:
 
     @property
     def name(self) -> str:
-        """The name of what is limited."""
+        """The name of the limited quantity."""
         return self.quantity.name
 
     @property
     def unit_of_margin(self) -> float:
-        """What the margin is measured in [the quantity's unit]."""
+        """The unit of the margin [the quantity's unit]."""
         return abs(self.bound) if self.scale is None else self.scale
 
     def margin_of(self, value: Any) -> Any:
@@ -296,4 +297,4 @@ LIMITS: Mapping[str, Limit] = {
     limit.name: limit
     for limit in (tip_deflection_limit(), stress_limit(), diverted_limit(), tip_clearance_limit())
 }
-"""The default limits by the name of what they limit."""
+"""The default limits by the names of their quantities."""

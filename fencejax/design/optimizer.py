@@ -58,7 +58,7 @@ def minimize(
 
     - `problem`: z (n,) -> objectives F (k,), margins g (m,) [1], statuses of the lanes (any shape;
       see `Status`, 0 where there are none); or a `Program` or `LaneProgram`, which several runs
-      then share and which compute again what is in numerical doubt.
+      then share and which compute lanes in numerical doubt again.
     - `start`: z at the start; shares in [0, 1], as those of `DesignSpace`.
     - `data`: further arguments of the problem, the same throughout the run.
     - `bounded`: whether z stays within [0, 1]; otherwise it is free.
@@ -80,7 +80,7 @@ def minimize(
     Raises `ValueError` and `TypeError` for arguments out of their range.
 
     >>> optimum = fj.minimize(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)), [0.9])
-    >>> print(optimum.told(margins=["minimum"]))
+    >>> print(optimum.summary(margins=["minimum"]))
     Optimum
       ended                      the conditions of Karush, Kuhn and Tucker hold within the tolerance
       limits                     all limits hold
@@ -102,7 +102,7 @@ def minimize(
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """The arguments of `minimize` that say how, checked."""
+    """The arguments of `minimize` that set the method, checked."""
 
     bounded: bool = True
     method: str | optax.GradientTransformation = "sqp"
@@ -134,7 +134,7 @@ class Settings:
         journal: Journal | None = None,
         progress: Callable[[Record], None] | None = None,
     ) -> Optimum:
-        """Minimise what `compute` gives; see `minimize`."""
+        """Minimise the problem computed by `compute`; see `minimize`."""
         point = np.asarray(_check.vector("start", np.asarray(start, dtype=float)))
         if self.bounded and not np.all((point >= 0) & (point <= 1)):
             raise ValueError(
@@ -148,37 +148,37 @@ class Settings:
         at = run(point)
         assert at is not None
         run.first = at
-        held = _initial(at) if multipliers is None else _fitting(multipliers, at)
+        multipliers = _initial(at) if multipliers is None else _checked(multipliers, at)
         if at.failed:
-            return _outcome(run, at, held, Stop.FAILED_START, self.feasibility)
+            return _outcome(run, at, multipliers, Stop.FAILED_START, self.feasibility)
         run.outer, left, on_kink = 1, None, False
         if isinstance(self.method, optax.GradientTransformation):
             descent = FirstOrder(
-                self.method, held, penalty=self.penalty, bounded=self.bounded
+                self.method, multipliers, penalty=self.penalty, bounded=self.bounded
             )
-            run.estimate = lambda at: updated(at, descent.held, descent.penalty)
+            run.estimate = lambda at: updated(at, descent.multipliers, descent.penalty)
             end, outcome = descent.run(run, at, self.tolerance, self.feasibility)
-            held = descent.held
+            multipliers = descent.multipliers
         else:
-            latest = [held]
+            latest = [multipliers]
             run.estimate = lambda _: latest[0]
             sequence = Sequence(self.bounded, self.tolerance, self.feasibility, self.penalty)
-            end, held, outcome = sequence.run(run, at, held, latest)
+            end, multipliers, outcome = sequence.run(run, at, multipliers, latest)
             if outcome != "optimal" and not run.spent:
                 best = self._restored(run)
                 if best is not end and best.violation <= self.feasibility < end.violation:
                     run.outer += 1
-                    end, held, outcome = sequence.run(run, best, held, latest)
+                    end, multipliers, outcome = sequence.run(run, best, multipliers, latest)
             left = sequence.left if sequence.judged is end else None
             on_kink = sequence.on_kink
         stop = Stop.STAGNATED if outcome == "spent" and run.circling else _ENDS[outcome]
         if stop is not Stop.OPTIMAL:
             best = self._best(run)
             if best is not end:
-                end, held, left = best, _refit(best, held), None
+                end, multipliers, left = best, _without_inactive(best, multipliers), None
             stop = _without_optimum(stop, end.violation <= self.feasibility)
         on_kink = on_kink and stop is Stop.OPTIMAL
-        return _outcome(run, end, held, stop, self.feasibility, left, on_kink)
+        return _outcome(run, end, multipliers, stop, self.feasibility, left, on_kink)
 
 
     def _best(self, run: Evaluator) -> Evaluation:
@@ -186,8 +186,8 @@ class Settings:
         return min(run.evaluations, key=lambda e: (max(e.violation, self.feasibility), e.worst))
 
     def _restored(self, run: Evaluator) -> Evaluation:
-        """The best design; where it is not feasible, that after the largest violation alone was
-        lowered from there, as a worst case without limits, within the budget."""
+        """The best design. Where it is not feasible, the largest violation alone is first minimised
+        from there, as a worst case without limits, within the budget."""
         best = self._best(run)
         if best.violation <= self.feasibility:
             return best
@@ -207,9 +207,9 @@ class Settings:
 
         run.outer, run.estimate = run.outer + 1, None
         at = missing(best)
-        held = _initial(at)
+        multipliers = _initial(at)
         Sequence(self.bounded, self.tolerance, self.feasibility, self.penalty).run(
-            evaluate, at, held, [held]
+            evaluate, at, multipliers, [multipliers]
         )
         run.estimate = estimate
         return self._best(run)
@@ -227,7 +227,7 @@ def _initial(at: Evaluation) -> Multipliers:
     return Multipliers(np.full(count, 1 / count), np.zeros(at.margins.size))
 
 
-def _fitting(given: Multipliers, at: Evaluation) -> Multipliers:
+def _checked(given: Multipliers, at: Evaluation) -> Multipliers:
     """Given multipliers, checked: weights on the simplex, none below 0."""
     weights, margins = (np.asarray(part, dtype=float) for part in given)
     if weights.shape != at.objectives.shape or margins.shape != at.margins.shape:
@@ -239,8 +239,8 @@ def _fitting(given: Multipliers, at: Evaluation) -> Multipliers:
     return Multipliers(onto_simplex(weights), np.maximum(margins, 0.0))
 
 
-def _refit(at: Evaluation, multipliers: Multipliers) -> Multipliers:
-    """The same weights; the multipliers of margins that are open are 0."""
+def _without_inactive(at: Evaluation, multipliers: Multipliers) -> Multipliers:
+    """The same weights; the multipliers of inactive margins are set to 0."""
     return Multipliers(multipliers.weights, np.where(at.margins > 0, 0.0, multipliers.margins))
 
 

@@ -1,4 +1,4 @@
-"""The outcome of an optimisation, and what it says of itself."""
+"""The outcome of an optimisation: its summary, and the shadow prices of limits and bounds."""
 
 import dataclasses
 import enum
@@ -34,18 +34,19 @@ class Optimum(Readable):
 
     **Fields:**
 
-    - `first`, `last`: the evaluations at the start and at the end, objectives over `scale`; where
-      nothing feasible was found, the last one is the least-violating of all that were made.
+    - `first`, `last`: the evaluations at the start and at the end, their objectives divided by
+      `scale`. Where no feasible design was found, `last` is the one with the smallest violation.
     - `weights`: share of each objective in the worst case's gradient [1].
     - `multipliers`: of the margins: the rate at which the worst case (over `scale`) grows with the
       margin that is demanded.
     - `scale`: what the objectives were divided by.
-    - `residual`: stationarity, complementarity and violation at `last`; by `"sqp"`, on a kink,
-      with the slopes that points within a hundredth of the ranges found on its sides.
+    - `residual`: stationarity, complementarity and violation at `last`. Where `"sqp"` ends on a
+      kink, they take in the slopes on the kink's other sides, evaluated at points within a
+      hundredth of the ranges.
     - `stop`, `feasible`: why it ended; whether all limits hold.
     - `history`: every evaluation.
-    - `on_kink`: whether the conditions hold by the slopes on the sides of a kink, of which the
-      residual of a single evaluation in `history` does not know.
+    - `on_kink`: whether the conditions hold only with the slopes on all sides of a kink. The
+      residuals in `history` are of single evaluations and leave those slopes out.
 
     >>> optimum = fj.minimize(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)), [0.9])
     >>> optimum.point.round(4), optimum.stop.name, optimum.converged
@@ -95,23 +96,23 @@ class Optimum(Readable):
         return self.stop is Stop.OPTIMAL
 
     def _printed(self) -> Table:
-        return self.told()
+        return self.summary()
 
-    def told(
+    def summary(
         self, space: DesignSpace | None = None, margins: Sequence[str | Limit] = (),
         unit: str = "1",
     ) -> Table:  # fmt: skip
-        """What was found, as a table that prints itself: why the search ended, the worst case
-        before and after, and which limits and bounds it is held by, with their prices.
+        """A table of the outcome, ready to print: why the search ended, the worst case before and
+        after, the design, and the active limits and bounds with their shadow prices.
 
         **Arguments:**
 
-        - `space`: names the variables and gives their units; without it they are shares.
-        - `margins`: the limits whose margins these are, or names of them, in their order; by
-          default their numbers.
+        - `space`: gives the variables' names and units; without it they are printed as shares.
+        - `margins`: the limits, or their names, in the order of the margins; by default the
+          margins are numbered.
         - `unit`: of the objective.
 
-        Raises `ValueError` where `margins` or `space` are not as many as there are.
+        Raises `ValueError` where the number of `margins` or of the variables of `space` is wrong.
         """
         count, size = self.margins.size, self.point.size
         names = tuple(margins) or tuple(f"margin {k}" for k in range(count))
@@ -141,7 +142,8 @@ class Optimum(Readable):
         return Table("Optimum", (*rows, *self._deciding(names, titles, unit)))
 
     def _deciding(self, limits, titles, unit: str) -> list[tuple[str, str]]:
-        """What limits and bounds the worst case could be lowered by, most first."""
+        """The limits and bounds whose relaxation would lower the worst case, the most effective
+        first."""
         if not np.isfinite(self.last.violation):
             return []
         found = shadow_prices(self)
@@ -154,12 +156,12 @@ class Optimum(Readable):
               for rate, name in zip(found.upper, titles, strict=True)),
         ]  # fmt: skip
         most = max((rate for rate, *_ in rates), default=0.0)
-        told = sorted((r for r in rates if r[0] > NEGLIGIBLE * most), key=lambda r: -r[0])
-        if not told:
+        active = sorted((r for r in rates if r[0] > NEGLIGIBLE * most), key=lambda r: -r[0])
+        if not active:
             return [("", "no limit and no bound decides")]
         return [
             (name, f"{shown(0.01 * rate, unit, 3)} saved for each {step}")
-            for rate, name, step in told
+            for rate, name, step in active
         ]
 
 
@@ -168,7 +170,7 @@ def _named(limit: str | Limit) -> str:
 
 
 def _relaxed(limit: str | Limit) -> str:
-    """A hundredth of what a margin is measured in."""
+    """The step, a hundredth of the margin's unit, for which a saving is stated."""
     if isinstance(limit, str):
         return "1 % it is relaxed by (of its bound or scale)"
     return f"{shown(0.01 * limit.unit_of_margin, limit.quantity.unit)} it is relaxed by"

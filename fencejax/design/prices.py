@@ -1,4 +1,4 @@
-"""What each limit and each bound costs: the multipliers of a design that ends on them."""
+"""Shadow prices of limits and bounds: the multipliers at a design that ends on them."""
 
 from typing import NamedTuple
 
@@ -6,21 +6,21 @@ import numpy as np
 
 from .lagrangian import Evaluation, Multipliers, Vector, slope
 
-# A share this near to 0 or 1 is on its bound; and the step in which a conflict is looked at.
+# A share this near to 0 or 1 is on its bound; the largest step in the linear program of a conflict.
 _ON_BOUND, _STEP = 1e-3, 0.05
 NEGLIGIBLE = 1e-3
-"""A price that is less than this share of the largest is none."""
+"""Prices below this share of the largest one are ignored."""
 
 
 class ShadowPrices(NamedTuple):
-    """Rates at which what is minimised falls as limits and bounds give way.
+    """Rates at which the objective falls as limits and bounds are relaxed.
 
     **Fields:**
 
-    - `margins`: of each margin (m,): by how much it falls for each unit by which that margin may be
-      smaller.
-    - `lower`, `upper`: of the lower and upper bounds of the shares z (n,), by which they may be
-      passed.
+    - `margins`: of each margin (m,): the decrease of the objective for each unit by which that
+      margin may be smaller.
+    - `lower`, `upper`: of the lower and upper bounds of the shares z (n,): the decrease for each
+      unit by which a share may exceed its bound.
     """
 
     margins: Vector
@@ -30,23 +30,23 @@ class ShadowPrices(NamedTuple):
 
 def prices(at: Evaluation, multipliers: Multipliers, scale: float) -> ShadowPrices:
     """The prices at a point with its multipliers, times `scale`: the multipliers, and the
-    Lagrangian's slope at the bounds that hold it up."""
+    Lagrangian's slope at the active bounds."""
     gradient = slope(at, multipliers)
     lower = np.where(at.point <= _ON_BOUND, np.maximum(gradient, 0.0), 0.0)
     upper = np.where(at.point >= 1 - _ON_BOUND, np.maximum(-gradient, 0.0), 0.0)
-    # A margin that no variable moves is worth nothing, whatever its multiplier.
+    # A margin that no variable changes has no price, whatever its multiplier.
     margins = np.where(np.any(at.margin_rows != 0, axis=1), multipliers.margins, 0.0)
     return ShadowPrices(*(scale * part for part in (margins, lower, upper)))
 
 
 def conflict(at: Evaluation) -> ShadowPrices:
-    """The prices of the largest violation at a point from which it cannot be lowered, so that they
-    say which limits fight: the multipliers, which sum to 1 over the margins, of
+    """The prices of the largest violation at a point where it cannot be lowered; they show which
+    limits are in conflict. They are the multipliers, with the sum 1 over the margins, of
 
         min t over steps d and t, subject to -g_j - (dg_j/dz) d <= t, 0 <= z + d <= 1
 
-    with no component of d above a twentieth of the range, within which margins that are nearly as
-    violated as the worst one count, too.
+    with every component of d at most a twentieth of the range, so that margins nearly as violated
+    as the worst one count, too.
     """
     size, count = at.point.size, at.margins.size
     low, high = np.maximum(-at.point, -_STEP), np.minimum(1 - at.point, _STEP)

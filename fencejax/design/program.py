@@ -1,4 +1,4 @@
-"""A design problem with its Jacobian, compiled; numbers in doubt are computed again, finer."""
+"""A design problem with its Jacobian, compiled, that computes lanes in doubt again, finer."""
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
@@ -22,9 +22,9 @@ _DOUBTS = np.array(sorted(NUMERICAL))
 
 
 class Numbers(NamedTuple):
-    """What a problem and its Jacobian are at a point, on the host: objectives (k,), margins (m,),
-    their Jacobians (k, n) and (m, n), how often each `Status` occurred, and at which rung of the
-    problem's fidelities each lane was computed (one lane for a whole problem)."""
+    """The values of a problem at a point, on the host: objectives (k,), margins (m,), their
+    Jacobians (k, n) and (m, n), how often each `Status` occurred, and the rung of the fidelities at
+    which each lane was computed (a `Program` counts as one lane)."""
 
     objectives: Vector
     margins: Vector
@@ -40,7 +40,7 @@ class Numbers(NamedTuple):
 
     @property
     def physical(self) -> int:
-        """The largest status that occurred and is not numerical: it speaks of the design."""
+        """The largest status that occurred and is not numerical, but a property of the design."""
         found = np.setdiff1d(np.flatnonzero(self.statuses), _DOUBTS)
         return int(np.max(found, initial=0))
 
@@ -49,10 +49,10 @@ class Program:
     """A problem with its Jacobian, compiled once for all runs that use it.
 
     The problem is a function of z (n,) and of further arguments, the *data*: any pytrees of
-    numbers that a run holds fixed, such as the bound of a limit. They are arguments of the
-    compiled program, so that another value of theirs compiles nothing.
+    numbers that are constant in a run, such as the bound of a limit. They are arguments of the
+    compiled program, so that new values do not compile it again.
 
-    With `fidelities`, each finer than the one before, the problem is called with one of them, too:
+    With `fidelities`, each finer than the one before, the problem takes a fidelity, too:
 
         def problem(z, fidelity):
             result = fj.simulate(scene(z), fidelity=fidelity, history=False)
@@ -61,11 +61,11 @@ class Program:
         fj.minimize(fj.Program(problem, fj.Fidelity.fast().ladder()), start)
 
     Where a status is numerical (`Status.numerical`), value and Jacobian are computed again at the
-    next one. Those of the last are used in any case, and the record keeps the status.
+    next fidelity. Those of the last fidelity are used in any case, and the record has the status.
 
     `compiler_options` are those of `jax.jit` for the program of one point: with
-    `{"xla_backend_optimization_level": 0}` it compiles sooner and runs slower, which pays where it
-    is called some tens of times.
+    `{"xla_backend_optimization_level": 0}` it compiles faster and runs slower, which pays off for
+    some tens of calls.
 
     >>> program = fj.Program(lambda z, bound: (z**2, z - bound, jnp.zeros(1, int)))
     >>> [fj.minimize(program, [0.9], data=(bound,)).point.round(3) for bound in (0.5, 0.6)]
@@ -105,15 +105,15 @@ class Program:
         return self._settled(found, point, data, first, first)
 
     def trace(self, point: Vector, *data: Any) -> None:
-        """Trace and lower the program for points and data like these, so that a call has it to be
-        compiled alone. Python does so for one program at a time, but compiles several at once."""
+        """Trace and lower the program for points and data like these, so that a later call only
+        compiles it. Programs are traced one at a time, but several can compile at once."""
         self._each[0].lower(jnp.asarray(point), *data)
 
     def many(
         self, points: np.ndarray, *data: Any, least: Sequence[np.ndarray | None] | None = None
     ) -> list[Numbers]:
         """The numbers at several points (w, n), in one call; every leaf of the data has a first
-        axis of that length. Another w compiles anew. `least`: that of each point."""
+        axis of length w. Another w compiles again. `least`: the first rung of each point."""
         together = _hosted(self._many(jnp.asarray(points), *data))
         settled = []
         for i, one in enumerate(least or [None] * len(points)):
@@ -127,8 +127,8 @@ class Program:
     def _settled(
         self, found: _Five, point: Vector, data: tuple[Any, ...], rung: int, least: int
     ) -> Numbers:
-        """The numbers of the first rung, from `least` on, that is not in doubt, given those of a
-        rung."""
+        """The numbers of the first rung, from `least` on, that are not in doubt; `found` are those
+        of `rung`."""
 
         def compute(rung):
             return _hosted(self._each[rung](jnp.asarray(point), *data))
@@ -144,16 +144,16 @@ class LaneProgram:
     """A problem over many lanes (parcels, impacts) with its Jacobian, each lane at the fidelity
     that it needs.
 
-    It is the composition of
+    It is the composition of two functions:
 
     - `read`: z (n,), lanes, fidelity -> numbers (a pytree) and statuses, each leaf with the lanes
-      first: what a simulation of every lane gives;
+      as its first axis: the results of a simulation of every lane;
     - `combine`: z, numbers, statuses, lanes, further data -> objectives (k,), margins (m,).
 
-    Lanes with a numerical status are computed again at the next of the `fidelities`, they alone
-    (`refined`). Their derivatives are composed with those of `combine` by the chain rule. Like a
-    `Program` it is called with a point and the data, of which the first are the lanes: a pytree
-    whose leaves have the lanes first.
+    Only the lanes with a numerical status are computed again at the next of the `fidelities`
+    (`refined`). The chain rule composes their derivatives with those of `combine`. As a `Program`
+    it is called with a point and the data. The first of the data are the lanes: a pytree whose
+    leaves have the lanes as their first axis.
 
     >>> def read(z, masses, fidelity):
     ...     return masses * z, jnp.zeros(masses.shape, int)
@@ -186,8 +186,8 @@ class LaneProgram:
         self._whole = _composed(combine)
 
     def combining(self, combine: Callable[..., tuple[Array, Array]]) -> "LaneProgram":
-        """The same numbers of every lane, of the same compiled programs, made into other objectives
-        and margins."""
+        """A program with other objectives and margins of the same numbers, with the same compiled
+        simulations."""
         other = copy.copy(self)
         other._whole = _composed(combine)
         return other
@@ -212,7 +212,7 @@ class LaneProgram:
     def _settled(
         self, point: Array, data: tuple[Any, ...], known: Any, least: np.ndarray | None
     ) -> Numbers:
-        """The numbers with each lane at its rung; `known`: those of the coarsest, if they are."""
+        """The numbers, each lane at its rung; `known`: those of the first rung, if computed."""
 
         def compute(rung, lanes):
             if rung == 0 and known is not None:
@@ -225,7 +225,7 @@ class LaneProgram:
 
 
 def _composed(combine: Callable[..., tuple[Array, Array]]):
-    """Objectives and margins with their Jacobian in z, from the lanes' numbers and theirs."""
+    """Objectives and margins with their Jacobian in z, from the lanes' numbers and Jacobians."""
 
     def whole(z, numbers, rows, statuses, lanes, *data):
         def of(z, numbers):
@@ -243,7 +243,7 @@ def _composed(combine: Callable[..., tuple[Array, Array]]):
 
 
 def _of_each(function):
-    """The function of points and of data with one more first axis."""
+    """The function mapped over a first axis of points and data."""
 
     def many(*arguments):
         return each_lane(lambda own: function(*own), arguments)

@@ -10,7 +10,7 @@ _ITERATIONS = 60
 
 
 class Solution(NamedTuple):
-    """The minimiser x (n,), the multipliers of the constraints (m,), whether it was solved."""
+    """The minimiser x (n,), the multipliers of the constraints (m,), and whether it converged."""
 
     point: Matrix
     multipliers: Matrix
@@ -22,7 +22,7 @@ def solve(hessian: Matrix, slope: Matrix, rows: Matrix, least: Matrix) -> Soluti
     """min 1/2 x^T H x + c^T x, subject to A x >= b.
 
     Mehrotra's predictor-corrector method (1992) on dense matrices; H is positive semidefinite, and
-    positive definite where no constraint holds x.
+    positive definite where no constraint is active.
 
     **Arguments:** `hessian` H (n, n), `slope` c (n,), `rows` A (m, n), `least` b (m,).
     """
@@ -49,7 +49,7 @@ def solve(hessian: Matrix, slope: Matrix, rows: Matrix, least: Matrix) -> Soluti
             break
         matrix = hessian + rows.T @ (rows * (multipliers / slack)[:, None])
         matrix[np.diag_indices(size)] *= 1 + 1e-15
-        # Of contradicting constraints the multipliers grow without end, to what is no number.
+        # With contradicting constraints the multipliers diverge.
         try:
             factor = linalg.cho_factor(matrix)
         except (np.linalg.LinAlgError, ValueError):
@@ -77,7 +77,7 @@ def solve(hessian: Matrix, slope: Matrix, rows: Matrix, least: Matrix) -> Soluti
 
 
 def _step(complement: Matrix, factor, rows, dual, primal, slack, multipliers):
-    """Newton's step of the point, the slacks and the multipliers; `complement` is what is left of
+    """Newton's step of the point, the slacks and the multipliers; `complement` is the residual of
     slack times multiplier."""
     from scipy import linalg
 
@@ -88,7 +88,7 @@ def _step(complement: Matrix, factor, rows, dual, primal, slack, multipliers):
 
 
 def _furthest(values: Matrix, change: Matrix) -> float:
-    """How far one can go before a value falls to 0; at most 1 / 0.99."""
+    """The largest share of a change before a value falls to 0; at most 1 / 0.99."""
     falling = change < 0
     share = np.min(-values[falling] / change[falling], initial=1 / 0.99)
     return float(share)

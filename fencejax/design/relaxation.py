@@ -1,4 +1,4 @@
-"""What limits and bounds are worth that give way by a tenth: shadow prices times that step."""
+"""The gain from relaxing limits and bounds by a tenth: shadow prices times that step."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -8,13 +8,13 @@ from .prices import NEGLIGIBLE, ShadowPrices
 from .variables import DesignVariable
 
 RELAXED = 0.1
-"""By which share a limit or a bound is relaxed to say what it costs; of a limit that is 0, by that
-share of what its margin is measured in."""
+"""The share by which a limit or a bound is relaxed to state its price; a limit of 0 is relaxed by
+that share of its margin's unit."""
 
 
 class Bounded(NamedTuple):
-    """A limit: its `bound` [`unit`], which of the margins (m,) are its own, and what these are
-    measured in [`unit`]."""
+    """A limit: its `bound` [`unit`], the indices of its margins among all (m,), and the unit of its
+    margins [`unit`]."""
 
     name: str
     bound: float
@@ -25,8 +25,8 @@ class Bounded(NamedTuple):
 
 
 class Relaxation(NamedTuple):
-    """A limit or a bound, relaxed from `bound` to `relaxed` [`unit`]: its `gain` is by how much
-    what is priced falls then; `margins` are those of a limit that decide."""
+    """A limit or a bound, relaxed from `bound` to `relaxed` [`unit`]: `gain` is the decrease of the
+    objective (or violation); `margins` are those of a limit that have a price."""
 
     name: str
     bound: float
@@ -42,18 +42,18 @@ def relaxations(
     prices: ShadowPrices,
     margins: Vector,
 ) -> list[Relaxation]:
-    """What relaxing each limit and each bound of a number by `RELAXED` of itself is worth, most
-    first: its rate times the step, to the first order and one at a time.
+    """The gain from relaxing each limit and each bound of a variable by `RELAXED` of itself, the
+    largest first: its price times the step, to the first order and one at a time.
 
-    `margins` (m,) are those of the design that the `prices` are of; `variables` are the numbers by
-    the names that a reader has for them, in the order of the shares z. A bound of 0 is the number's
-    own and is not relaxed.
+    `margins` (m,) are those of the design whose `prices` are given; `variables` are by the names
+    that a report uses, in the order of the shares z. A bound of 0 belongs to the number itself and
+    is not relaxed.
     """
     found: list[Relaxation] = []
     for limit in limits:
         step = RELAXED * (abs(limit.bound) or limit.unit_of_margin)
-        # A search that was cut short may still weigh a margin that is further away than the limit
-        # would give way: that does not decide.
+        # A search cut short may have a multiplier for a margin that is larger than the step of the
+        # relaxation: such a margin does not count.
         near = [k for k in limit.margins if margins[k] * limit.unit_of_margin <= step]
         rate = sum(float(prices.margins[k]) for k in near)
         relaxed = limit.bound + (step if limit.at_most else -step)

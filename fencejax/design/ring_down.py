@@ -1,4 +1,4 @@
-"""What the fence still swings by when a sort ends."""
+"""The fence's residual oscillation at the end of a sort."""
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -10,11 +10,11 @@ from .objectives import RING_ENERGY, Quantity
 
 
 def ring_amplitude(energy: Array, fence: Fence, drive: AbstractDrive | None = None) -> Array:
-    """The tip's amplitude [m] if all of an energy [J] were that of the first mode: with
+    """The tip's amplitude [m] if the first mode had all of an energy [J]: with
     m_0 omega_1^2 eta^2 / 2 = E, a = phi_1(tip) eta. Higher modes move the tip less.
 
-    Of a fence on a torque `drive` the first mode is its turning on the drive's spring; without a
-    spring nothing brings it home, and the amplitude has no bound.
+    For a fence on a torque `drive` the first mode is its rotation on the drive's spring; without a
+    spring there is no restoring torque, and the amplitude is unbounded.
     """
     link = FlexibleLink(fence, Fidelity(modes=1, static_correction=False), drive)
     square, *others = link.frequency_squared
@@ -22,7 +22,7 @@ def ring_amplitude(energy: Array, fence: Fence, drive: AbstractDrive | None = No
     tip = link.tip_deflection(alone, (), ())
     if link.hinge is not None:
         tip = tip + link.reach * link.hinge.turn[0]
-    # 1e-18 J: far below what matters, so that the root has a derivative.
+    # 1e-18 J is negligible and makes the root differentiable at 0.
     eta = jnp.sqrt(2 * (jnp.maximum(energy, 0.0) + 1e-18) / (link.mass_scale * square))
     return jnp.abs(tip) * eta
 
@@ -37,4 +37,4 @@ RING_AMPLITUDE = Quantity(
     needs=("fence",),
     fields=RING_ENERGY.fields,
 )
-"""Ring-down as a quantity: of a scene that ends where the next parcel comes."""
+"""Ring-down as a quantity, meant for a scene that ends when the next parcel arrives."""

@@ -16,8 +16,8 @@ MEASURES = ("mean", "cvar", "worst")
 
 
 def _sorted(values: Array, valid: ArrayLike | None) -> tuple[Array, Array, Array]:
-    """The values in falling order with the invalid ones last (and 0), their ranks from 0, and how
-    many are valid."""
+    """The values in descending order, the invalid ones last and 0, their ranks from 0, and the
+    number of valid ones."""
     good = jnp.ones_like(values, dtype=bool) if valid is None else jnp.asarray(valid)
     key = jnp.where(good, -values, jnp.inf)
     order = jnp.argsort(jax.lax.stop_gradient(key))
@@ -46,9 +46,9 @@ def risk(
     - `"worst"`: the largest.
 
     Differentiable: the derivative is that of the values at their present ranks, a subgradient
-    where two of them are equal. `valid` (n,) leaves values out, which may then be anything, not a
-    number included; NaN where none is left. `weights` (n,), at least 0, say how often each value
-    comes; by default all alike.
+    where two of them are equal. Values that are not `valid` (n,) are left out and may be NaN; the
+    result is NaN where none is left. `weights` (n,), at least 0, are the frequencies of the values,
+    by default all equal.
 
     Raises `ValueError` for an unknown measure or a level not in (0, 1).
 
@@ -65,7 +65,7 @@ def risk(
         return jnp.sum(falling) / jnp.where(count > 0, count, jnp.nan)
     if measure == "worst":
         return jnp.where(count > 0, falling[0], jnp.nan)
-    # At least one value: a smaller share of the sample is none.
+    # At least one value counts, however small the share of the sample.
     top = jnp.maximum((1 - level) * count, jnp.minimum(count, 1.0))
     weights = jnp.clip(top - rank, 0.0, 1.0)
     return jnp.sum(weights * falling) / jnp.where(count > 0, top, jnp.nan)
@@ -74,8 +74,8 @@ def risk(
 def _weighted(
     values: Array, measure: str, level: float, valid: ArrayLike | None, weights: Array
 ) -> Array:
-    """`risk` of values that come with different frequencies: of the largest share 1 - `level` of
-    all weight, each counts with its own."""
+    """`risk` of values with different frequencies: among the largest values that make up the share
+    1 - `level` of all weight, each counts with its own weight."""
     good = weights > 0
     good = good if valid is None else good & jnp.asarray(valid)
     safe, own = jnp.where(good, values, 0.0), jnp.where(good, weights, 0.0)

@@ -1,5 +1,5 @@
-"""A blow in the parcel's own terms: as a load in g, as the drop that hits as hard, as a change of
-its velocity, and as damage or none.
+"""Severity of a blow for the parcel: load in g, equivalent drop height, velocity change, and
+damage.
 
 >>> print(f"{fj.shock.g_load(1100.0, 15.0):.1f} g")
 7.5 g
@@ -20,7 +20,7 @@ from ..results import Course, Measure, Trace, accumulators
 from .objectives import Quantity
 
 _GRAVITY = 9.81
-# The share of its peak above which a pulse lasts, as ASTM D3332 (3.2.6) has it.
+# A pulse lasts while the force is above this share of its peak (ASTM D3332, 3.2.6).
 _PULSE = 0.1
 
 
@@ -44,10 +44,10 @@ def wall_force(speed: ArrayLike, parcel: Parcel) -> Array:
 
 
 def drop_height(force: ArrayLike, parcel: Parcel, gravity: float = _GRAVITY) -> Array:
-    """The height [m] from which the parcel, dropped with a corner onto a rigid floor, sees the
-    same peak force [N]: v^2 / (2 g) with `wall_force`(v) = F, by Newton's method in ln v.
+    """The height [m] from which the parcel, dropped with a corner onto a rigid floor, has the same
+    peak force [N]: v^2 / (2 g) with `wall_force`(v) = F, by Newton's method in ln v.
 
-    The parcel's contact law holds for the floor as it does for the fence. A force of 0 is a height
+    The parcel's contact law is the same for the floor as for the fence. A force of 0 gives a height
     of 0.
 
     >>> print(f"{fj.shock.drop_height(1100.0, fj.Parcel()):.3f} m")
@@ -58,7 +58,7 @@ def drop_height(force: ArrayLike, parcel: Parcel, gravity: float = _GRAVITY) -> 
     wanted = jnp.log(jnp.where(none, 1.0, force))
 
     def closer(wanted, parcel, log_speed):
-        # Of every power law ln F is all but straight in ln v, so that few steps do.
+        # For every power law ln F is nearly linear in ln v, so that few steps suffice.
         value, slope = jax.jvp(
             lambda at: jnp.log(wall_force(jnp.exp(at), parcel)),
             (log_speed,),
@@ -69,14 +69,14 @@ def drop_height(force: ArrayLike, parcel: Parcel, gravity: float = _GRAVITY) -> 
     fixed = jax.lax.stop_gradient((wanted, parcel))
     begin = jnp.zeros_like(fixed[0] + parcel.mass)
     log_speed = jax.lax.fori_loop(0, 10, lambda _, at: closer(*fixed, at), begin)
-    # One more step carries the derivative.
+    # One more step makes the result differentiable.
     log_speed = closer(wanted, parcel, jax.lax.stop_gradient(log_speed))
     return jnp.where(none, 0.0, jnp.exp(2 * log_speed) / (2 * gravity))
 
 
 def pulse_impulse(course: Course) -> Array:
-    """The impulse [N s] of the pulse in a force [N] that holds its largest value: from where it
-    rises through a tenth of that to where it falls through it again, straight between samples.
+    """The impulse [N s] of the pulse with the largest force [N]: from where the force rises through
+    a tenth of the peak to where it falls through that again, linear between samples.
 
     >>> pulse = fj.results.Course(jnp.linspace(0.0, 0.02, 5), jnp.array([0.0, 0, 1000, 0, 0]))
     >>> print(f"{fj.shock.pulse_impulse(pulse):.2f} N s")
@@ -85,8 +85,8 @@ def pulse_impulse(course: Course) -> Array:
     time, force = course
     if force is None:
         return jnp.zeros_like(time[0])
-    # The peak as `Result.peak_force` has it, at the vertex of a parabola, changes the level by
-    # 1e-4 of the force: the sample does.
+    # The largest sample is enough: the peak of `Result.peak_force`, at the vertex of a parabola,
+    # changes the level by 1e-4 of the force.
     place = jnp.argmax(jax.lax.stop_gradient(force)).astype(jnp.int32)
     excess = force - _PULSE * force[place]
     low = jax.lax.stop_gradient(excess) <= 0
@@ -145,14 +145,14 @@ def _of_blow(name: str, meaning: str, read) -> Quantity:
 def damage_boundary(
     critical_load: float | None = None, critical_velocity_change: float | None = None
 ) -> Quantity:
-    """How near [1] a blow comes to doing damage, min(A / A_c, dV / dV_c): only where both are
-    exceeded does it, and this is above 1.
+    """How near [1] a blow comes to damaging the parcel, min(A / A_c, dV / dV_c). It is above 1
+    where both critical values are exceeded, and only such a blow does damage.
 
     **Arguments:** `critical_load` A_c [1], an acceleration in g, and `critical_velocity_change`
-    dV_c [m/s], by default the parcel's own: the damage boundary of a product, by tests of ASTM
+    dV_c [m/s], by default the parcel's own: the damage boundary of a product, from tests by ASTM
     D3332 (R. E. Newton, Fragility assessment, 1968).
 
-    The quantity raises `ValueError` where neither it nor the parcel has them.
+    The quantity raises `ValueError` where they are neither given nor numbers of the parcel.
 
     >>> fj.shock.damage_boundary(60.0, 2.0)
     damage [1]: how near the blow comes to the parcel's damage boundary
@@ -173,11 +173,11 @@ def damage_chance(
     critical_load: float | None = None,
     critical_velocity_change: float | None = None,
 ) -> Quantity:
-    """The chance [1] that a blow damages its parcel; the mean over a population is the share of its
-    parcels that are damaged (see `share_damaged`).
+    """The probability [1] that a blow damages its parcel; the mean over a population is the share
+    of damaged parcels (see `share_damaged`).
 
-    **Arguments:** `spread` [1], above 0, as of `share_damaged`; `critical_load` and
-    `critical_velocity_change` as of `damage_boundary`, here the medians of parcels alike.
+    **Arguments:** `spread` [1], above 0, as in `share_damaged`; `critical_load` and
+    `critical_velocity_change` as in `damage_boundary`, here the medians of equal parcels.
 
     >>> fj.shock.damage_chance(0.3, critical_load=60.0, critical_velocity_change=2.0)
     share_damaged [1]: share of parcels like this that the blow damages
@@ -208,11 +208,11 @@ def share_damaged(
 
     - `load` [1], `velocity_change` [m/s]: of each parcel's blow, of shape (n,).
     - `critical_load` [1], `critical_velocity_change` [m/s]: of each parcel, or of all.
-    - `spread` [1]: the standard deviation of the natural logarithm of both critical values among
-      parcels alike, independent of each other; the values given are then medians, and a parcel
-      counts with the probability Phi(ln(A / A_c) / s) Phi(ln(dV / dV_c) / s). With 0 it counts or
-      does not, and the share has no derivative.
-    - `weights`: how often each parcel comes, of shape (n,); by default all alike.
+    - `spread` s [1]: the standard deviation of the natural logarithm of both critical values among
+      equal parcels, independent of each other; the values given are then medians, and a parcel
+      counts with the probability Phi(ln(A / A_c) / s) Phi(ln(dV / dV_c) / s). With s = 0 a parcel
+      counts fully or not at all, and the share has no derivative.
+    - `weights`: the frequency of each parcel, of shape (n,); by default all equal.
 
     >>> blows = {"load": [5.0, 8.0], "velocity_change": [2.0, 3.0]}
     >>> float(fj.shock.share_damaged(**blows, critical_load=6.0, critical_velocity_change=2.5))
@@ -221,27 +221,27 @@ def share_damaged(
     pairs = ((load, critical_load), (velocity_change, critical_velocity_change))
     ratios = [jnp.asarray(value) / jnp.asarray(critical) for value, critical in pairs]
     if spread == 0:
-        hurt = jnp.where((ratios[0] > 1) & (ratios[1] > 1), 1.0, 0.0)
+        damaged = jnp.where((ratios[0] > 1) & (ratios[1] > 1), 1.0, 0.0)
     else:
-        # A blow of nothing is one of 1e-30.
+        # A blow of 0 counts as 1e-30, so that its logarithm is finite.
         chances = [norm.cdf(jnp.log(jnp.maximum(r, 1e-30)) / spread) for r in ratios]
-        hurt = chances[0] * chances[1]
+        damaged = chances[0] * chances[1]
     if weights is None:
-        return jnp.mean(hurt)
+        return jnp.mean(damaged)
     given = jnp.asarray(weights)
-    return jnp.sum(given * hurt) / jnp.sum(given)
+    return jnp.sum(given * damaged) / jnp.sum(given)
 
 
 def pseudo_velocity_spectrum(
     time: ArrayLike, acceleration: ArrayLike, frequencies: ArrayLike, damping_ratio: float = 0.05
 ) -> Array:
-    """The pseudo-velocity shock spectrum [m/s] of a course of acceleration: omega times the largest
-    |z| of an oscillator z'' + 2 zeta omega z' + omega^2 z = -a(t) on the parcel, at rest before,
-    during the course and after it.
+    """The pseudo-velocity shock spectrum [m/s] of an acceleration history: omega times the largest
+    |z| of an oscillator z'' + 2 zeta omega z' + omega^2 z = -a(t) on the parcel, initially at rest,
+    during the history and after it.
 
-    The acceleration is straight between samples and ends with the course; the motion between them
-    is exact, its largest value taken at the samples and, free, after the end: (pi f h)^2 / 2 of it
-    may be missed where samples are h apart, 5 % with 10 of them a period.
+    The acceleration is linear between samples and 0 after the last one. The oscillator's motion is
+    exact; its largest value is taken at the samples and in the free oscillation afterwards. With
+    samples h apart, up to the share (pi f h)^2 / 2 may be missed: 5 % with 10 samples a period.
 
     **Arguments:** `time` [s] and `acceleration` [m/s^2], of shape (n,); `frequencies` f [Hz], of
     shape (k,), above 0; `damping_ratio` zeta [1], from 0 to below 1.
@@ -271,12 +271,12 @@ def pseudo_velocity_spectrum(
 
         def advance(state, sample):
             (place, rate), (length, before, now) = state, sample
-            # z = -(a_0 + k t) / omega^2 + 2 zeta k / omega^3 moves with the load; what is left of
-            # the state rings freely.
+            # z = -(a_0 + k t) / omega^2 + 2 zeta k / omega^3 is the particular solution; the rest
+            # of the state oscillates freely.
             slope = jnp.where(length > 0, now - before, 0.0) / jnp.where(length > 0, length, 1.0)
             lag = 2 * damping_ratio * slope / omega**3
             ringing = place + before / omega**2 - lag, rate + slope / omega**2
-            place, rate = _rung(ringing, length, decay, free)
+            place, rate = _free_motion(ringing, length, decay, free)
             place, rate = place - now / omega**2 + lag, rate - slope / omega**2
             return (place, rate), jnp.abs(place)
 
@@ -287,13 +287,13 @@ def pseudo_velocity_spectrum(
         place, rate = state
         turn = jnp.arctan2(rate * free, omega**2 * place + decay * rate) / free
         turn = jnp.where(turn > 0, turn, turn + jnp.pi / free)
-        after = jnp.abs(_rung(state, turn, decay, free)[0])
+        after = jnp.abs(_free_motion(state, turn, decay, free)[0])
         return omega * jnp.maximum(jnp.max(during), after)
 
     return jax.vmap(of)(frequencies)
 
 
-def _rung(state, time, decay, free):
+def _free_motion(state, time, decay, free):
     """A free oscillator's state after a time."""
     place, rate = state
     sine, cosine = jnp.sin(free * time), jnp.cos(free * time)

@@ -1,5 +1,5 @@
-"""How a sort goes besides its blow: when the parcel is across, what the fence's tip carries, when
-the fence is out of the next parcel's way, and whether the parcel stands."""
+"""Quantities of a sort besides its blow: crossing time, the impulse on the fence's tip, the
+shortest period from parcel to parcel, and the parcel's safety against tipping."""
 
 import functools
 
@@ -37,7 +37,7 @@ CROSSING_TIME = of_measure(
     ),
     needs=("belt",),
 )  # fmt: skip
-"""Between samples C_s is taken to move straight: off by a h^2 / (8 v), some 1e-6 s."""
+"""Between samples C_s moves uniformly: an error of a h^2 / (8 v), some 1e-6 s."""
 
 
 def _at_tip(state, step: Step):
@@ -56,7 +56,7 @@ _TIP_IMPULSE = Measure(
     "at least 0", Accumulator("tip impulse", lambda nothing, body: nothing.time, _at_tip),
     lambda state: state,
 )  # fmt: skip
-# 1e-9 N s: far below what matters, so that no contact is a share of 0.
+# 1e-9 N s is negligible and makes the share 0 where there is no contact.
 TIP_SHARE = Quantity(
     "tip_share", "1", "share of the impulse that the fence's tip carries: while the foot of the "
     "corner that presses is beyond it",
@@ -69,7 +69,7 @@ TIP_SHARE = Quantity(
 _TIMES = 256
 
 
-def _riding_in(scene: Scene) -> tuple[AbstractDrive, Belt, Array, Array]:
+def _arriving(scene: Scene) -> tuple[AbstractDrive, Belt, Array, Array]:
     """The drive, the belt, and x and y [m] of the corners of the parcel as it rides in, (4,)."""
     drive, belt, start = scene.drive, scene.belt, scene.start
     if drive is None or belt is None or start.distance() is not None:
@@ -85,27 +85,28 @@ def _riding_in(scene: Scene) -> tuple[AbstractDrive, Belt, Array, Array]:
 
 
 def constant_push(scene: Scene, past: ArrayLike = 0.0) -> Array:
-    """N [N] of the steady push that would do: of a point mass, across the belt, from when the
-    drive starts until the parcel has passed the fence's tip.
+    """The constant normal force N [N] that would divert the parcel, as a point mass: it acts from
+    the start of the drive until the parcel has passed the fence's tip.
 
-    The fence pushes with N and rubs with mu_2 N along itself, in all F = N sqrt(1 + mu_2^2) in one
-    direction. Where F is more than the static friction of the belt, the parcel moves relative to it
-    in that direction, with m a = F - mu_1 m g for the time T, and glides on until the belt has
-    stopped it, in all by d sqrt(1 + mu_2^2) = a T^2 / 2 (1 + a / (mu_1 g)). So that
+    The fence pushes with N and its friction is mu_2 N along the fence, together
+    F = N sqrt(1 + mu_2^2) in a constant direction. Where F exceeds the static friction of the belt,
+    the parcel moves relative to the belt in that direction, with m a = F - mu_1 m g for the time T,
+    and then slides until the belt has stopped it, in total by
+    d sqrt(1 + mu_2^2) = a T^2 / 2 (1 + a / (mu_1 g)). Therefore
 
         F = mu_1 m g / 2 (1 + sqrt(1 + 8 d sqrt(1 + mu_2^2) / (mu_1 g T^2)))
 
-    or, where that is more, F = mu_1s m g. The way d is from C_s to `past` [m] beyond the far edge;
-    T = (R_z - x + mu_2 d) / v, with x the rearmost corner at the start and mu_2 d by how much the
-    parcel lags behind the belt in the end, in favour of a small force.
+    or, where that is larger, F = mu_1s m g. The distance d is from C_s to `past` [m] beyond the far
+    edge; T = (R_z - x + mu_2 d) / v, with x the rearmost corner at the start and mu_2 d the final
+    lag of the parcel behind the belt, which makes the force smaller.
 
-    Nothing moves the parcel on the belt with less than the second of these. The first is no strict
-    bound: a fence that is turned against the belt holds the parcel for longer.
+    No force below the second value moves the parcel on the belt. The first value is no strict
+    bound: a fence turned against the belt stays in contact with the parcel for longer.
 
-    Raises `ValueError` for a scene in which the parcel does not ride in from the belt, or without a
+    Raises `ValueError` for a scene in which the parcel does not arrive on the belt, or without a
     fence.
     """
-    _, belt, x, _ = _riding_in(scene)
+    _, belt, x, _ = _arriving(scene)
     if scene.fence is None:
         raise ValueError("Argument `scene` must have a fence, but has none.")
     sliding, _, largest = belt.friction.scales(belt.speed)
@@ -121,7 +122,7 @@ def constant_push(scene: Scene, past: ArrayLike = 0.0) -> Array:
 
 
 def _clear_of(angle: Array, time: Array, x: Array, y: Array, speed: Array, end: Array) -> Array:
-    """From which period on a corner at (x, y) is clear of a fence at an `angle` at a `time`."""
+    """The period from which on a corner at (x, y) is clear of a fence at an `angle` at a `time`."""
     # A fence below 1e-9 rad is home.
     out = angle > 1e-9
     cotangent = jnp.cos(angle) / jnp.where(out, jnp.sin(angle), 1.0)
@@ -129,21 +130,21 @@ def _clear_of(angle: Array, time: Array, x: Array, y: Array, speed: Array, end: 
 
 
 def shortest_period(scene: Scene) -> Array:
-    """The shortest time [s] from parcel to parcel at which the returning fence is out of the next
-    one's way.
+    """The shortest time [s] from parcel to parcel at which the next parcel does not touch the
+    returning fence.
 
-    The next parcel rides in as this one did, a period T later. Its corner k, at (x_k, y_k) when its
+    The next parcel arrives as this one did, a period T later. Its corner k, at (x_k, y_k) when its
     own drive starts, is clear of the fence's line, y = x tan(alpha), at the time t of this sort
     where x_k - v (T - t) <= y_k / tan(alpha(t)): for all corners and all t of the drive's cycle,
 
         T = max (t + (x_k - y_k / tan(alpha(t))) / v).
 
-    A corner on the border asks for the fence to be home. The fence is straight here, and as long as
-    it needs to be; the drive comes home without jumps of its speed.
+    For a corner on the border the fence has to be home. The fence is a straight line of unlimited
+    length here; the drive returns home without jumps of its speed.
 
-    Raises `ValueError` for a scene in which the parcel does not ride in from the belt.
+    Raises `ValueError` for a scene in which the parcel does not arrive on the belt.
     """
-    drive, belt, x, y = _riding_in(scene)
+    drive, belt, x, y = _arriving(scene)
     speed = jnp.maximum(belt.speed, 1e-9)
     end = jnp.asarray(drive.cycle)
 
@@ -151,8 +152,8 @@ def shortest_period(scene: Scene) -> Array:
         return _clear_of(drive.angle(time), time, x, y, speed, end)
 
     def least(x, y):
-        # The largest of times all over, then of such about it, and about that: to 1e-7 of the
-        # cycle. It has no slope in time there, so that the time's own derivative is none.
+        # The maximum on a grid of times, refined twice around it: to 1e-7 of the cycle. At the
+        # maximum the slope in time is 0, so that the derivative of the time does not matter.
         low, high = jnp.zeros_like(end), end
         at = low
         for _ in range(3):
@@ -170,7 +171,7 @@ CLEAR_PERIOD = Quantity(
     "clear of the next parcel",
     lambda result, scene: shortest_period(scene),
     needs=("belt", "drive"),
-    # It depends on the parcel, as what is read of every sort does.
+    # It depends on the parcel: a field of the result makes it one number for every sort.
     fields=("status",),
 )  # fmt: skip
 
@@ -178,7 +179,7 @@ CLEAR_PERIOD = Quantity(
 def _cleared(state: Array, step: Step) -> Array:
     if not isinstance(getattr(step.scene, "drive", None), AbstractTorqueDrive):
         return state
-    drive, belt, x, y = _riding_in(step.scene)  # pyright: ignore[reportArgumentType]
+    drive, belt, x, y = _arriving(step.scene)  # pyright: ignore[reportArgumentType]
     assert step.now.drive is not None
     speed, end = jnp.maximum(belt.speed, 1e-9), jnp.asarray(drive.cycle)
     every = _clear_of(step.now.drive.angle, step.now.time, x, y, speed, end)
@@ -195,8 +196,8 @@ CLEAR_PERIOD_OF_TORQUE = of_measure(
     ),
     needs=("belt", "drive"),
 )  # fmt: skip
-"""The same of a torque drive, whose angle follows from the sort: at its samples, as long as the
-cycle lasts. That the fence is home by then is another limit's."""
+"""The same for a torque drive, whose angle is part of the simulated motion: at its samples during
+the cycle. Another limit ensures that the fence is home at the end of the cycle."""
 
 
 @functools.lru_cache
@@ -204,17 +205,17 @@ def tipping(
     center_height: float | None, contact_height: float, depth: float | None = None
 ) -> Quantity:
     """How near [1] a parcel comes to tipping over, N |h_C - z| / (m g b / 2) at the largest force;
-    it stands where this is below 1.
+    it does not tip where this is below 1.
 
-    The fence presses at the height z, the parcel's inertia acts at that of its centre of gravity,
-    h_C; the weight holds it down, b / 2 from the edge of its base. What the belt's friction takes
-    from the moment is left out, on the safe side.
+    The fence presses at the height z, the parcel's inertia acts at the height h_C of its centre of
+    gravity, and the weight counteracts with the lever arm b / 2 to the edge of the base. The belt's
+    friction, which reduces the moment, is left out, on the safe side.
 
     **Arguments:** `center_height` h_C [m] above the belt, `None` for half of the parcel's own
     `height`; `contact_height` z [m] above the belt; `depth` b [m] of the base in the direction of
     the force, by default the parcel's shorter side.
 
-    The quantity raises `ValueError` where neither it nor the parcel has a height.
+    The quantity raises `ValueError` where no height is given and the parcel has none.
     """
 
     def read(result, scene):

@@ -9,9 +9,9 @@ from ..parts import SplineDrive
 
 
 class Extremes(NamedTuple):
-    """Of a spline with K control angles, over its K + 3 spans of equal length dt: the largest
-    |speed| in each span [rad/s], the acceleration at each of the K + 4 knots [rad/s^2], between
-    which it is linear, and the jerk in each span [rad/s^3], constant there."""
+    """For a spline with K control angles and K + 3 spans of equal length dt: the largest |speed| in
+    each span [rad/s], the acceleration at each of the K + 4 knots [rad/s^2], linear between them,
+    and the constant jerk in each span [rad/s^3]."""
 
     speed: Array
     acceleration: Array
@@ -19,7 +19,7 @@ class Extremes(NamedTuple):
 
 
 def extremes(drive: SplineDrive) -> Extremes:
-    """With c the control angles, three zeros put before and after: at knot i the speed is
+    """With c the control angles, padded by three zeros on both sides: at knot i the speed is
     (c_{i+2} - c_i) / (2 dt) and the acceleration (c_i - 2 c_{i+1} + c_{i+2}) / dt^2; in span i the
     jerk is (c_{i+3} - 3 c_{i+2} + 3 c_{i+1} - c_i) / dt^3. Where the acceleration changes its sign
     within a span, from a to b, the speed has an extremum there, a^2 dt / (2 (a - b)) from the

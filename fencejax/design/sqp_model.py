@@ -1,12 +1,13 @@
-"""A problem as seen from a point: linear parts of the worst case and the limits, and their step.
+"""The problem linearised at a point, and the step that follows from it.
 
-With a curvature B, what they leave is a small quadratic program for the step d,
+With the linear parts of the worst case and the limits and a curvature B, the step d solves a small
+quadratic program,
 
     min over d, t, e of   t + 1/2 d^T B d + nu e
     with                  F_i + J_i d <= t,   g_j + G_j d >= -e,   e >= 0,   |d| <= radius,
 
-whose multipliers are those of the problem. e keeps it solvable where the limits contradict each
-other.
+whose multipliers are those of the problem. The slack e keeps it solvable where the limits
+contradict each other.
 """
 
 import dataclasses
@@ -21,16 +22,17 @@ from .lagrangian import Evaluation, Multipliers, Residual, Vector, complementari
 _EDGE = 1e-6
 # Multipliers below it do not count.
 _COUNTS = 1e-3
-# Slopes that differ by more than this of their lengths may be of two branches; they are where the
-# change of the value is off their mean's by more than this of the slopes' difference.
+# Slopes that differ by more than the share _UNLIKE of their lengths may be of two branches; they
+# are where the change of the value deviates from that of the mean slope by more than the share
+# _KINKED of the slopes' difference.
 _UNLIKE = 0.1
-_ROUGH = 0.1
-# Of the way to the plane before the points that could not be evaluated, what a step may go.
+_KINKED = 0.1
+# How far a step may go towards the plane in front of the walls, as a share of the way.
 _CLOSE = 0.5
 
 
 def span(at: Vector, radius: float, bounded: bool) -> tuple[Vector, Vector]:
-    """The least and the largest step within a radius, and within [0, 1] where that bounds."""
+    """The least and the largest step within a radius and, where `bounded`, within [0, 1]."""
     least, most = np.full(at.size, -radius), np.full(at.size, radius)
     if bounded:
         least, most = np.maximum(least, -at), np.minimum(most, 1 - at)
@@ -39,10 +41,11 @@ def span(at: Vector, radius: float, bounded: bool) -> tuple[Vector, Vector]:
 
 @dataclasses.dataclass
 class LocalModel:
-    """The problem as seen from a point: values and slopes of F and g.
+    """The problem linearised at a point: values and slopes of F and g.
 
-    `lanes` and `places` say which objective and which margin a row is of; one may have several.
-    `far` and `limits_far` say how far away the point is that told a row.
+    `lanes` and `places` give the objective and the margin that each row belongs to; one may have
+    several rows. `distances` and `limit_distances` give the distance to the point at which a row
+    was evaluated.
     """
 
     at: Vector
@@ -52,8 +55,8 @@ class LocalModel:
     margin_rows: np.ndarray
     lanes: NDArray[np.intp]
     places: NDArray[np.intp]
-    far: Vector
-    limits_far: Vector
+    distances: Vector
+    limit_distances: Vector
 
     @classmethod
     def of(cls, evaluation: Evaluation) -> "LocalModel":
@@ -69,17 +72,18 @@ class LocalModel:
             np.zeros(evaluation.margins.size),
         )
 
-    def slope(self, held: Multipliers) -> Vector:
+    def slope(self, multipliers: Multipliers) -> Vector:
         """The gradient of the Lagrangian."""
-        return self.objective_rows.T @ held.weights - self.margin_rows.T @ held.margins
+        weights, margins = multipliers
+        return self.objective_rows.T @ weights - self.margin_rows.T @ margins
 
     def with_branches(self, others: "list[LocalModel]", reach: float) -> "LocalModel":
         """The same with the rows of other branches.
 
-        A peak force is the largest of several blows, and which of them it is changes at a kink.
-        What a point within `reach` said of an objective or margin is a further row of it where it
-        is of another branch, F' + J' (x - x'), cut off at what F is here. Of the points on one
-        branch the nearest counts.
+        A peak force is the largest of several blows, and which of them is the largest changes at a
+        kink. The linearisation of an objective or margin at another point x' within `reach`,
+        F' + J' (x - x'), becomes a further row where it is of another branch, at most the value F
+        here. Of several points on one branch the nearest counts.
         """
         whole = self
         away = [float(np.max(np.abs(self.at - other.at))) for other in others]
@@ -89,26 +93,26 @@ class LocalModel:
         return whole
 
     def _with(self, here: "LocalModel", other: "LocalModel", away: float) -> "LocalModel":
-        """With the rows of one more point, of branches that no row is of so far."""
+        """The same with the rows of one more point that are of new branches."""
         step = here.at - other.at
-        forces, limits = here._bent(other)
+        forces, limits = here._kinks_to(other)
         lanes = _missing(forces, self.lanes, self.objective_rows, other.objective_rows)
         places = _missing(limits, self.places, self.margin_rows, other.margin_rows)
-        told = np.minimum(other.objectives + other.objective_rows @ step, here.objectives)
-        left = np.maximum(other.margins + other.margin_rows @ step, here.margins)
+        values = np.minimum(other.objectives + other.objective_rows @ step, here.objectives)
+        margins = np.maximum(other.margins + other.margin_rows @ step, here.margins)
         return LocalModel(
             self.at,
-            np.append(self.objectives, told[lanes]),
-            np.append(self.margins, left[places]),
+            np.append(self.objectives, values[lanes]),
+            np.append(self.margins, margins[places]),
             np.vstack([self.objective_rows, other.objective_rows[lanes]]),
             np.vstack([self.margin_rows, other.margin_rows[places]]),
             np.append(self.lanes, lanes),
             np.append(self.places, places),
-            np.append(self.far, np.full(lanes.size, away)),
-            np.append(self.limits_far, np.full(places.size, away)),
+            np.append(self.distances, np.full(lanes.size, away)),
+            np.append(self.limit_distances, np.full(places.size, away)),
         )
 
-    def _bent(self, other: "LocalModel") -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def _kinks_to(self, other: "LocalModel") -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which objectives and which margins have a kink between here and there."""
         step = self.at - other.at
         return (
@@ -117,15 +121,15 @@ class LocalModel:
             _kinked(self.margins - other.margins, self.margin_rows, other.margin_rows, step),
         )  # fmt: skip
 
-    def bend_to(self, other: "LocalModel") -> tuple[Vector, Vector]:
-        """By how much the objectives and the margins there are off these straight lines."""
+    def linear_errors(self, other: "LocalModel") -> tuple[Vector, Vector]:
+        """The errors of this linearisation in the objectives and margins of another point."""
         step = other.at - self.at
         return (
             other.objectives - self.objectives - self.objective_rows @ step,
             other.margins - self.margins - self.margin_rows @ step,
         )
 
-    def bent_by(self, objectives: Vector, margins: Vector) -> "LocalModel":
+    def shifted(self, objectives: Vector, margins: Vector) -> "LocalModel":
         """The same with the values of every objective and margin shifted, in all of their rows."""
         return dataclasses.replace(
             self,
@@ -133,26 +137,25 @@ class LocalModel:
             margins=self.margins + margins[self.places],
         )
 
-    def smooth_to(self, other: "LocalModel", held: Multipliers) -> bool:
-        """Whether what counts in the Lagrangian has no kink between here and there."""
-        forces, limits = self._bent(other)
-        return not (
-            np.any(forces[held.weights > _COUNTS]) or np.any(limits[held.margins > _COUNTS])
-        )
+    def smooth_to(self, other: "LocalModel", multipliers: Multipliers) -> bool:
+        """Whether no row with a multiplier that counts has a kink between here and there."""
+        forces, limits = self._kinks_to(other)
+        weights, margins = multipliers
+        return not (np.any(forces[weights > _COUNTS]) or np.any(limits[margins > _COUNTS]))
 
     def farthest(self, rows: Multipliers) -> float:
-        """How far away the farthest point is whose row counts."""
+        """The distance of the farthest point whose row has a multiplier that counts."""
         return float(max(
-            np.max(self.far[rows.weights > _COUNTS], initial=0.0),
-            np.max(self.limits_far[rows.margins > _COUNTS], initial=0.0),
+            np.max(self.distances[rows.weights > _COUNTS], initial=0.0),
+            np.max(self.limit_distances[rows.margins > _COUNTS], initial=0.0),
         ))  # fmt: skip
 
     def balanced(self, bounded: bool, within: float) -> Multipliers:
-        """Multipliers of the rows whose slopes come nearest to balance, of the objectives that are
-        `within` so much of the worst and the limits that are so near their bounds.
+        """The multipliers of the rows that make the Lagrangian's gradient smallest: of objectives
+        at most `within` below the worst one, and of limits at most `within` from their bounds.
 
-        Where rows of points nearby are among them, their slopes are those of both sides of a kink,
-        and a combination of them that vanishes is what makes a kink an optimum (Goldstein 1977).
+        With rows of points nearby, the slopes are those on both sides of a kink. A kink is an
+        optimum where a convex combination of them vanishes (Goldstein 1977).
         """
         high = self.objectives >= np.max(self.objectives) - within
         low = self.margins <= within
@@ -178,7 +181,7 @@ class LocalModel:
         return Multipliers(weights, margins)
 
     def residual(self, rows: Multipliers, violation: float, bounded: bool) -> Residual:
-        """What is left of the conditions of Karush, Kuhn and Tucker with the rows' slopes."""
+        """The residual of the conditions of Karush, Kuhn and Tucker with the rows' slopes."""
         slope = self.slope(rows)
         step = np.clip(self.at - slope, 0, 1) - self.at if bounded else slope
         left = complementarity(self.objectives, self.margins, rows)
@@ -186,23 +189,23 @@ class LocalModel:
 
     @property
     def widest(self) -> float:
-        """How far away the farthest point is that told a row."""
-        return float(max(np.max(self.far), np.max(self.limits_far, initial=0.0)))
+        """The distance of the farthest point at which a row was evaluated."""
+        return float(max(np.max(self.distances), np.max(self.limit_distances, initial=0.0)))
 
     def after(self, step, curvature, nu: float) -> float:
-        """The merit that the model expects of a step."""
+        """The merit that the model predicts after a step."""
         top = float(np.max(self.objectives + self.objective_rows @ step))
         return top + 0.5 * step @ curvature @ step + nu * self.violation(step)
 
     def violation(self, step: Vector) -> float:
-        """The largest violation that the model expects of a step."""
+        """The largest violation that the model predicts after a step."""
         return float(np.max(-(self.margins + self.margin_rows @ step), initial=0.0))
 
-    def gathered(self, held: Multipliers) -> Multipliers:
-        """The multipliers of rows as those of objectives and margins."""
+    def gathered(self, multipliers: Multipliers) -> Multipliers:
+        """The multipliers of the rows summed up for each objective and each margin."""
         return Multipliers(
-            np.bincount(self.lanes, held.weights).astype(float),
-            np.bincount(self.places, held.margins).astype(float),
+            np.bincount(self.lanes, multipliers.weights).astype(float),
+            np.bincount(self.places, multipliers.margins).astype(float),
         )
 
     def step(
@@ -210,14 +213,14 @@ class LocalModel:
     ) -> tuple[Vector, Multipliers] | None:
         """The step and the multipliers of the rows; `None` where the program is not solved.
 
-        `walls` are steps to points that could not be evaluated: no more than half the way to
-        the plane before them is gone (`before`).
+        `walls` are steps to points that could not be evaluated: the step goes at most half the
+        way to the plane in front of them (`before`).
         """
         least, most = span
         size, count = self.at.size, self.objectives.size
         top = float(np.max(self.objectives))
         reach = np.maximum(-least, most)
-        # What no step within the region can reach is left out of the program.
+        # Limits and objectives that no step within the region can reach are left out.
         near = self.margins - np.abs(self.margin_rows) @ reach <= 0
         swing = np.abs(self.objective_rows) @ reach
         high = self.objectives + swing >= np.max(self.objectives - swing)
@@ -262,12 +265,12 @@ class LocalModel:
 
 
 def before(walls: list[Vector]) -> Vector | None:
-    """The foot p of the plane p . d = |p|^2 that has all walls w on its far side, as far from 0 as
-    there is one; `None` without walls.
+    """The foot p of the farthest plane p . d = |p|^2 that has all walls w on its far side; `None`
+    without walls.
 
     p = a / |a|^2 with the least |a| for which a . w >= 1: a support vector machine (Boser, Guyon
-    and Vapnik 1992). Where the walls lie all around, the farthest are left out, and no more of them
-    than need be.
+    and Vapnik 1992). Where the walls lie all around, as few as possible are left out, the farthest
+    first.
     """
     if not walls:
         return None
@@ -290,21 +293,21 @@ def before(walls: list[Vector]) -> Vector | None:
 
 
 def _unlike(rows, others):
-    """Which rows have another slope there."""
+    """Which rows have a different slope at the other point."""
     norm = np.linalg.norm
     return norm(rows - others, axis=-1) > _UNLIKE * (norm(rows, axis=-1) + norm(others, axis=-1))
 
 
 def _kinked(change, rows, others, step):
-    """Which rows are of another branch there: over a smooth curve the mean of the slopes at its
-    ends gives the change, over a kink it does not."""
+    """Which rows are of another branch at the other point. Along a smooth curve the change of the
+    value follows from the mean of the slopes at both ends; across a kink it does not."""
     bend = np.abs((rows - others) @ step)
     off = np.abs(change - 0.5 * (rows + others) @ step)
-    return _unlike(rows, others) & (off > _ROUGH * bend)
+    return _unlike(rows, others) & (off > _KINKED * bend)
 
 
 def _missing(bent, known, rows, others) -> NDArray[np.intp]:
-    """Which objectives or margins have a branch there that is not among the known rows."""
+    """Which objectives or margins have a branch at the other point that no known row has."""
     return np.array(
         [i for i in np.flatnonzero(bent) if np.all(_unlike(rows[known == i], others[i]))],
         dtype=np.intp,

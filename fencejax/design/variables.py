@@ -1,4 +1,4 @@
-"""What a designer may change: named variables with bounds, and the fence and drive they give."""
+"""Design variables: named numbers with bounds, and the fence and drive that they define."""
 
 import dataclasses
 import math
@@ -95,8 +95,8 @@ def variable(
     unit: str | None = None,
     scaling: str | None = None,
 ) -> DesignVariable:
-    """A variable by its name or path; what is not given comes from the table of
-    `fencejax.scenes.names`. Of what has no default bounds the scaling is linear.
+    """A variable by its name or path; arguments left out come from the table of
+    `fencejax.scenes.names`. The scaling of a number without default bounds is linear.
 
     Raises `ValueError` where the table has no bounds for the name and one is missing.
     """
@@ -118,8 +118,7 @@ def variable(
 
 
 class _Designed(eqx.Module):
-    """What a design changes where nothing else is given, under the names that a scene has for
-    it."""
+    """The parts that a design changes by default, under their names in a scene."""
 
     fence: Fence
     drive: AbstractDrive
@@ -150,11 +149,11 @@ class DesignSpace(Readable):
         - `variables`: names with the default bounds of `VARIABLES`, or `DesignVariable`s of any
           number of fence and drive (see `fencejax.scene_numbers`). The name of a vector stands
           for all of its elements.
-        - `fence`, `drive`: what everything else is taken from; default `Fence()` and
+        - `fence`, `drive`: the source of all other numbers; default `Fence()` and
           `HarmonicDrive()`.
-        - `parts`: other parts whose numbers may vary, too: a module with the fields `fence` and
-          `drive` and any others under the names that a scene has for them, such as `belt`, of which
-          fence and drive are then replaced by those given.
+        - `parts`: further parts whose numbers may vary: a module with the fields `fence` and
+          `drive`, which are replaced by those given, and any others under their names in a scene,
+          such as `belt`.
 
         Raises `ValueError` for an unknown or repeated name and where the base lies out of bounds.
         """
@@ -183,7 +182,7 @@ class DesignSpace(Readable):
 
     @property
     def base(self) -> Array:
-        """The variables' values [SI] in what everything else is taken from, of shape (n,)."""
+        """The variables' values [SI] in the base fence and drive, of shape (n,)."""
         return self.values_of(self.fence, self.drive)
 
     def _printed(self) -> Table:

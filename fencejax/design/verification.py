@@ -1,4 +1,4 @@
-"""An optimum looked at again, with a finer fidelity."""
+"""An optimum evaluated again, with a finer fidelity."""
 
 import dataclasses
 from collections.abc import Callable
@@ -18,16 +18,16 @@ from .optimum import Optimum
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Verification(Readable):
-    """What a finer fidelity says of an optimum.
+    """The comparison of an optimum with a finer fidelity.
 
     **Fields:**
 
-    - `objectives`, `margins`: there, at the finer fidelity.
+    - `objectives`, `margins`: at the optimum, with the finer fidelity.
     - `error`: the optimiser's worst case less the finer one's, relative to the latter [1].
     - `margin_error`: the largest difference of a margin [1].
     - `violation`: the largest violation at the finer fidelity [1].
     - `status`: the largest `Status` of the lanes.
-    - `doubts`: what speaks against the optimum, in words; empty where nothing does.
+    - `doubts`: the objections to the optimum, in words; empty where there are none.
 
     >>> problem = lambda z: (z**2, z - 0.5, jnp.zeros(1, int))
     >>> fj.verify(problem, fj.minimize(problem, [0.9])).doubts
@@ -44,12 +44,12 @@ class Verification(Readable):
 
     @property
     def confirmed(self) -> bool:
-        """Whether error, violation and status are within what was asked."""
+        """Whether error, violation and status are within their bounds."""
         return not self.doubts
 
     @property
     def text(self) -> str:
-        """`confirmed`, or what speaks against it."""
+        """`confirmed`, or the objections."""
         return "NOT confirmed, as " + "; ".join(self.doubts) if self.doubts else "confirmed"
 
     def _printed(self) -> Table:
@@ -80,11 +80,11 @@ def verify(
     **Arguments:**
 
     - `problem`: as for `minimize`, with another fidelity; give it compiled (`jax.jit`) where
-      several optima are verified. Its value is all that is asked for.
-    - `optimum`, `data`: what `minimize` found, and with what data.
+      several optima are verified. Only its value is computed.
+    - `optimum`, `data`: the result of `minimize`, and the data that it had.
     - `agreement` [1]: largest relative error of the worst case that confirms the optimum.
-    - `feasibility` [1]: violation that counts as none; asked of optima that were feasible.
-    - `worst_status`: the largest status whose numbers are good.
+    - `feasibility` [1]: violation that counts as none; checked for optima that were feasible.
+    - `worst_status`: the largest status that confirms the optimum.
 
     Raises `ValueError` where `agreement` or `feasibility` is not finite and above 0, `TypeError`
     where it is no number.

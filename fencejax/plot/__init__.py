@@ -1,14 +1,14 @@
-"""Figures and films of results, studies and optimisations: each function draws on axes and returns
+"""Figures and films of results, studies and optimisations. Each function draws on axes and returns
 them.
 
-- a scene from above at an instant, and as moving pictures: `draw_scene`, `animate`;
+- a scene from above at given times, and as an animation: `draw_scene`, `animate`;
 - signals over time: `histories`, `energies`, `force`, `tip_deflection`;
 - a fence for the workshop: `fence_drawing` (a sheet to scale), `write_dxf`, `fence_outline`;
 - charts: `heat_map`, `front`, `convergence`, `gradient_bars`, `shock_spectrum`;
 - every output of a sweep: `sweep`.
 
-matplotlib and ezdxf are imported where they are first used, and matplotlib's global state is left
-alone: a figure is made where no axes are given, and belongs to them (`axes.figure`).
+matplotlib and ezdxf are imported at their first use, and matplotlib's global state is not changed.
+Without given axes a new figure is made, which is `axes.figure`.
 
 May import: `results` and what is below it.
 

@@ -1,4 +1,4 @@
-"""A scene as moving pictures: fence, parcel and forces, with the force over time below."""
+"""Animation of a scene: fence, parcel and forces, with the force over time below."""
 
 import tempfile
 from collections.abc import Sequence
@@ -22,15 +22,15 @@ _MARGIN = 0.06
 
 
 class Film:
-    """Moving pictures of a scene; made by `animate`.
+    """An animation of a scene; made by `animate`.
 
     **Fields:**
 
     - `times`: of the frames [s].
-    - `frames_per_second`: when shown.
-    - `axes`: the picture's; `axes.figure` holds one frame at a time.
+    - `frames_per_second`: of the playback.
+    - `axes`: the picture's; `axes.figure` has one frame at a time.
 
-    In a notebook it shows itself, with buttons to play and to step.
+    A notebook shows it with buttons to play and to step.
 
     >>> scene = fj.scenes.oblique_impact()
     >>> film = fj.plot.animate(scene, fj.simulate(scene), frames=3)
@@ -88,11 +88,11 @@ class Film:
         if slower < 0.95:
             self._speed = f",  shown {1 / slower:.2g} times faster"
         self._title = axes.set_title("", loc="left", fontsize="small")
-        self._frame_all()
+        self._fix_limits()
         self.show(0)
 
-    def _frame_all(self) -> None:
-        """Limits that hold every frame."""
+    def _fix_limits(self) -> None:
+        """Set limits of the axes that contain every frame."""
         parts = [self._shape.parcel]
         if self._shape.fence is not None and self._shape.back is not None:
             parts += [self._shape.fence, self._shape.back]
@@ -135,7 +135,7 @@ class Film:
         figure = self.axes.get_figure(root=True)
         assert figure is not None
         FigureCanvasAgg(figure).draw()
-        # The layout is worked out once; it takes longer than a frame.
+        # The layout is computed once, as it takes longer than drawing a frame.
         figure.set_layout_engine("none")
         with writer.saving(figure, str(path), dpi):
             for frame in range(len(self.times)):
@@ -191,17 +191,17 @@ def animate(
     signal: bool = True,
     fidelity: Fidelity | None = None,
 ) -> Film:
-    """Moving pictures of a scene: fence, parcel and the forces on it.
+    """Animate a scene: fence, parcel and the forces on it.
 
     The frames are equally spaced in time, whatever the spacing of the samples.
 
     **Arguments:**
 
-    - `scene`, `result`: what was simulated, with its history.
+    - `scene`, `result`: the simulated scene, and its result with the history.
     - `start`, `stop` [s]: by default those of the history.
-    - `frames`, `frames_per_second` [1/s]: at least 1; together they say how slow the motion is.
+    - `frames`, `frames_per_second` [1/s]: at least 1; together they determine the slow motion.
     - `forces`, `force_scale` [m/N]: as in `fencejax.plot.draw_scene`.
-    - `signal`: draw the fence's force over time below, with a mark that runs along.
+    - `signal`: draw the fence's force over time below, with a moving mark.
     - `fidelity`: the one that the result was computed with, if its elements are not 20.
 
     Write it with `film.save("sort.gif")` or `film.save("sort.html")`, or see one frame with

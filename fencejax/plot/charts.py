@@ -30,9 +30,9 @@ def heat_map(
     **Arguments:**
 
     - `x` (n,), `y` (m,), rising; `values` (m, n): the quantity at each of their pairs.
-    - `x_label`, `y_label`, `label`: what they are, each with its unit: `"mass [kg]"`.
-    - `good` (m, n): where the values hold; elsewhere, and where they are not finite, it is
-      hatched.
+    - `x_label`, `y_label`, `label`: of the axes and the colors, each with a unit: `"mass [kg]"`.
+    - `good` (m, n): where the values are valid; elsewhere, and where they are not finite, the map
+      is hatched.
     - `contours`: draw the lines.
     - `color_map`: matplotlib's name.
     - `axes`: where to draw; by default a figure of page width.
@@ -58,7 +58,7 @@ def heat_map(
         sound = sound & np.asarray(good, dtype=bool)
     axes = style.prepared(axes, height=3.8)
     axes.grid(False)
-    # Hatched below; colors cover it where there is a value.
+    # The hatching is below the colors, which cover it where there is a value.
     style.hatched(axes)
     shown = np.ma.masked_where(~sound, table)
     mesh = axes.pcolormesh(across, up, shown, shading="nearest", cmap=color_map, zorder=1)
@@ -75,8 +75,9 @@ def heat_map(
 
 
 def non_dominated(points: ArrayLike) -> np.ndarray:
-    """Which of the points (n, k) no other one beats: is at most as large in every column, and
-    smaller in one. Of equal points all count; points that are not finite do not. Shape (n,).
+    """Which of the points (n, k) no other point dominates, by being at most as large in every
+    column and smaller in one. Equal points all count; points that are not finite do not. Shape
+    (n,).
 
     >>> fj.plot.non_dominated(np.array([[60, 1200], [80, 1000], [80, 1100]]))
     array([ True,  True, False])
@@ -101,15 +102,15 @@ def front(
     logarithmic: bool = False,
     axes: "Axes | None" = None,
 ) -> "Axes":
-    """Two quantities that are both to be small, and the front of those that no other point beats in
-    both: the front filled and joined, the others pale.
+    """Points of two quantities to be minimised, and their Pareto front: non-dominated points joined
+    by a line, the others pale.
 
     **Arguments:**
 
     - `points` (n, 2): x and y; or several of these by name, each with a front of its own.
-    - `x_label`, `y_label`: what they are, each with its unit.
+    - `x_label`, `y_label`: of the axes, each with a unit.
     - `names`: one for each point of a single set, written beside it.
-    - `bound` (b, 2): a line below which nothing can be, `bound_label` its name.
+    - `bound` (b, 2): a line below which no point is possible, `bound_label` its name.
     - `logarithmic`: both axes.
     - `axes`: where to draw; by default a figure of page width.
 
@@ -162,7 +163,7 @@ def front(
 
 
 def _logarithmic(axes: "Axes") -> None:
-    """Logarithmic axes whose ticks are plain numbers."""
+    """Make the axes logarithmic, with plain numbers as ticks."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set_xscale("log")
@@ -174,7 +175,7 @@ def _logarithmic(axes: "Axes") -> None:
 
 
 class Evaluated(Protocol):
-    """What `convergence` reads of each evaluation of an optimisation: its number, the worst case,
+    """The numbers of an evaluation that `convergence` draws: its number, the worst case,
     the largest violation [1], the residual of the conditions of Karush, Kuhn and Tucker [1], and
     whether it failed."""
 

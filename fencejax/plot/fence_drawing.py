@@ -13,7 +13,7 @@ from .fence_outline import fence_outline
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# A4 across, its frame as ISO 5457 has it, and the scales of ISO 5455.
+# A4 landscape with the frame of ISO 5457, and the scales of ISO 5455.
 SHEET = (297.0, 210.0)
 _LEFT, _RIGHT, _BOTTOM, _TOP = 20.0, 287.0, 10.0, 200.0
 _SCALES = (1, 2, 5, 10, 20, 50, 100, 200)
@@ -33,17 +33,17 @@ def fence_drawing(
     notes: Sequence[str] = (),
     axes: "Axes | None" = None,
 ) -> "Axes":
-    """A fence as a drawing sheet, A4 across.
+    """A fence as a drawing sheet, A4 landscape.
 
     Two views to scale, of the face with the width and from above with the thickness h(x); below
-    them the profile of the flexible link with its thickness enlarged and written at stations of
-    equal distance; and a title block with material and mass. Saved at its own size (`axes.figure`
-    is 297 mm by 210 mm), 1 mm of the sheet is as much of the fence as the scale says.
+    them the profile of the flexible link, its thickness enlarged, with numbers at equidistant
+    stations; and a title block with material and mass. The sheet is to scale when saved at its own
+    size (`axes.figure` is 297 mm by 210 mm).
 
     **Arguments:**
 
     - `title`: of the title block.
-    - `material`: what it is made of, beside modulus and density.
+    - `material`: its name, printed with modulus and density.
     - `notes`: lines beside the title block.
     - `axes`: where to draw, in millimetres of the sheet; by default a figure of the sheet's size.
 
@@ -88,7 +88,7 @@ class _Sheet:
     # ---- views
 
     def _face(self, top: float) -> float:
-        """The face, to scale; where the next view can begin."""
+        """Draw the face, to scale; returns the height at which the next view can begin."""
         self._text(_LEFT + 3, top, f"face, 1:{self.scale}", va="top", weight="bold")
         height, long = self.width / self.scale, self.reach / self.scale
         high = top - 13
@@ -110,7 +110,7 @@ class _Sheet:
         return low - 5
 
     def _from_above(self, top: float) -> float:
-        """Seen from above, to scale."""
+        """Draw the view from above, to scale; returns as `_face`."""
         self._text(_LEFT + 3, top, f"from above, 1:{self.scale}", va="top", weight="bold")
         face = top - 13
         x, y = (1e3 * part / self.scale for part in self.shape.points())
@@ -158,7 +158,8 @@ class _Sheet:
         self._text(_HINGE - 8, base - _PROFILE - 1.5, "x", ha="right", va="top", style="italic")
 
     def _curve(self, low: float, shares: np.ndarray) -> None:
-        """How far the face is off the straight line at rest, below the profile's stations."""
+        """Write the face's deviation from the straight line at rest, below the profile's
+        stations."""
         assert self.fence.rest_shape is not None
         flexible = self.reach - self.rigid
         line = self.fence.rest_shape.at(shares, flexible / 1e3)
@@ -178,7 +179,7 @@ class _Sheet:
             self._line([place] * 2, [low, high], _THIN, dashes=(4, 1.5))
 
     def _hinge(self, x: float, y: float) -> None:
-        """The axis, seen along it."""
+        """Draw the hinge, seen along its axis."""
         for dx, dy in ((3, 0), (0, 3)):
             self._line([x - dx, x + dx], [y - dy, y + dy], color=style.RED, dashes=(6, 1, 1, 1))
         self.axes.plot([x], [y], "o", color=style.RED, markersize=2.2, zorder=5)
@@ -277,12 +278,12 @@ class _Sheet:
 
 
 def _number(value: float, digits: int = 1) -> str:
-    """Millimetres without idle zeros."""
+    """Millimetres without trailing zeros."""
     text = f"{value:.{digits}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def _short(text: str, share: float, large: bool) -> str:
-    """What there is room for in a field of the title block."""
+    """The text, cut to the room in a field of the title block."""
     most = int(share * (72 if large else 110))
     return text if len(text) <= most else text[: most - 1] + "…"

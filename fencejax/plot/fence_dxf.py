@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ezdxf.document import Drawing
 
 LAYERS = {"OUTLINE": 7, "JOINT": 5, "HINGE": 1, "DIMENSIONS": 3}
-"""Layers of the drawing, with the index of their color. What is cut is on the first alone."""
+"""Layers of the drawing, with the index of their color. Only the first one is to be cut."""
 _MM = 1e3
 
 
@@ -25,7 +25,7 @@ def write_dxf(path: Path | str, fence: Fence, title: str = "") -> FenceOutline:
     - `OUTLINE`: one closed polyline of lines and arcs (see `fencejax.plot.fence_outline`), whose
       area times width and density is the mass of the fence;
     - `JOINT`: the line across where the rigid link ends, if there is one;
-    - `HINGE`: the axis of the hinge, a point with a cross: no hole, the model knows no bearing;
+    - `HINGE`: the axis of the hinge, a point with a cross; no hole, as the model has no bearing;
     - `DIMENSIONS`: lengths, thickness at the root and, of a straight fence, at the tip, and a note.
 
     The same fence and title give the same file, byte by byte.

@@ -1,4 +1,4 @@
-"""The outline of a fence as a workshop cuts it: lines and arcs. In NumPy; nothing is drawn here."""
+"""The outline of a fence for cutting it: lines and arcs, in NumPy. Nothing is drawn here."""
 
 from typing import NamedTuple
 
@@ -7,9 +7,9 @@ import numpy as np
 from ..parts import AbstractTaper, Fence, RestShape
 
 TOLERANCE = 1e-5
-"""Largest distance [m] of an arc from the profile it stands for: a hundredth of a millimetre, finer
-than plates are milled."""
-# Of the square root of the distance to the tip: what is narrower is a step of the profile.
+"""Largest distance [m] of an arc from the profile that it approximates: 0.01 mm, finer than the
+tolerance of milled plates."""
+# A narrower interval of the square root of the distance to the tip is a step of the profile.
 _NARROWEST = 1e-9
 _ARCS = 4
 _PER_ARC = 16
@@ -40,7 +40,7 @@ class FenceOutline(NamedTuple):
 
     @property
     def area(self) -> float:
-        """What it encloses [m^2]: times width and density the mass of the fence."""
+        """The enclosed area [m^2]: times width and density the mass of the fence."""
         x, y = np.append(self.x, self.x[0]), np.append(self.y, self.y[0])
         polygon = 0.5 * np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])
         chord = np.hypot(np.diff(x), np.diff(y))
@@ -48,7 +48,7 @@ class FenceOutline(NamedTuple):
         return float(polygon + np.sum(_segment(angle) * chord**2))
 
     def points(self, per_arc: int = 8) -> tuple[np.ndarray, np.ndarray]:
-        """(x, y) [m] of a closed line along it, with so many pieces an arc."""
+        """(x, y) [m] of a closed line along it, with `per_arc` pieces an arc."""
         x, y = [], []
         for k, bulge in enumerate(self.bulge):
             start = np.array([self.x[k], self.y[k]])
@@ -71,11 +71,11 @@ def fence_outline(fence: Fence) -> FenceOutline:
     """The outline of a fence: the rigid link as thick as the flexible one's root, then
     h(x) = h_1 g(x / l_p).
 
-    The profile is made of arcs whose ends lie on it and which enclose with their chords just the
-    area that the profile does, so that the outline's area is the integral of the thickness; they
-    keep within `TOLERANCE` of the profile. A step of the profile is a line across. A fence that is
-    curved at rest comes in short lines, as near to its own; the thickness is across its face, so
-    that the area is that of the straight one but for half the thickness over the curve's radius.
+    The profile is approximated by arcs within `TOLERANCE`. Their ends lie on the profile, and each
+    encloses with its chord the same area as the profile does, so that the outline's area is the
+    integral of the thickness. A step of the profile is a line across. A fence curved at rest has
+    short lines within the same tolerance; its thickness is normal to the face, so that its area
+    differs from the straight one's by the share of half the thickness over the curve's radius.
 
     >>> outline = fj.plot.fence_outline(fj.Fence(taper=fj.Uniform()))
     >>> float(outline.y.min())
@@ -83,11 +83,11 @@ def fence_outline(fence: Fence) -> FenceOutline:
     """
     rigid, flexible = float(fence.rigid_length), float(fence.flexible_length)
     thick = float(fence.thickness)
-    # What an optimiser leaves of a rigid link on the bound of 0.
+    # An optimiser may leave a tiny rigid link at its bound of 0.
     rigid = rigid if rigid > _NO_LINK * flexible else 0.0
     ends = np.linspace(1.0, 0.0, _ARCS + 1)
     roots, bulges = [], []
-    # From the root on; those that do not fit are halved.
+    # From the root on; intervals without a fitting arc are halved.
     open_ones = list(zip(ends[:-1], ends[1:], strict=True))[::-1]
     while open_ones:
         first, last = open_ones.pop()
@@ -101,7 +101,7 @@ def fence_outline(fence: Fence) -> FenceOutline:
     roots = np.array([*roots, 0.0])
     x, y = _profile(fence.taper, roots, flexible, thick)
     x, y, bulge = rigid + x, -y, np.array([*bulges, 0.0])
-    # The rigid link is h_1 thick, whatever the profile begins with.
+    # The thickness of the rigid link is h_1, independent of the profile's first value.
     behind = [(0, 0), (0, -thick), (rigid, -thick)] if rigid > 0 else [(0, 0)]
     x = np.concatenate([[place for place, _ in behind], x, x[-1:]])
     y = np.concatenate([[place for _, place in behind], y, [0]])
@@ -137,7 +137,7 @@ def _curved(straight: FenceOutline, shape: RestShape, length: float) -> FenceOut
 
 
 def _needless(x: np.ndarray, y: np.ndarray, bulge: np.ndarray) -> np.ndarray:
-    """Vertices that are the same as the next one, or within a straight line."""
+    """Which vertices equal the next one, or lie within a straight line."""
     found = np.zeros(x.size, dtype=bool)
     for k in range(x.size):
         before = next((i for i in range(k - 1, -1, -1) if not found[i]), x.size - 1)
@@ -166,7 +166,7 @@ def _relative(taper: AbstractTaper, position, tip_distance) -> np.ndarray:
 def _arc(
     taper: AbstractTaper, first: float, last: float, length: float, thick: float
 ) -> float | None:
-    """The bulge of the arc over a part of the profile; `None` where none is near enough."""
+    """The bulge of the arc over a part of the profile; `None` where no arc is near enough."""
     half = 0.5 * (first - last)
     if 2 * half < _NARROWEST:
         return 0.0
@@ -177,7 +177,7 @@ def _arc(
     chord = float(np.hypot(x1 - x0, y1 - y0))
     if abs(area) >= chord**2 * _segment(0.9 * np.pi):
         return None
-    # How far the profile is outside of the chord, and how far along it.
+    # Coordinates of the profile normal to the chord and along it.
     along = ((x1 - x0) * (x - x0) + (y1 - y0) * (y - y0)) / chord
     out = ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / chord
     angle = 0.0

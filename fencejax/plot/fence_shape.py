@@ -1,5 +1,5 @@
-"""What a scene looks like at given times: lines of fence and parcel, forces as vectors. In NumPy;
-nothing is drawn here."""
+"""The geometry of a scene at given times: lines of fence and parcel, forces as vectors, in NumPy.
+Nothing is drawn here."""
 
 from typing import Any, NamedTuple
 
@@ -22,7 +22,7 @@ surfaces, and the belt's."""
 
 
 class Vectors(NamedTuple):
-    """Forces of one kind over F frames, at k points each: where they act (`x`, `y`) [m] and their
+    """Forces of one kind over F frames, at k points each: the points (`x`, `y`) [m] and the
     components (`force_x`, `force_y`) [N], in fixed axes; each of shape (F, k)."""
 
     x: np.ndarray
@@ -55,16 +55,16 @@ def outline(
 ) -> Outline:
     """Fence, parcel and forces at `times` [s], by linear interpolation between the samples.
 
-    The fence's line is bent by its modes and, as in the simulation, by what the modes left out
-    yield under the contact: w(x) = sum phi_i eta_i - sum_j r_j G(x, sigma_j), about its curve at
-    rest. It keeps the
-    length: every element is a chord whose ends lie w off the rigid link's line.
+    The fence's line is bent by its modes and, as in the simulation, by the static deflection of the
+    truncated modes under the contact: w(x) = sum phi_i eta_i - sum_j r_j G(x, sigma_j), about its
+    curve at rest. Its length is constant: every element is a chord whose ends have the distance w
+    from the rigid link's line.
 
     **Arguments:**
 
     - `times` [s]: one or several, within the history.
-    - `fidelity`: the one that the result was computed with; by default as many modes as the
-      history holds, on 20 elements.
+    - `fidelity`: the one that the result was computed with; by default one with the history's
+      number of modes, on 20 elements.
 
     Raises `TypeError` where the scene is one of the normal direction alone, `ValueError` where
     the result has no history or that of a batch, where a time lies outside of it, and where the
@@ -118,7 +118,7 @@ def _interpolated(history: Sample, times: np.ndarray) -> Sample:
     """The history at other times."""
     clock = np.asarray(history.time, dtype=float)
     good = np.flatnonzero(np.isfinite(clock))
-    # Of samples at one time the last.
+    # Of several samples at the same time the last one counts.
     good = good[np.append(np.diff(clock[good]) > 0, True)]
     clock = clock[good]
     outside = ~((times >= clock[0] - 1e-9) & (times <= clock[-1] + 1e-9))
@@ -156,7 +156,8 @@ def _at(arms, corners):
 
 
 def _near_tip(scene: Scene, history: Sample, arms):
-    """(x, y) of where on the parcel's sides the fence presses, and its directions (x, y).
+    """(x, y) of the points on the parcel's sides at which the fence presses, and the directions of
+    its forces (x, y).
 
     The line of a force of direction n and moment m about C_s meets the side from a corner r along
     the unit vector d at r + a d, with a = (m - r x n) / (d x n).
@@ -241,7 +242,7 @@ class _Bent:
         self._thickness = float(fence.thickness) * np.concatenate([[1.0], profile])
 
     def _left_out(self, fence: Fence, fidelity: Fidelity, history: Sample):
-        """What the modes that are not in the history yield at the nodes, statically:
+        """The static deflection at the nodes by the modes that the history lacks:
         sum_j r_j sum_i phi_i(x) phi_i(sigma_j) / (m_0 w_i^2), and its slope in x / l_p."""
         whole = FlexibleLink(fence, fidelity.replace(modes=None))
         nodes = self._elements + 1
@@ -267,7 +268,7 @@ class _Bent:
         return element, at - element
 
     def slope(self, place: np.ndarray) -> np.ndarray:
-        """Slope [rad] at one arc coordinate [m] a frame, as the contact has it."""
+        """Slope [rad] at one arc coordinate [m] a frame, as in the contact."""
         element, s = self._element(place)
         frames = np.arange(len(place))
         ends = (self.deflection, self._slope / self._elements)

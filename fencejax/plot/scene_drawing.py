@@ -1,4 +1,4 @@
-"""Pictures of a scene seen from above: the fence bent, the parcel, belt and border, forces."""
+"""Pictures of a scene from above: the bent fence, the parcel, belt and border, and forces."""
 
 import math
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ _LONGEST = 0.3
 
 
 class Arrows(NamedTuple):
-    """How forces are drawn: their names, and metres of arrow a newton."""
+    """The forces to draw: their names, and the arrows' scale [m/N]."""
 
     names: tuple[str, ...]
     scale: float
@@ -62,7 +62,7 @@ def chosen_arrows(
 
 
 def draw_ground(scene: Scene, axes: "Axes") -> None:
-    """Belt, border, other surfaces and hinge, in metres; labels of the axes."""
+    """Draw belt, border, other surfaces and hinge, in metres, and label the axes."""
     if scene.belt is not None:
         width = float(scene.belt.width)
         axes.axhspan(0.0, width, color=style.PALE, linewidth=0, zorder=0)
@@ -81,7 +81,7 @@ def draw_ground(scene: Scene, axes: "Axes") -> None:
 
 
 def draw_arrows(shape: Outline, index: int, arrows: Arrows, axes: "Axes", alpha: float = 1.0):
-    """Forces of one frame as arrows; a quiver for each name that the scene has, in metres."""
+    """Draw the forces of one frame as arrows; returns a quiver for each name that the scene has."""
     made: dict[str, Quiver] = {}
     for name in arrows.names:
         if name not in shape.forces:
@@ -108,11 +108,11 @@ def reference_force(scale: float) -> float:
 
 
 def explain_arrows(made: "dict[str, Quiver]", arrows: Arrows, axes: "Axes") -> None:
-    """A key above the axes: how long an arrow is, and colors where there are several."""
+    """Draw a key above the axes: the arrows' scale, and the colors where there are several."""
     if not made:
         return
     newton = reference_force(arrows.scale)
-    # An empty title keeps the room above.
+    # An empty title reserves the space above.
     axes.set_title(axes.get_title(loc="left") or " ", loc="left", fontsize="small")
     axes.quiverkey(
         next(iter(made.values())), 0.8, 1.04, arrows.scale * newton, f"{newton:g} N",
@@ -137,14 +137,14 @@ def draw_scene(
 ) -> "Axes":
     """A scene from above at one time or several [s], later ones darker.
 
-    The fence's line is where the corners meet it; its thickness is drawn behind it. The arrows are
-    the forces on the parcel, to scale.
+    The fence's line is its face, which the corners touch; its thickness is drawn behind it. The
+    arrows are the forces on the parcel, to scale.
 
     **Arguments:**
 
-    - `scene`, `result`: what was simulated, with its history.
+    - `scene`, `result`: the simulated scene, and its result with the history.
     - `forces`: names of `fencejax.plot.FORCES`; those that the scene lacks are left out.
-    - `force_scale` [m/N]: metres of arrow a newton; by default the largest force is 0.3 m long.
+    - `force_scale` [m/N]: of the arrows; by default that of the largest force is 0.3 m long.
     - `path`: draw the path of C_s up to the last of the times.
     - `axes`: where to draw, in metres; by default a figure of page width.
     - `fidelity`: the one that the result was computed with, if its elements are not 20.
@@ -187,7 +187,7 @@ def draw_scene(
         )
     explain_arrows(made, arrows, axes)
     if axes.get_legend_handles_labels()[0]:
-        # Beside the picture, which seldom fills the page.
+        # Beside the picture, as it seldom fills the page.
         axes.legend(
             frameon=False, fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.02),
             handlelength=1.2,
@@ -196,7 +196,7 @@ def draw_scene(
 
 
 def draw_joint(scene: Scene, shape: Outline, index: int, axes: "Axes", alpha: float = 1.0):
-    """A mark where the rigid link ends and the flexible one begins, unless that is the hinge."""
+    """Draw a mark at the joint of rigid and flexible link, unless that is at the hinge."""
     if scene.fence is None or shape.fence is None:
         return None
     if float(scene.fence.rigid_length) < 0.01 * float(scene.fence.reach):

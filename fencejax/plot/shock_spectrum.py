@@ -29,8 +29,8 @@ def shock_spectrum(
 
     - `frequencies` (k,) [Hz], above 0; `pseudo_velocity` (k,) [m/s], as of
       `fencejax.shock.pseudo_velocity_spectrum`, or several of these by name.
-    - `critical_load` [1], in g, and `critical_velocity_change` [m/s]: of a product, drawn as the
-      bounds that they are to the spectra of long and of short pulses.
+    - `critical_load` [1], in g, and `critical_velocity_change` [m/s]: of a product, drawn as bounds
+      of the spectra of long and of short pulses.
     - `axes`: where to draw; by default a figure of page width.
 
     Raises `ValueError` where the shapes do not fit or a number is not above 0.

@@ -1,7 +1,7 @@
-"""The look that all figures share.
+"""The common style of all figures.
 
-matplotlib is imported where it is first used, and its global state is left alone: a figure is made
-where no axes are given, and belongs to them (`axes.figure`).
+matplotlib is imported at its first use, and its global state is not changed. Without given axes a
+new figure is made, which is `axes.figure`.
 """
 
 import re
@@ -15,22 +15,23 @@ if TYPE_CHECKING:
 COLORS = (
     "#8a8a8a", "#0b5fa5", "#c8501e", "#2a8c4a", "#7a4aa0", "#a08a20", "#3aa0a0", "#c04080",
 )  # fmt: skip
-"""Of several lines, in turn. The first is for what the others are compared with."""
+"""Colors of several lines, in order. The first one is for the reference of a comparison."""
 GRAY, BLUE, RED, GREEN, PURPLE, OCHRE, TEAL, PINK = COLORS
 LINES = COLORS[1:]
 INK, NOTE, GRID, PALE = "black", "#555555", "#dddddd", "#ece8df"
-"""Of outlines and axes, of notes on a drawing, of grids, and of surfaces: the belt, a solid."""
+"""Colors of outlines and axes, of notes on a drawing, of grids, and of surfaces such as the
+belt."""
 CAUTION = "#f7d488"
-"""Of what is warned of, between `BLUE` for what is right and `RED` for what is wrong."""
+"""Color of warnings, between `BLUE` for right and `RED` for wrong."""
 EMPTY, HATCH = "#f0f0f0", "#c8c8c8"
-"""Of areas without a value, and of the hatching across them."""
+"""Colors of areas without a value, and of the hatching across them."""
 MAP, SIGNED_MAP = "viridis", "RdBu_r"
 """matplotlib's color maps of a quantity, and of one that is above and below 0."""
 WIDTH, HEIGHT = 6.3, 3.2
 
 
 def figure(height: float = HEIGHT, width: float = WIDTH) -> "Figure":
-    """A figure, by default of page width, that pyplot does not know of. Both in inches.
+    """A figure outside of pyplot, by default of page width; height and width in inches.
 
     >>> fj.plot.figure(width=4.0).get_size_inches()
     array([4. , 3.2])
@@ -55,7 +56,7 @@ def prepared(axes: "Axes | None", height: float = HEIGHT) -> "Axes":
 
 
 def panel(axes: "Axes", x_label: str, y_label: str, title: str = "") -> "Axes":
-    """The axes as one of several in a figure: with small labels, and a title at the left.
+    """The axes prepared as one of several in a figure: small labels, and a title at the left.
 
     >>> axes = fj.plot.panel(fj.plot.figure().subplots(), "time [ms]", "force [N]", "before")
     """
@@ -68,21 +69,21 @@ def panel(axes: "Axes", x_label: str, y_label: str, title: str = "") -> "Axes":
 
 
 def hatched(axes: "Axes") -> None:
-    """Hatch the axes, where nothing covers them."""
+    """Hatch the background of the axes."""
     axes.set_facecolor(EMPTY)
     axes.patch.set_hatch("////")
     axes.patch.set_edgecolor(HATCH)
 
 
 def hatched_patch(label: str) -> "Patch":
-    """What a legend shows of hatched areas."""
+    """The entry of a legend for hatched areas."""
     from matplotlib.patches import Patch
 
     return Patch(facecolor=EMPTY, edgecolor=HATCH, hatch="////", label=label)
 
 
 def legend(axes: "Axes") -> None:
-    """A legend above the axes, where it hides nothing; none where nothing is named.
+    """A legend above the axes, where it covers nothing; none without labelled lines.
 
     >>> axes = fj.plot.prepared(None)
     >>> lines = axes.plot([0, 1], [0, 1], label="force")
@@ -102,7 +103,7 @@ def legend(axes: "Axes") -> None:
 
 
 def legend_above(axes: "Axes", columns: int) -> None:
-    """A legend above all panels of a figure, of what one of them shows.
+    """A legend above all panels of a figure, for the lines in one of them.
 
     >>> upper, lower = fj.plot.figure().subplots(2)
     >>> lines = upper.plot([0, 1], [0, 1], label="before")

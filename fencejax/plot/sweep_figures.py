@@ -1,4 +1,4 @@
-"""Figures of a sweep: a map of two variables, a line of one, scatter and medians of more."""
+"""Figures of a sweep: a map over two variables, a line over one, scatter and medians over more."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# More points than these hide each other.
+# More points than these cover each other.
 _MOST_POINTS = 4000
 _SLICES = 16
 
 
 class Lanes(Protocol):
-    """What is drawn: the columns of a `fencejax.SweepTable`."""
+    """The columns to draw, as in a `fencejax.SweepTable`."""
 
     @property
     def variables(self) -> Mapping[str, np.ndarray]: ...
@@ -47,7 +47,7 @@ class Lanes(Protocol):
 
 @dataclasses.dataclass(frozen=True)
 class _Columns:
-    """The columns of a sweep that is kept in no table; see `Lanes`."""
+    """The columns of a sweep without a table; see `Lanes`."""
 
     variables: Mapping[str, np.ndarray]
     outputs: Mapping[str, np.ndarray]
@@ -69,7 +69,7 @@ class _Columns:
 
 
 def _units(names: list[str], given: Mapping[str, str]) -> dict[str, str]:
-    """The unit of each name: the one given, a measure's, or that of a scene's number."""
+    """The unit of each name: the given one, or that of a measure or of a scene's number."""
     found = {name: measure.unit for name, measure in MEASURES.items()}
     found.update(given)
     for name in names:
@@ -86,7 +86,7 @@ def _units(names: list[str], given: Mapping[str, str]) -> dict[str, str]:
 
 
 def _logarithmic(values: np.ndarray) -> bool:
-    """Whether values are spaced by equal ratios and not by equal differences."""
+    """Whether values have equal ratios instead of equal differences."""
     distinct = np.unique(values)
     if distinct.size < 3 or distinct[0] <= 0:
         return False

@@ -94,7 +94,7 @@ _SIGNALS = {
 SIGNALS = tuple(_SIGNALS)
 """Names that `histories` draws."""
 _TIME = "time since the start [ms]"
-# Of the time that is shown with a force, so much more is shown after it.
+# The time shown after the last force, as a share of the time until then.
 _AFTER = 0.15
 
 
@@ -160,8 +160,8 @@ def histories(
 
 
 def energies(result: Result, *, axes: "Axes | None" = None) -> "Axes":
-    """Energies held over time [J]: of the parcel's motion and the fence's, of its bending and of
-    the contacts.
+    """Stored energies over time [J]: of the motions of parcel and fence, of the fence's bending and
+    of the contacts.
 
     >>> axes = fj.plot.energies(fj.simulate(fj.scenes.oblique_impact()))
     >>> axes.get_ylabel()
@@ -208,8 +208,8 @@ def _over_time(signals: Signals, field: str, factor: float, axes: "Axes | None")
 def force(
     signals: Signals, *, stiff_force: float | None = None, axes: "Axes | None" = None
 ) -> "Axes":
-    """Normal force of the fence on the parcel [N] over time [ms], which ends soon after the last
-    force where the axes are not given.
+    """Normal force of the fence on the parcel [N] over time [ms]. Without given axes the time axis
+    ends soon after the last force.
 
     **Arguments:**
 

@@ -1,9 +1,9 @@
-"""A sorter described once, with its parcels and what is asked of it, and its design problem.
+"""The description of a sorter with its parcels, limits and objective, and its design problem.
 
-May import: everything below it. What a sorter file says is read in `reading` (parts), `parcels` and
-`amounts` (units); `machine` holds the parts that result, `problem` makes them a design problem, and
-`solution` solves and explains it. A new limit is one row of `limits`; a new key of a sorter file is
-a field of its part.
+May import: everything below it. `reading` (parts), `parcels` and `amounts` (units) read a sorter
+file; `machine` has the resulting parts, `problem` defines the design problem, and `solution` solves
+and explains it. A new limit is one row of `limits`; a new key of a sorter file is a field of its
+part.
 
 >>> print(f"{fj.sorter.amount('thickness', '45 mm', 'm'):.3f}")
 0.045

@@ -1,4 +1,4 @@
-"""Numbers written with a unit, and names that are none: what a sorter file is read with."""
+"""Reading numbers with a unit, and refusing unknown names, in a sorter file."""
 
 import difflib
 import functools
@@ -12,19 +12,19 @@ import numpy as np
 from ..parts import dimension
 
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.DOTALL)
-_OUNCE = 1e-9
+_TOLERANCE = 1e-9
 
 
 @functools.cache
 def _registry():
-    """The units of the library `pint`, read when a unit is first met."""
+    """The units of the library `pint`, loaded at the first use."""
     import pint
 
     return pint.UnitRegistry()
 
 
 def _exponents(unit) -> tuple[float, float, float] | None:
-    """Powers of mass, length and time; `None` where there are others, too."""
+    """Powers of mass, length and time; `None` for a unit with other dimensions."""
     found = {name.strip("[]"): float(power) for name, power in unit.dimensionality.items()}
     mass, length, time = (found.pop(name, 0.0) for name in ("mass", "length", "time"))
     return None if found else (mass, length, time)
@@ -34,8 +34,8 @@ def amount(name: str, value: Any, unit: str) -> float:
     """A number in `unit` [SI] from a plain number, which is taken to be in that unit already, or
     from text such as `"45 mm"`, `"3 GPa"`, `"400 N m"`, `"60 deg"`.
 
-    Raises `ValueError` for text that is none or whose unit has another dimension, and `TypeError`
-    for what is neither number nor text.
+    Raises `ValueError` for text that is no number or has a unit of another dimension, and
+    `TypeError` for anything but numbers and text.
     """
     if not isinstance(value, str):
         plain = isinstance(value, (int, float)) or hasattr(value, "dtype")
@@ -68,7 +68,7 @@ def amount(name: str, value: Any, unit: str) -> float:
             f"Argument `{name}` must be in {unit} or a unit like it, such as "
             f'"{_example(unit)}", but is {value!r}: {written!r} is no unit.'
         ) from error
-    if powers is None or any(abs(a - b) > _OUNCE for a, b in zip(powers, wanted, strict=True)):
+    if powers is None or any(abs(a - b) > _TOLERANCE for a, b in zip(powers, wanted, strict=True)):
         raise ValueError(
             f"Argument `{name}` must be in {unit} or a unit like it, such as "
             f'"{_example(unit)}", but is {value!r}, of another dimension.'
@@ -105,8 +105,8 @@ def as_written(name: str, unit: str) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """`" Did you mean ...?"` with the known name nearest to one that is none, or nothing; a name
-    of which that is the first word goes before those that are spelt like it."""
+    """`" Did you mean ...?"` with the known name nearest to an unknown one, or nothing. A known
+    name that starts with the unknown one as its first word is preferred to similar spellings."""
     known = list(known)
     begun = [one for one in known if one.startswith(f"{name}_")]
     found = begun or difflib.get_close_matches(name, known, 1, 0.5)
@@ -114,7 +114,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def refuse_unknown(where: str, table: Mapping[str, Any], known: Iterable[str]) -> None:
-    """Raise `ValueError` for a key of a table that is none of those known, with the nearest."""
+    """Raise `ValueError` for an unknown key of a table, naming the nearest known one."""
     known = list(known)
     for key in table:
         if key not in known:

@@ -1,4 +1,4 @@
-"""A sorter, described once: its tables, and what is made of them."""
+"""The description of a sorter by its tables."""
 
 import copy
 import tomllib
@@ -21,11 +21,11 @@ Overrides = Mapping[str, Any]
 
 
 class ImplausibleNumberWarning(UserWarning):
-    """A number that no such machine has, probably given in another unit."""
+    """A number far outside the range of real machines, probably given in another unit."""
 
 
 class Sorter(Readable):
-    """A sorter with its parcels, what of it is free, and what is asked of it.
+    """A sorter with its parcels, its free numbers, its limits and its objective.
 
     It is described by tables, those of a sorter file:
 
@@ -38,12 +38,12 @@ class Sorter(Readable):
             limits={"tip_deflection": "60 mm"},
         )
 
-    Numbers are in SI units, or text with a unit. In place of a table stands a part where there is
-    one, such as `belt=fj.Belt(speed=2.5)`. What is left out has the value that
-    `optimize/sorters/paper.toml` has, but for the exceptions at its head. Any part may have free
-    numbers, `{"lower": ..., "upper": ..., "start": ...}`, fixed where both bounds are the same, and
-    all but the parcels numbers to choose from a list; `fence.material` may list materials. Each
-    combination is a candidate, designed for itself.
+    Numbers are in SI units, or text with a unit. A part may replace its table, such as
+    `belt=fj.Belt(speed=2.5)`. Numbers left out have the values of `optimize/sorters/paper.toml`,
+    except for those named at its head. Every part may have free numbers,
+    `{"lower": ..., "upper": ..., "start": ...}`, fixed where both bounds are equal. Every part but
+    the parcels may have lists of numbers to choose from; `fence.material` may list materials. Each
+    combination of choices is a candidate with a design of its own.
 
     Then `sorter.problem()` is ready for `fj.minimize`, `sorter.scenes()` for
     `fj.simulate_many`, and `sorter.family(["mass"])` for sweeps and studies.
@@ -72,20 +72,20 @@ class Sorter(Readable):
     ):
         """**Arguments:**
 
-        - `title`: what it is called.
+        - `title`: its name.
         - `belt`, `fence`, `drive` (its law by name, with its numbers), `motor`, `fence_friction`,
           `border`: the parts. `False` for `border` or a friction leaves it out.
-        - `parcels`: numbers of `fencejax.Parcel` and places (`front`, `offset`, `angle`): one for
-          all, or a list, of which every combination is sorted, or a table with a `distribution`, of
-          which `count` are drawn; a `list` of tables; or a `file` of CSV. `weight`: how often one
-          comes. A free one is the same for all parcels.
-        - `period` [s]: from one parcel to the next; how long a sort is followed.
+        - `parcels`: numbers of `fencejax.Parcel` and places (`front`, `offset`, `angle`). Each is
+          one number for all parcels, a list, or a table with a `distribution`, from which `count`
+          values are drawn; every combination of the lists is sorted. Or a `list` of tables, or a
+          CSV `file`. `weight`: the frequency of a parcel. A free number is the same for all.
+        - `period` [s]: from one parcel to the next; the duration of a simulated sort.
         - `limits`: bounds by name, see `fencejax.sorter.LIMIT_ROWS`.
         - `objective`: the name of a quantity, or `{"minimize": ..., "over": "worst"}`.
-        - `folder`: where files are looked for.
+        - `folder`: the folder of the files that are named.
 
-        Raises `ValueError` and `TypeError` for what cannot be read, naming the field; warns by
-        `ImplausibleNumberWarning` of numbers that no such machine has.
+        Raises `ValueError` and `TypeError` for what cannot be read, naming the field. Issues an
+        `ImplausibleNumberWarning` for numbers far outside the range of real machines.
         """
         given = dict(
             title=title, belt=belt, parcels=parcels, fence=fence, drive=drive, motor=motor,
@@ -174,7 +174,7 @@ class Sorter(Readable):
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Numbers that no such machine has, a line each."""
+        """Implausible numbers, a line each."""
         return self.machine.doubts()
 
     @property
@@ -194,12 +194,12 @@ class Sorter(Readable):
 
     @property
     def materials(self) -> tuple[DataSheet, ...]:
-        """What the fence may be made of."""
+        """The materials that the fence may have."""
         return self.machine.materials
 
     @property
     def parcels(self) -> Parcels:
-        """What is sorted."""
+        """The parcels that are sorted."""
         return self.machine.parcels
 
     def scene(self, lane: int = 0, material: DataSheet | None = None) -> Scene:

@@ -1,10 +1,10 @@
-"""The table of a sorter's limits: a row each, by the name that a sorter file has for it.
+"""The table of a sorter's limits: a row each, by its name in a sorter file.
 
-To limit something more, add a row: the quantity, which side is bounded, and which bound holds where
-the file says nothing. A quantity may depend on numbers that the file gives with the limit, or that
-each parcel has itself. A row's quantity is exact in value and gradient; it is read in every sort,
-or once where it depends on the design alone (`Quantity.fields` empty). Any other quantity of
-`fencejax.OBJECTIVES` can be limited by its own name, without a row.
+To add a limit, add a row: the quantity, the bounded side, and the default bound. A quantity may
+depend on numbers that the file gives with the limit, or that each parcel has itself. Its value and
+gradient are exact; it is computed in every sort, or once where it depends on the design alone
+(`Quantity.fields` empty). Any other quantity of `fencejax.OBJECTIVES` can be limited by its own
+name, without a row.
 """
 
 import dataclasses
@@ -34,7 +34,7 @@ _SENSES = {"at_most": "at most", "at_least": "at least"}
 
 
 class Bounding(Protocol):
-    """What a usual bound may be read from."""
+    """The numbers of a sorter on which usual bounds depend."""
 
     @property
     def motor(self) -> Motor:
@@ -48,12 +48,12 @@ class Bounding(Protocol):
 
     @property
     def period(self) -> float | None:
-        """From one parcel to the next [s]."""
+        """The time from one parcel to the next [s]."""
         ...
 
     @property
     def drive_varies(self) -> bool:
-        """Whether the drive is designed."""
+        """Whether numbers of the drive are free or chosen."""
         ...
 
 
@@ -64,20 +64,20 @@ class LimitRow:
     **Fields:**
 
     - `name`: its key in the table of limits.
-    - `quantity`: what is limited.
+    - `quantity`: the limited quantity.
     - `sense`: `"at most"` or `"at least"`.
-    - `usual`: the bound where the sorter gives none, from the sorter and the fence's material;
-      `None` for no limit then.
-    - `scale` [the quantity's unit]: what the margin is measured in; by default the bound's
-      magnitude.
-    - `of`: the quantity for a sorter and the settings, in place of `quantity`, whose unit it has.
+    - `usual`: the default bound, from the sorter and the fence's material; without it, or where it
+      gives `None`, there is no limit by default.
+    - `scale` [the quantity's unit]: the unit of the margin; by default the bound's magnitude.
+    - `of`: the quantity for a sorter and the settings, instead of `quantity`, whose unit it has.
     - `settings`: numbers that the file gives with the limit, by name; `chosen` are those given
-      [SI]. `own`: those that the parcels may have themselves, with the name that they have there.
-    - `asked`: whether it holds only where the file names it, be it by `true` for the usual bound.
-    - `over`: `"worst"`, so that it holds for every parcel, or `"mean"`: what is limited is the mean
-      over the parcels, by how often each comes.
-    - `unit`: of what a file gives, where that is no bound on the quantity yet; `bound_of` makes it
-      one for a sorter and a material, or `None` where the material lacks a number for it.
+      [SI]. `own`: those that the parcels may have themselves, with their names there.
+    - `asked`: whether it holds only where the file names it, for example by `true` for the usual
+      bound.
+    - `over`: `"worst"` for a limit on every parcel, or `"mean"` for a limit on the mean over the
+      parcels, weighted by their frequencies.
+    - `unit`: of the number in the file, where that is not yet a bound on the quantity; `bound_of`
+      computes the bound for a sorter and a material, or `None` where the material lacks a number.
     """
 
     name: str
@@ -99,7 +99,7 @@ class LimitRow:
 
     @property
     def given_unit(self) -> str:
-        """The unit of what a file gives."""
+        """The unit of the number in a file."""
         return self.quantity.unit if self.unit is None else self.unit
 
 
@@ -120,8 +120,8 @@ def _of_line(sorter: Bounding, sheet: DataSheet):
 
 
 def _torque(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
-    """Of a motor with no inertia, losses or shaft of its own it is the hinge's, which needs no
-    more than every sort is measured for."""
+    """The motor's torque; without inertia, losses or a shaft of its own the torque at the hinge,
+    which needs no further measure."""
     return drivability.MOTOR_TORQUE if sorter.motor.felt else objectives.PEAK_TORQUE
 
 
@@ -140,7 +140,7 @@ def _line(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
 
 
 def _of_period(sorter: Bounding, sheet: DataSheet):
-    # Of a drive that is as it is, it is asked once, where the problem is made.
+    # For a drive without free numbers it is checked once, in `SorterProblem`.
     return sorter.period if sorter.drive_varies else None
 
 
@@ -195,7 +195,7 @@ _ROWS = (
         own={name: name for name in _FRAGILITY}, asked=True,
         of=lambda sorter, chosen: shock.damage_boundary(**chosen),
     ),
-    # Of a population whose parcels differ by more than is known of them.
+    # For a population of parcels with scattered critical values.
     LimitRow(
         "share_damaged", shock.damage_chance(1.0), usual=lambda *_: 0.01,
         settings={"spread": Bounds(above=0, size=0.2), **_FRAGILITY},
@@ -211,17 +211,17 @@ _ROWS = (
         own={"center_height": "height"}, asked=True,
         of=lambda sorter, chosen: sorting.tipping(**{"center_height": None, **chosen}),
     ),
-    # A tenth: what the fence's end does is a graze, and no part of the sort.
+    # A tenth: the fence's end may graze the parcel, but not take part in the sort.
     LimitRow("tip_share", sorting.TIP_SHARE, usual=lambda *_: 0.1, asked=True),
     LimitRow("crossing_time", sorting.CROSSING_TIME),
     # The drive is home again before the next parcel comes.
     LimitRow("cycle", objectives.CYCLE_TIME, usual=_of_period),
-    # The returning fence is out of the next parcel's way.
+    # The next parcel does not touch the returning fence.
     LimitRow(
         "clear_period", sorting.CLEAR_PERIOD, usual=lambda sorter, sheet: sorter.period,
         asked=True, of=_clear,
     ),
-    # The range of the model, as `Status.LARGE_DEFLECTION` and `Status.DEEP_PENETRATION` have it.
+    # The range of the model, as in `Status.LARGE_DEFLECTION` and `Status.DEEP_PENETRATION`.
     LimitRow("deflection_share", DEFLECTION_SHARE, usual=lambda *_: LARGEST_BEND),
     LimitRow("indentation_share", INDENTATION_SHARE, usual=lambda *_: DEEPEST),
 )  # fmt: skip
@@ -233,7 +233,7 @@ Bound = tuple[LimitRow, float | None]
 
 
 def quantities() -> dict[str, Quantity]:
-    """Every quantity by name that needs no settings."""
+    """Every quantity without settings, by name."""
     rows = {row.quantity.name: row.quantity for row in _ROWS if not row.settings}
     behind = drivability.MOTOR_TORQUE
     return {**rows, behind.name: behind, **OBJECTIVES}
@@ -245,14 +245,14 @@ def known_names() -> tuple[str, ...]:
 
 
 def read(table: Mapping[str, Any], own: Iterable[str] = ()) -> tuple[Bound, ...]:
-    """The limits that a table gives, with those that hold in any case; `own`: names of the numbers
-    that every parcel has itself.
+    """The limits that a table gives, with the default ones; `own`: names of the numbers that every
+    parcel has itself.
 
     A value is a bound, with or without a unit, on the side that the row bounds; `{at_most = ...}`
-    or `{at_least = ...}` says the side, with a row's settings beside; `True` is a row's usual
-    bound, and `False` switches a limit off.
+    or `{at_least = ...}` gives the side, together with a row's settings; `True` stands for a row's
+    usual bound, and `False` switches a limit off.
 
-    Raises `ValueError` for names and bounds that cannot be.
+    Raises `ValueError` for unknown names and impossible bounds.
     """
     rows = dict(LIMIT_ROWS)
     given: dict[str, float | None] = {}
@@ -303,13 +303,13 @@ def read(table: Mapping[str, Any], own: Iterable[str] = ()) -> tuple[Bound, ...]
 
 
 def _with_settings(row: LimitRow, raw: Any, own: frozenset[str]) -> tuple[LimitRow, Any]:
-    """The row with the settings that a table gives, but for those that the parcels have themselves,
-    and what else that gives: `None` for nothing."""
+    """The row with the settings of a table, except those that the parcels have themselves, and the
+    rest of the table: `None` where nothing is left."""
     if not row.settings:
         return row, raw
     asked = [name for name in row.settings if row.own.get(name) not in own]
-    told = raw if isinstance(raw, Mapping) else {}
-    if not set(asked) <= set(told):
+    given = raw if isinstance(raw, Mapping) else {}
+    if not set(asked) <= set(given):
         names = ", ".join(f"{name} = ..." for name in asked)
         parcels = [row.own[name] for name in asked if name in row.own]
         instead = f", or give {' and '.join(parcels)} with the parcels" if parcels else ""
@@ -319,14 +319,14 @@ def _with_settings(row: LimitRow, raw: Any, own: frozenset[str]) -> tuple[LimitR
         )
     if not isinstance(raw, Mapping):
         return row, raw
-    refuse_unknown(f"limits.{row.name}", told, (*row.settings, *_SENSES))
+    refuse_unknown(f"limits.{row.name}", given, (*row.settings, *_SENSES))
     chosen = {}
     for name, bounds in row.settings.items():
-        if name in told:
+        if name in given:
             path = f"limits.{row.name}.{name}"
-            chosen[name] = amount(path, told[name], bounds.unit)
+            chosen[name] = amount(path, given[name], bounds.unit)
             _check.scalar(path, chosen[name], **bounds._asdict())
-    rest = {side: value for side, value in told.items() if side in _SENSES}
+    rest = {side: value for side, value in given.items() if side in _SENSES}
     return dataclasses.replace(row, chosen=chosen), rest or None
 
 
@@ -338,9 +338,9 @@ def means(bounds: Iterable[Bound]) -> frozenset[str]:
 def settled(
     bounds: Iterable[Bound], sorter: Bounding, sheet: DataSheet
 ) -> tuple[tuple[str, Limit], ...]:
-    """The limits by name with their bounds for a material; what has no bound is left out.
+    """The limits by name with their bounds for a material; those without a bound are left out.
 
-    Raises `ValueError` where a bound is given that the material lacks a number for.
+    Raises `ValueError` for a bound that needs a number which the material lacks.
     """
     found = []
     for row, given in bounds:
@@ -358,7 +358,7 @@ def settled(
                 )
         if bound is not None:
             quantity = row.quantity if row.of is None else row.of(sorter, row.chosen)
-            # What is given in another unit is told by what it bounds.
+            # A limit given in another unit has the name of the quantity that it bounds.
             name = row.name if row.bound_of is None else quantity.name
             found.append((name, Limit(quantity, float(bound), row.sense, row.scale)))
     return tuple(found)

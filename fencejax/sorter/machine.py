@@ -1,4 +1,4 @@
-"""A sorter as parts: what its tables say, read and checked."""
+"""A sorter as parts, read from its tables and checked."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -41,8 +41,8 @@ SECTIONS = (
 
 
 class Objective(eqx.Module):
-    """What is minimised: a quantity, over the parcels at its `"worst"`, `"mean"` or `"cvar"` (the
-    mean of the worst, beyond the share `level`)."""
+    """The objective: a quantity's `"worst"`, `"mean"` or `"cvar"` over the parcels (the last is the
+    mean of the largest values, beyond the share `level`)."""
 
     quantity: Quantity = eqx.field(static=True)
     over: str = eqx.field(static=True, default="worst")
@@ -50,8 +50,8 @@ class Objective(eqx.Module):
 
 
 class MachineParts(eqx.Module):
-    """The parts whose numbers are named, under the names that a scene has for them: those of a
-    machine, and of the first parcel at its place."""
+    """The parts whose numbers have names, under their names in a scene: those of a machine, and the
+    first parcel with its place."""
 
     belt: Belt
     fence: Fence
@@ -65,19 +65,20 @@ class MachineParts(eqx.Module):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Machine(Readable):
-    """A sorter's parts, its parcels, what is free, and what is asked of it.
+    """A sorter's parts, its parcels, its free numbers, its limits and its objective.
 
     **Fields:**
 
-    - `title`: what it is called.
-    - `belt`, `fence`, `drive`, `motor`, `fence_friction`, `border`: the parts; free numbers where
-      they start, the fence of the first material.
-    - `materials`: those the fence may be made of.
+    - `title`: its name.
+    - `belt`, `fence`, `drive`, `motor`, `fence_friction`, `border`: the parts, with free numbers at
+      their start values and the fence of the first material.
+    - `materials`: those that the fence may have.
     - `parcels`: those that are sorted, with their places.
     - `period` [s]: from one parcel to the next; `None` where it is not given.
-    - `free`: lower and upper bounds [SI] by path; `choices`: what there is to choose from [SI].
-    - `bounds`: the rows of the table of limits, with the bounds that are given.
-    - `objective`: what is minimised.
+    - `free`: lower and upper bounds [SI] of the free numbers, by path; `choices`: the lists of
+      numbers to choose from [SI], by path.
+    - `bounds`: the rows of the table of limits, with the given bounds.
+    - `objective`: of the design.
     """
 
     title: str
@@ -133,7 +134,7 @@ class Machine(Readable):
 
     @property
     def parts(self) -> MachineParts:
-        """All that has numbers, under the names that a scene has for it."""
+        """All parts with numbers, under their names in a scene."""
         first = {path: float(values[0]) for path, values in self.parcels.columns.items()}
         place = OnBelt(*(jnp.asarray(first[f"start.{name}"]) for name in parcel_table.PLACES))
         return MachineParts(
@@ -157,15 +158,16 @@ class Machine(Readable):
 
     @property
     def duration(self) -> float:
-        """How long a sort is followed [s]: the period, or the drive's cycle."""
+        """The duration of a simulated sort [s]: the period, or the drive's cycle."""
         return float(self.drive.cycle) if self.period is None else self.period
 
     @property
     def signature(self) -> str:
-        """What tells machines apart, as text: all numbers and choices but the title, of the parcels
-        the corners and which of their numbers are given. Those numbers are a problem's data.
+        """The identity of a machine, as text: all of its numbers and choices, without the title. Of
+        the parcels it has the corners and the names of the given numbers; the numbers themselves
+        are a problem's data.
 
-        Raises `ValueError` for a part or a limit that cannot be told from others.
+        Raises `ValueError` for a part or a limit whose identity cannot be determined.
         """
         fields = (field.name for field in dataclasses.fields(self))
         parts = {name: getattr(self, name) for name in fields if name not in ("title", "parcels")}
@@ -187,7 +189,8 @@ class Machine(Readable):
         duration: float | None = None,
     ) -> SceneFamily:
         """Scenes of this machine in which some numbers vary by name: for problems, sweeps and
-        studies. Its first parcel, at its place, where neither `names` nor `fixed` say otherwise."""
+        studies. Numbers of the parcel and its place that are neither in `names` nor in `fixed` are
+        those of the first parcel."""
         fence = self.fence
         if material is not None:
             fence = eqx.tree_at(lambda f: f.material, fence, material.material)
@@ -217,7 +220,7 @@ class Machine(Readable):
         )
 
     def scene(self, lane: int = 0, material: DataSheet | None = None) -> Scene:
-        """The sort of one parcel, free numbers where they start.
+        """The sort of one parcel, with free numbers at their start values.
 
         Raises `ValueError` where there is no such parcel or no such scene.
         """
@@ -241,13 +244,13 @@ class Machine(Readable):
         return jax.vmap(family.scene)(rows)
 
     def doubts(self) -> tuple[str, ...]:
-        """What no such machine has: a line a number, with what it is probably meant to be."""
+        """Implausible numbers: a line each, with what was probably meant."""
         parts = self.parts
         names = scene_numbers.names(parts)
         found = [
             (name, float(value), scene_numbers.number(parts, name).unit)
             for name, value in zip(names, scene_numbers.read(parts, names), strict=True)
-            # What is free or chosen is told by its bounds, parcels by the span of all.
+            # Free numbers are checked by their bounds, choices one by one, parcels by their range.
             if name not in map(scene_path, (*self.free, *self.choices))
             and not name.startswith(("parcel.", "start."))
         ]
@@ -272,7 +275,7 @@ class Machine(Readable):
 
 
 def scene_path(path: str) -> str:
-    """The path or name that a scene has for a number of a sorter file."""
+    """The path or name in a scene of a number of a sorter file."""
     derived = {"fence.reach": "reach", "fence.length_ratio": "length_ratio"}
     first, _, name = path.partition(".")
     if first == "parcels":
@@ -281,7 +284,7 @@ def scene_path(path: str) -> str:
 
 
 def read(tables: Table, folder: Path) -> Machine:
-    """The machine that some tables describe; the files they name are in `folder`.
+    """The machine described by some tables; the files that they name are in `folder`.
 
     Raises `ValueError` and `TypeError` where they cannot be read, naming the field.
     """
@@ -337,7 +340,7 @@ def _motor(raw: Any, found: Reading) -> Motor:
         if f"motor.{name}" in found.spans:
             raise ValueError(
                 f"Argument `motor.{name}` must be one number or a list, but is free: it is the "
-                "bound of a limit, and of what a larger one costs `What decides` tells. Free "
+                "bound of a limit, and `What decides` shows the gain from a larger one. Free "
                 "motor.gear_ratio, with at_shaft = true."
             )
     return Motor(**numbers, at_shaft=raw.get("at_shaft", False))

@@ -1,4 +1,4 @@
-"""Numbers of a sorter's tables set and freed by their paths."""
+"""Setting and freeing numbers of a sorter's tables by their paths."""
 
 import tomllib
 from collections.abc import Mapping
@@ -17,8 +17,8 @@ _PAIRS = (("rigid_length", "flexible_length"), ("reach", "length_ratio"))
 
 
 def value(text: str) -> Any:
-    """What a text after `=` stands for: a number, a list, a table or a truth value as TOML has
-    them, and else the text itself, such as `45 mm` or `POM`."""
+    """The value of a text after `=`: a number, a list, a table or a boolean as in TOML, and else
+    the text itself, such as `45 mm` or `POM`."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -26,8 +26,8 @@ def value(text: str) -> Any:
 
 
 def span(text: str) -> Any:
-    """`"4 mm:90 mm"`, with `:linear` or `:logarithmic` behind if wanted, as a table; a text without
-    a colon is a value, which is then fixed."""
+    """`"4 mm:90 mm"` as a table, optionally with `:linear` or `:logarithmic` at the end; a text
+    without a colon is a value, at which the number is fixed."""
     lower, *rest = text.split(":")
     if not rest:
         return value(text)
@@ -36,8 +36,8 @@ def span(text: str) -> Any:
 
 
 def path_of(name: str) -> tuple[str, ...]:
-    """The path of a number in the tables, from that path, from the one that a scene has for it, or
-    from its short name: `"thickness"` is `fence.thickness`, `"mass"` is `parcels.mass`.
+    """The path of a number in the tables, from that path itself, its path in a scene, or its short
+    name: `"thickness"` is `fence.thickness`, `"mass"` is `parcels.mass`.
 
     Raises `ValueError` where there is none.
     """
@@ -92,7 +92,7 @@ def replaced(tables: Table, name: str, new: Any) -> dict[str, Any]:
 
 
 def _usual(path: tuple[str, ...]) -> AbstractFriction | None:
-    """What a table has that is left out, where its numbers have no usual ones of their own."""
+    """The default friction of a part whose table leaves it out; `None` for other parts."""
     if path == ("fence_friction",):
         return on_cover()
     owner = {"belt": Belt, "border": Border}.get(path[0])
@@ -100,7 +100,7 @@ def _usual(path: tuple[str, ...]) -> AbstractFriction | None:
 
 
 def _paired(fence: dict[str, Any], name: str) -> None:
-    """Have a fence's two lengths given by the pair that a name belongs to."""
+    """Rewrite a fence's two lengths in terms of the pair that a name belongs to."""
     for pair, other in (_PAIRS, _PAIRS[::-1]):
         if name not in pair or not set(fence) & set(other):
             continue
@@ -130,7 +130,8 @@ def _paired(fence: dict[str, Any], name: str) -> None:
 
 
 def freed(tables: Table, name: str, new: Any) -> dict[str, Any]:
-    """The tables with a number free within a span, beginning where it is or at the nearer bound."""
+    """The tables with a number free within a span, starting at its value or at the nearest
+    bound."""
     path = path_of(name)
     if isinstance(new, Mapping) and "start" not in new:
         start = _present(tables, path)
@@ -147,7 +148,7 @@ _ENDS = ("lower", "upper")
 
 
 def _unit(path: tuple[str, ...]) -> str | None:
-    """The unit of a number; `None` where it is not known without the part that holds it."""
+    """The unit of a number; `None` where only its part would define it."""
     known = names.known(scene_path(".".join(path)))
     if known is not None:
         return known.unit
@@ -156,7 +157,7 @@ def _unit(path: tuple[str, ...]) -> str | None:
 
 
 def _present(tables: Table, path: tuple[str, ...]) -> Any:
-    """A number of the tables as it is: a value, or a vector's list; `None` if they have none."""
+    """The present number of the tables: a value, or a vector's list; `None` if there is none."""
     found: Any = tables
     for part in path:
         found = as_table(found) if isinstance(found, eqx.Module) else found

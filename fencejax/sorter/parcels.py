@@ -1,4 +1,4 @@
-"""The parcels of a sorter and the places where they come: lists, files and distributions."""
+"""The parcels of a sorter and their places on the belt: lists, files and distributions."""
 
 import csv
 import dataclasses
@@ -29,7 +29,7 @@ PATHS: Mapping[str, str] = {
     "inertia": "parcel.given_inertia",
     **{name: f"start.{name}" for name in PLACES},
 }
-"""The path that a scene has for each of them."""
+"""The path of each of them in a scene."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -38,9 +38,8 @@ class Parcels(Readable):
 
     **Fields:**
 
-    - `columns`: of each number that is given its values [SI], of shape (P,), by the path that a
-      scene has for it.
-    - `weights`: how often each comes, of shape (P,), with the sum 1.
+    - `columns`: the values [SI] of each given number, of shape (P,), by its path in a scene.
+    - `weights`: the frequency of each parcel, of shape (P,), with the sum 1.
     - `corners`: the parcel's corners that can touch the fence.
     """
 
@@ -50,12 +49,12 @@ class Parcels(Readable):
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """The number of parcels."""
         return self.weights.size
 
     @property
     def given(self) -> frozenset[str]:
-        """The names of all numbers that are given."""
+        """The names of all given numbers."""
         return frozenset(name for name, path in PATHS.items() if path in self.columns)
 
     def _printed(self) -> printing.Table:
@@ -67,18 +66,18 @@ class Parcels(Readable):
         return printing.Table(f"{self.count} parcels and places", tuple(rows))
 
     def text(self, lane: int) -> str:
-        """A parcel by the numbers in which it differs from others: `"30 kg, offset 0.2 m"`."""
-        told = []
+        """A parcel by the numbers that differ between parcels: `"30 kg, offset 0.2 m"`."""
+        parts = []
         for path, values in self.columns.items():
             name = path.rpartition(".")[2]
             if name == "mass" or np.ptp(values) > 0:
                 unit = FIELDS["inertia" if name == "given_inertia" else name].unit
                 title = "" if name == "mass" else f"{name} "
-                told.append(f"{title}{values[lane]:.4g} {unit}")
-        return ", ".join(told)
+                parts.append(f"{title}{values[lane]:.4g} {unit}")
+        return ", ".join(parts)
 
 
-# ---- distributions, each with its numbers: True where they have the unit of what is distributed
+# ---- distributions, each with its numbers: True for numbers with the unit of the distributed one
 
 _KINDS: Mapping[str, Mapping[str, bool]] = {
     "uniform": {"lower": True, "upper": True},
@@ -92,9 +91,9 @@ _OPTIONAL = {"normal": ("lower", "upper"), "lognormal": ("lower", "upper")}
 def _quantiles(path: str, table: Table, bounds: Bounds, shares: np.ndarray) -> np.ndarray:
     """Values of a distribution at shares of its population.
 
-    `uniform` and `logarithmic` are even over a span, or over that of the logarithm; `normal` has a
-    mean and a standard deviation, `lognormal` a median and the standard deviation `spread` of the
-    natural logarithm; both may be cut off at `lower` and `upper`.
+    `uniform` and `logarithmic` are uniform in the number, or in its logarithm; `normal` has a mean
+    and a standard deviation, `lognormal` a median and the standard deviation `spread` of the
+    natural logarithm. The last two may be truncated at `lower` and `upper`.
     """
     kind = str(table.get("distribution"))
     if kind not in _KINDS:
@@ -136,10 +135,10 @@ def _quantiles(path: str, table: Table, bounds: Bounds, shares: np.ndarray) -> n
 
 
 def read(table: Table, folder: Path, found: Reading) -> Parcels:
-    """The parcels that a table describes; a file is looked for in `folder`. A number with a lower
-    and an upper bound is free, the same for all parcels, and is where it starts.
+    """The parcels described by a table; the file that it names is in `folder`. A number with a
+    lower and an upper bound is free and the same for all parcels; its start value is used here.
 
-    Raises `ValueError` and `TypeError` for keys and values that cannot be.
+    Raises `ValueError` and `TypeError` for unknown keys and impossible values.
     """
     refuse_unknown("parcels", table, (*FIELDS, *_SETTINGS))
     if "list" in table and "file" in table:
@@ -226,8 +225,8 @@ def _rows(raw: Any) -> dict[str, np.ndarray]:
 
 def _file(path: Path) -> dict[str, np.ndarray]:
     """The columns of a CSV file: titles such as `mass [kg]` or `length [mm]`, then a row a parcel;
-    `weight` says how often it comes. Columns may be set apart by semicolons, and numbers then have
-    decimal commas. It is in UTF-8, UTF-16 or the Windows encoding of western Europe."""
+    `weight` is its frequency. Columns may be separated by semicolons, and numbers then have decimal
+    commas. The encoding is UTF-8, UTF-16 or the Windows encoding of western Europe."""
     text = _text.of(path)
     semicolons = ";" in text.partition("\n")[0]
     lines = list(csv.reader(text.splitlines(), delimiter=";" if semicolons else ","))

@@ -1,11 +1,11 @@
-"""Numbers that no such machine has: what they are probably meant to be."""
+"""Implausible numbers of a sorter, and what was probably meant."""
 
 from collections.abc import Iterable, Mapping
 
 from .amounts import amount
 
-# Lowest and highest value [SI] that a sorter's number may have, by the end of its path. They are
-# wide: they tell a slip of the unit, not an unusual machine.
+# Lowest and highest plausible value [SI] of a sorter's number, by the end of its path. The ranges
+# are wide: they detect a wrong unit, not an unusual machine.
 _USUAL: Mapping[str, tuple[float, float]] = {
     "belt.speed": (0.02, 8.0),
     "belt.width": (0.1, 4.0),
@@ -74,7 +74,7 @@ _USUAL: Mapping[str, tuple[float, float]] = {
     "limits.ring": (1e-6, 1.0),
     "limits.life": (1.0, 1e12),
 }
-# What a number of a unit is often typed in.
+# Units that are often typed instead of the SI unit.
 _SLIPS: Mapping[str, tuple[str, ...]] = {
     "m": ("mm", "cm", "in"),
     "Pa": ("GPa", "MPa", "kPa"),
@@ -92,7 +92,7 @@ _SLIPS: Mapping[str, tuple[str, ...]] = {
 
 
 def _usual(path: str) -> tuple[float, float] | None:
-    """The span of the longest end of a path that has one."""
+    """The range of the longest end of a path that is in the table."""
     parts = path.split(".")
     for begin in range(len(parts)):
         found = _USUAL.get(".".join(parts[begin:]))
@@ -102,8 +102,8 @@ def _usual(path: str) -> tuple[float, float] | None:
 
 
 def doubt(path: str, value: float, unit: str) -> str | None:
-    """What is odd about a number [`unit`], with what it is probably meant to be; `None` where it
-    is one that a sorter may have."""
+    """A warning about an implausible number [`unit`], with what was probably meant; `None` for a
+    plausible one."""
     span = _usual(path)
     if span is None or span[0] <= value <= span[1]:
         return None
@@ -119,6 +119,6 @@ def doubt(path: str, value: float, unit: str) -> str | None:
 
 
 def doubts(numbers: Iterable[tuple[str, float, str]]) -> tuple[str, ...]:
-    """The doubts about numbers: path, value and unit of each."""
+    """The warnings about numbers, given as path, value and unit."""
     found = (doubt(path, float(value), unit) for path, value, unit in numbers)
     return tuple(dict.fromkeys(text for text in found if text is not None))

@@ -23,14 +23,14 @@ from ..study import measured
 from . import limits as limit_table
 from .machine import Machine, Objective, scene_path
 
-_HELD = "held "
+# The key of a fixed number in the lanes; the addresses of a journal contain it.
+_FIXED = "held "
 _MATERIAL = tuple(Material.bounds)
 
 
 class Candidate(NamedTuple):
-    """One of the choices: a material, and numbers [SI] by path, of those there are lists of and of
-    the free ones that may be held. `bounds` [SI], by the limits' names, take the place of the
-    sorter's."""
+    """One of the choices: a material, and numbers [SI] by path: those chosen from lists, and free
+    numbers that are fixed. `bounds` [SI], by the limits' names, replace those of the sorter."""
 
     material: DataSheet
     numbers: Mapping[str, float]
@@ -44,8 +44,8 @@ class Candidate(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """A design's quantities by name, one number a lane, with each lane's `Status` and the rung of
-    its fidelity."""
+    """A design's quantities by name, one number a lane, with the `Status` and the rung of the
+    fidelity of each lane."""
 
     values: dict[str, np.ndarray]
     statuses: np.ndarray
@@ -53,7 +53,7 @@ class Measured(NamedTuple):
 
 
 def _whole(sheet: DataSheet) -> DataSheet:
-    """A sheet whose material has all numbers, so that it may stand in another's place."""
+    """A sheet whose material has all numbers, so that any other can replace it."""
     material = sheet.material
     numbers = {name: getattr(material, name) for name in _MATERIAL}
     whole = Material(**{**numbers, "fatigue_exponent": fatigue.exponent_of(material)})
@@ -77,29 +77,28 @@ class SorterProblem:
     - `limit_names`: of the limits, in the order of their margins.
     - `program`: for `fencejax.minimize`.
     - `start`: z where the free numbers start.
-    - `quantities`: what is read of every sort: the objective, what is limited, and what else was
-      asked for.
+    - `quantities`: those computed in every sort: the objective, the limited ones, and `also`.
     """
 
     def __init__(
         self, machine: Machine, fidelity: Fidelity | None = None, *, reserve: float = 0.005,
-        rungs: int = 2, chunk: int = 64, held: Sequence[str] = (),
+        rungs: int = 2, chunk: int = 64, fixed: Sequence[str] = (),
         also: Sequence[Quantity] = (),
     ):
         """**Arguments:**
 
         - `machine`: the sorter's parts.
         - `fidelity`: default `Fidelity.fast()`.
-        - `reserve` [1]: kept in hand of each margin that a sort is run for.
-        - `rungs`: of the fidelity's ladder, at which the program computes lanes in doubt. The
-          third, at the steps of `reference`, costs as much as all others together; what a search
-          ends with is looked at again in any case (`measure`).
-        - `chunk`: how many sorts at most go through one vectorised call.
-        - `held`: free numbers that a `Candidate` may hold at a value of its own, so that designs
-          with and without a part are found by one program.
-        - `also`: quantities that are read beside those that are needed.
+        - `reserve` [1]: subtracted from each margin that depends on the simulated sort.
+        - `rungs`: the number of rungs of the fidelity's ladder at which the program computes lanes
+          in doubt. The third, at the steps of `reference`, costs as much as all others together;
+          the result of a search is measured again in any case (`measure`).
+        - `chunk`: the most sorts in one vectorised call.
+        - `fixed`: free numbers that a `Candidate` may fix at a value of its own, so that one
+          program serves designs with and without a part.
+        - `also`: further quantities to compute.
 
-        Raises `ValueError` where a parcel's sort cannot be, or where no number to be held is free.
+        Raises `ValueError` where a parcel's sort is impossible, or a name in `fixed` is not free.
         """
         self.machine, self.reserve = machine, _check.number("reserve", reserve)
         self.fidelity = Fidelity.fast() if fidelity is None else fidelity
@@ -110,7 +109,7 @@ class SorterProblem:
             for sheet in machine.materials
             for numbers in itertools.product(*machine.choices.values())
         )
-        self._held = tuple(self._free_names.index(self._free(path)) for path in held)
+        self._fixed = tuple(self._free_names.index(self._free(path)) for path in fixed)
         first = self.limits(self.candidates[0])
         self.limit_names = tuple(name for name, _ in first)
         self._quantities = {name: limit.quantity for name, limit in first}
@@ -131,7 +130,7 @@ class SorterProblem:
         self.program = LaneProgram(self._read, self._combined, ladder)
         self._measures: dict[Fidelity, Any] = {}
 
-    # ---- what varies
+    # ---- variables and data
 
     def _space(self) -> DesignSpace | None:
         machine = self.machine
@@ -149,7 +148,7 @@ class SorterProblem:
 
     @property
     def variable_names(self) -> tuple[str, ...]:
-        """The free numbers, by the names that a sorter file has for them."""
+        """The free numbers, by their names in a sorter file."""
         paths = {scene_path(path): path for path in self.machine.free}
         return tuple(paths.get(name, name) for name in self._free_names)
 
@@ -157,13 +156,13 @@ class SorterProblem:
         """The name of a free number in the space."""
         if scene_path(path) not in self._free_names:
             raise ValueError(
-                f"Argument `held` must name free numbers, of {', '.join(self.variable_names)}, but "
-                f"holds {path!r}."
+                f"Argument `fixed` must name free numbers, of {', '.join(self.variable_names)}, "
+                f"but holds {path!r}."
             )
         return scene_path(path)
 
     def _material_columns(self) -> tuple[str, ...]:
-        """Paths of what differs from candidate to candidate."""
+        """Paths of the numbers that differ between candidates."""
         several = len(self.machine.materials) > 1
         material = [f"fence.material.{name}" for name in _MATERIAL] if several else []
         return (*material, *(scene_path(path) for path in self.machine.choices))
@@ -210,13 +209,13 @@ class SorterProblem:
         return {
             **{path: np.asarray(v, dtype=float) for path, v in columns.items()},
             **{path: np.full(parcels.count, float(numbers[path])) for path in self._columns},
-            # What is not held is no number.
-            **{_HELD + path: np.full(parcels.count, float(numbers.get(path, np.nan)))
-               for path in (self._free_names[at] for at in self._held)},
+            # NaN where the candidate does not fix the number.
+            **{_FIXED + path: np.full(parcels.count, float(numbers.get(path, np.nan)))
+               for path in (self._free_names[at] for at in self._fixed)},
         }  # fmt: skip
 
     def data(self, candidate: Candidate) -> tuple[Any, ...]:
-        """What a run of the program holds fixed: lanes, weights, bounds, units of the margins."""
+        """The data of a run: lanes with their weights, bounds, units of the margins."""
         limits = [limit for _, limit in self.limits(candidate)]
         return (
             self._weighted(candidate),
@@ -225,7 +224,7 @@ class SorterProblem:
         )
 
     def _weighted(self, candidate: Candidate) -> dict[str, np.ndarray]:
-        """The lanes of a candidate, of any material and any numbers, with their weights."""
+        """The lanes of a candidate with their weights."""
         return {**self.lanes(candidate), "weight": self.machine.parcels.weights}
 
     # ---- the program
@@ -239,8 +238,8 @@ class SorterProblem:
         return dict(zip(self.variable_names, values.tolist(), strict=True))
 
     def _scene(self, values: Array, lane: Mapping[str, Array]):
-        for at in self._held:
-            own = jnp.asarray(lane[_HELD + self._free_names[at]])
+        for at in self._fixed:
+            own = jnp.asarray(lane[_FIXED + self._free_names[at]])
             values = values.at[at].set(jnp.where(jnp.isnan(own), values[at], own))
         rest = [jnp.asarray(lane[name], dtype=float) for name in self._names[len(values) :]]
         return self._family.scene(jnp.concatenate([values, jnp.stack(rest)]))
@@ -256,9 +255,9 @@ class SorterProblem:
         return jax.vmap(lambda lane: self._scene(values, lane))(self.lanes(candidate))
 
     def _check_scenes(self) -> None:
-        """Refuse a drive that is not home when the next parcel comes, and a parcel whose sort
-        cannot be, at the start of the first candidate: each of some is tried, and of the others
-        those that their own numbers speak against."""
+        """Refuse a drive that is not home when the next parcel comes, and a parcel whose sort is
+        impossible at the start of the first candidate: of many parcels the first ones are tried,
+        and those with inconsistent numbers."""
         cycle, period = float(self.machine.drive.cycle), self.machine.period
         if period is not None and not self.machine.drive_varies and cycle > period * (1 + 1e-9):
             raise ValueError(
@@ -286,8 +285,8 @@ class SorterProblem:
         return found, found.pop("status")
 
     def _rows(self, name: str, numbers: Mapping[str, Array], weights: Array) -> Array:
-        """The numbers that a limit bounds: one a lane, or one where it is the design's own or a
-        mean over the lanes."""
+        """The numbers that a limit bounds: one a lane, or a single one where it depends on the
+        design alone or is a mean over the lanes."""
         quantity = self._quantities[name]
         rows = numbers[quantity.name]
         if name in self._means:
@@ -310,10 +309,10 @@ class SorterProblem:
         return wanted, jnp.concatenate(margins) if margins else jnp.zeros(0)
 
     def with_objective(self, objective: Objective) -> "SorterProblem":
-        """The same with another objective, of a quantity that is read already: the compiled sorts
-        serve both.
+        """The same problem with another objective, one of `quantities`: both use the same compiled
+        sorts.
 
-        Raises `ValueError` where it is not.
+        Raises `ValueError` for any other quantity.
         """
         if objective.quantity not in self.quantities:
             raise ValueError(
@@ -326,7 +325,7 @@ class SorterProblem:
         other.program = self.program.combining(other._combined)
         return other
 
-    # ---- looking at a design
+    # ---- measuring a design
 
     def measure(
         self, z: ArrayLike, candidate: Candidate, fidelity: Fidelity | None = None, *,
@@ -348,7 +347,7 @@ class SorterProblem:
         return Measured(dict(found.numbers), found.statuses, found.rungs)
 
     def bounded(self, name: str, found: Measured) -> np.ndarray:
-        """What a limit bounds of what was measured, one number for each of its margins."""
+        """The measured numbers that a limit bounds, one for each of its margins."""
         numbers = {name: jnp.asarray(values) for name, values in found.values.items()}
         return np.asarray(self._rows(name, numbers, jnp.asarray(self.machine.parcels.weights)))
 
@@ -362,7 +361,7 @@ class SorterProblem:
         return self.space.variables[self.variable_names.index(name)].unit
 
     def judged(self, found: Measured, candidate: Candidate):
-        """Objectives, margins with nothing kept in hand and statuses of what was measured: for
+        """Objectives, margins without the reserve, and statuses of measured sorts: for
         `fencejax.verify`."""
         lanes, bounds, units = self.data(candidate)
         numbers = {name: jnp.asarray(values) for name, values in found.values.items()}
@@ -391,7 +390,7 @@ class SorterProblem:
         raise IndexError(index)
 
     def troubles(self, statuses: np.ndarray) -> tuple[str, ...]:
-        """The parcels whose sort is not to be relied on, with what their status means."""
+        """The parcels whose sort has no reliable numbers, with the meaning of their status."""
         return tuple(
             f"{self.machine.parcels.text(lane)}: {Status(int(s)).name}, {Status(int(s)).text}"
             for lane, s in enumerate(statuses)

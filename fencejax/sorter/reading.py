@@ -1,4 +1,5 @@
-"""Tables of a sorter file as parts: fence, drive, belt, border and friction, with what is free."""
+"""Parts from tables of a sorter file: fence, drive, belt, border and friction, with free
+numbers."""
 
 import dataclasses
 import inspect
@@ -40,7 +41,7 @@ _SPAN = ("lower", "upper", "start", "scaling")
 
 
 class Span(NamedTuple):
-    """What is free: lower and upper bound [SI], and the scaling, or `None` for the usual one."""
+    """A free number: lower and upper bound [SI], and the scaling, `None` for the usual one."""
 
     lower: float
     upper: float
@@ -49,13 +50,14 @@ class Span(NamedTuple):
 
 @dataclasses.dataclass
 class Reading:
-    """What was found beside the parts' own numbers: free ones, and ones to choose from a list."""
+    """The free numbers and the lists to choose from that were found while reading the parts."""
 
     spans: dict[str, Span] = dataclasses.field(default_factory=dict)
     choices: dict[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)
 
     def number(self, path: str, raw: Any, bounds: Bounds) -> Any:
-        """The number [SI] of a field: as given, where a free one starts, or the first of a list.
+        """The number [SI] of a field: as given, the start value of a free one, or the first of a
+        list.
 
         Raises `ValueError` and `TypeError` where it cannot be read or is out of its bounds.
         """
@@ -115,7 +117,7 @@ class Reading:
 
 
 def _choice(path: str, raw: Any, kinds: Mapping[str, type], default: str) -> tuple[type, Table]:
-    """The class that a table, or the name of a law alone, describes, and its other keys."""
+    """The class named by a table, or by a law's name alone, and the other keys."""
     if isinstance(raw, str):
         raw = {"law": raw}
     if not isinstance(raw, Mapping):
@@ -137,8 +139,8 @@ def _choice(path: str, raw: Any, kinds: Mapping[str, type], default: str) -> tup
 def _made(
     path: str, kind: type, table: Table, reading: Reading, law: str = "", **inner: Any
 ) -> Any:
-    """An instance of a part's class from a table of its numbers; `law` is what the table calls the
-    class, and `inner` parts are made already."""
+    """An instance of a part's class from a table of its numbers; `law` is the name of the class in
+    the table, and `inner` are parts of it that exist already."""
     known = inspect.signature(kind).parameters
     refuse_unknown(path, table, known)
     bounds: Mapping[str, Bounds] = getattr(kind, "bounds", {})
@@ -201,8 +203,8 @@ _ON_FENCE: Mapping[str, type[_OnFence]] = {
 
 
 def _on_fence(name: str, raw: Any, reading: Reading) -> _OnFence | None:
-    """What a fence may have: its cover, the shaft that it hangs on, its curve at rest, how it
-    yields in shear, or its loads of the second order; `False` for none, `True` for the usual."""
+    """An optional part of a fence: its pad, its shaft, its rest shape, its shear compliance or its
+    second-order loads; `False` for none, `True` for the default."""
     kind, path = _ON_FENCE[name], f"fence.{name}"
     if raw is True:
         return kind()
@@ -214,7 +216,7 @@ def _on_fence(name: str, raw: Any, reading: Reading) -> _OnFence | None:
 def _law(
     path: str, raw: Any, kind: type[_P], laws: Mapping[str, type[_P]], usual: str, reading: Reading
 ) -> _P:
-    """A part of one of several laws: as it is, or from its law's name and numbers."""
+    """A part with one of several laws: the part itself, or from its law's name and numbers."""
     if isinstance(raw, kind):
         return raw
     if isinstance(raw, type):
@@ -225,7 +227,7 @@ def _law(
 
 
 def _rubbing(path: str, raw: Any, kind: type[_P], reading: Reading) -> _P:
-    """A part with friction on it: as it is, or from its numbers and those of its friction."""
+    """A part with a friction: the part itself, or from its numbers and those of its friction."""
     if isinstance(raw, kind):
         return raw
     table = dict(_a_table(path, raw, f"{path}=fj.{kind.__name__}()"))
@@ -244,7 +246,7 @@ _LENGTHS = {
 
 
 def fence(raw: Any, reading: Reading) -> tuple[Fence, tuple[DataSheet, ...]]:
-    """The fence, of the first of its materials, and all of these."""
+    """The fence, made of the first of its materials, and all materials."""
     if isinstance(raw, Fence):
         return raw, (DataSheet("as given", raw.material),)
     table = dict(_a_table("fence", raw, "fence=fj.Fence(thickness=0.045)"))
@@ -373,8 +375,8 @@ def _a_table(path: str, raw: Any, example: str) -> Table:
 
 
 def as_table(part: Any) -> dict[str, Any]:
-    """A part as the table that describes it, so that one of its numbers can be changed; other
-    parts in it stay parts."""
+    """The table that describes a part, so that one of its numbers can be changed; inner parts stay
+    parts."""
     table = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
     if isinstance(part, (AbstractDrive, AbstractTaper, AbstractFriction)):
         table["law"] = type(part)

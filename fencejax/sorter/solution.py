@@ -1,4 +1,4 @@
-"""A sorter's design problem solved for one candidate, looked at again, and explained."""
+"""Solving a sorter's design problem for one candidate, checking the result, and its prices."""
 
 import dataclasses
 import math
@@ -31,7 +31,7 @@ _STARTS = 8
 
 
 class Look(NamedTuple):
-    """A design measured: objectives, margins with nothing kept in hand, and what was read."""
+    """A design measured: objectives, margins without the reserve, and the measured quantities."""
 
     point: np.ndarray
     objectives: np.ndarray
@@ -45,16 +45,16 @@ class Look(NamedTuple):
 
     @property
     def violation(self) -> float:
-        """By how much the most violated limit is broken [1]; infinite where a number is none."""
+        """The largest violation of a limit [1]; infinite where a number is not finite."""
         worst = float(np.max(-self.margins, initial=0.0))
         finite = np.all(np.isfinite(self.margins)) and np.all(np.isfinite(self.objectives))
         return worst if finite else math.inf
 
 
 class Price(NamedTuple):
-    """What relaxing a limit or a bound, from `bound` to `relaxed` [`unit`], is worth: `gain` in the
+    """The `gain` from relaxing a limit or a bound from `bound` to `relaxed` [`unit`]: in the
     objective's unit or, where no design holds all limits, in the largest violation [1]. `parcels`:
-    those for which the limit decides."""
+    those for which the limit is active."""
 
     name: str
     bound: float
@@ -66,7 +66,7 @@ class Price(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Solution:
-    """What was found for a candidate.
+    """The result for a candidate.
 
     **Fields:**
 
@@ -76,8 +76,8 @@ class Solution:
     - `optimum`: the optimiser's outcome; `None` where nothing is free.
     - `feasible`: whether `after` holds every limit, within the range of the model.
     - `verified`: how the finer fidelity agrees with the optimiser's.
-    - `prices`: what decides, most first.
-    - `starts`: how many starting points it took to find one that can be evaluated.
+    - `prices`: of the active limits and bounds, the largest first.
+    - `starts`: the number of starting points tried until one could be evaluated.
     """
 
     candidate: Candidate
@@ -96,7 +96,8 @@ class Solution:
 
     @property
     def rank(self) -> tuple[float, float]:
-        """To sort by: designs that hold the limits first, by their objective; then by violation."""
+        """The sort key: feasible designs first, by their objective; then the others, by
+        violation."""
         if self.feasible:
             return 0.0, self.after.objective
         return 1.0, max(self.after.violation, 1e-12)
@@ -131,17 +132,17 @@ def solve(
 ) -> Solution:
     """The best design for a candidate, from any start.
 
-    Where the start cannot be evaluated, others follow: the middle of the ranges, then Sobol' points
-    of them. Sorts in which the fence bends beyond the linear beam, or a corner is pressed in beyond
-    the contact law, still count in the search, which limits lead out of there; the design found has
-    none.
+    Where the start cannot be evaluated, others follow: the middle of the ranges, then Sobol'
+    points. During the search the fence may bend beyond the range of the linear beam, and a corner
+    may be indented beyond that of the contact law: limits lead the search out of there, and the
+    final design has no such sorts.
 
     **Arguments:**
 
     - `start`: z at the start, by default the problem's.
-    - `check`: the fidelity at which both designs are looked at again, default
+    - `check`: the fidelity at which both designs are measured again, default
       `Fidelity.standard()`.
-    - `budget`, `tolerance`, `journal`, `progress`: as of `fencejax.minimize`.
+    - `budget`, `tolerance`, `journal`, `progress`: as in `fencejax.minimize`.
     - `feasibility` [1]: the violation of a margin that counts as none.
     - `agreement` [1]: largest relative error of the objective that confirms the design.
     """
@@ -190,7 +191,7 @@ def _settled(
 
     if order(before) <= order(after):
         after = before
-    # What is in numerical doubt even at the finest rung is not confirmed, but no broken limit.
+    # Numerical doubt at the finest rung leaves a design unconfirmed, but breaks no limit.
     trouble = [s for s in map(Status, after.measured.statuses) if not s.numerical]
     sound = max(trouble, default=Status.SUCCESSFUL) <= Status.LEFT_OVER_TIP
     prices: tuple[Price, ...] = ()
@@ -209,7 +210,7 @@ def _settled(
 def _prices(
     problem: SorterProblem, candidate: Candidate, found: ShadowPrices, margins: np.ndarray
 ) -> tuple[Price, ...]:
-    """What limits and bounds that are relaxed by a tenth are worth, most first."""
+    """The gains from relaxing limits and bounds by a tenth, the largest first."""
     of = [problem.margin(k) for k in range(margins.size)]
     limits = [
         Bounded(
@@ -231,15 +232,15 @@ def _prices(
 
 
 def rigid(problem: SorterProblem, solution: Solution, check: Fidelity | None = None) -> Measured:
-    """The same sorts by a fence of the same shape that does not bend."""
+    """The same sorts by a rigid fence of the same shape."""
     check = Fidelity.standard() if check is None else check
     stiff = check.replace(modes=0, static_correction=False)
     return problem.measure(solution.after.point, solution.candidate, stiff, refine=False)
 
 
 def constant_push(problem: SorterProblem, solution: Solution) -> np.ndarray:
-    """What a constant push of each parcel would need [N], of shape (P,), to get as far past the
-    belt's edge as is asked for (see `fencejax.design.sorting.constant_push`)."""
+    """The constant force [N] on each parcel, of shape (P,), that would move it as far past the
+    belt's edge as required (see `fencejax.design.sorting.constant_push`)."""
     limits = dict(problem.limits(solution.candidate))
     past = limits["sorted"].bound if "sorted" in limits else 0.0
     scenes = problem.scenes(solution.after.point, solution.candidate)

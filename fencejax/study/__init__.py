@@ -1,7 +1,7 @@
 """Many simulations: sweeps, sensitivity, identification from recordings, choice of a fidelity.
 
-May import: everything below it. A study takes named numbers of scenes (`SceneFamily`,
-`fencejax.scene_numbers`) and gives a table.
+May import: everything below it. A study varies named numbers of scenes (`SceneFamily`,
+`fencejax.scene_numbers`) and returns a table.
 
 >>> samples = fj.sampling.given({"mass": [5.0, 15.0]})
 >>> fj.Sweep(fj.SceneFamily("oblique_impact", ["mass"]), samples).samples.count

@@ -1,4 +1,4 @@
-"""Many scenes at once, those in doubt computed again."""
+"""Simulating many scenes at once; those in numerical doubt are computed again."""
 
 import dataclasses
 import functools
@@ -46,10 +46,10 @@ def simulate_many(
         scenes = jax.vmap(lambda m: fj.scenes.oblique_impact(parcel=fj.Parcel(mass=m)))(masses)
         result = fj.simulate_many(scenes, only=("peak_force",))
 
-    All lanes run at `fidelity`. Those whose status doubts the numbers (`Status.numerical`) are
-    gathered and run again at the next rung of `Fidelity.ladder`, up to the last one, whose numbers
-    stand in any case. The result is on the host and has no derivative: in a gradient take
-    `jax.vmap` over `simulate`, or `fencejax.minimize`, which refines by itself.
+    All lanes run at `fidelity`. Those in numerical doubt (`Status.numerical`) are gathered and run
+    again at the next rung of `Fidelity.ladder`, up to the last one, whose numbers are used in any
+    case. The result is on the host and has no derivative: for gradients use `jax.vmap` over
+    `simulate`, or `fencejax.minimize`, which refines by itself.
 
     **Arguments:**
 

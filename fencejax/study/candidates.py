@@ -1,4 +1,4 @@
-"""Fidelities to be tried: the ladder, what each is expected to cost, which of two is finer."""
+"""Candidate fidelities: their ladder, their expected cost, and which of two is finer."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -12,8 +12,8 @@ _INTEGRATOR_WORK = {"modal": 1.0, "tsit5": 100.0, "kvaerno5": 300.0}
 
 
 def ladder() -> tuple[Fidelity, ...]:
-    """The candidates that are tried if none are named: tolerances of 1 % to 0.002 %, each with more
-    or fewer modes, cheaper and dearer geometry, and friction smoothed more and less."""
+    """The default candidates: tolerances of 1 % to 0.002 %, each with several numbers of modes,
+    geometries and smoothing speeds of friction."""
     rungs = (
         # step_tolerance [1], step [s], modes, geometry, static_speed [m/s]
         (1e-2, 1e-3, 0, "small", 0.1),
@@ -39,9 +39,9 @@ def ladder() -> tuple[Fidelity, ...]:
 
 
 def expected_cost(fidelity: Fidelity) -> float:
-    """Work a second of simulated time of a few runs, in steps of one mode; orders what is tried
-    first. The defect of a smooth force goes with the square of the step: with a tolerance below 1 %
-    steps go with its root."""
+    """The work for a second of simulated time, in steps of one mode, by which candidates are
+    ordered. The defect of a smooth force is proportional to the square of the step: with a
+    tolerance below 1 % the steps are proportional to its root."""
     share = 1.0
     if fidelity.step_tolerance is not None:
         share = min(1.0, math.sqrt(fidelity.step_tolerance / 1e-2))
@@ -68,7 +68,7 @@ def as_fine(one: Fidelity, other: Fidelity) -> bool:
 def distinct(
     candidates: Iterable[Fidelity], scenes: Sequence[NormalScene | Scene]
 ) -> list[Fidelity]:
-    """Candidates that differ in what the scenes hold, cheapest first."""
+    """Candidates that differ for these scenes, the cheapest first."""
     fence = any(scene.fence is not None for scene in scenes)
     full = any(isinstance(scene, Scene) for scene in scenes)
     seen, kept = set(), []

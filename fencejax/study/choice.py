@@ -16,20 +16,21 @@ from .trial import GRADIENT_FAILS, VALUE_FAILS, Judge, Trial
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Choice(Readable):
-    """A fidelity with the measurements that speak for it. `print` shows them as a table.
+    """A fidelity with the measurements that support it. `print` shows them as a table.
 
     **Fields:**
 
-    - `fidelity`: the cheapest that meets both errors; in a refusal the best that was found, `None`
-      if nothing was tried.
+    - `fidelity`: the cheapest that meets both errors; in a `NoFidelityError` the best one found,
+      `None` if none was tried.
     - `table`: one `Trial` a candidate, in the order of expected cost.
-    - `reference`: what the errors are measured against.
+    - `reference`: the fidelity against which the errors are measured.
     - `reference_value_error`, `reference_gradient_error`: its own estimated errors [1], the
       difference to `companion`.
     - `value_error`, `gradient_error`: the errors asked for [1].
     - `margin`: factor on the measured errors.
-    - `quantities`, `variables`: names of what was compared, and differentiated in.
-    - `scenes`: how many scenes were measured.
+    - `quantities`, `variables`: names of the compared quantities and of the variables of their
+      derivatives.
+    - `scenes`: the number of scenes measured.
     - `reference_time`: run time of the reference with its gradient, all scenes together [s].
 
     >>> choice = fj.choose_fidelity(fj.scenes.rigid_wall(), gradient_error=None)
@@ -120,15 +121,15 @@ def choose_fidelity(
 
     |q - q_ref| / |q_ref| and |e - e_ref| / |e_ref|,
 
-    the largest over quantities and scenes. A candidate is accepted if `margin` times its error
-    plus the reference's own is at most what is asked for, for both. The reference's own error is
-    its difference to a run with twice its step, three quarters of its modes and friction smoothed
-    over twice the speed.
+    the largest over quantities and scenes. A candidate is accepted if, for both, `margin` times its
+    error plus the reference's own error is at most the error asked for. The reference's own error
+    is its difference from a run with twice its step, three quarters of its modes and friction
+    smoothed over twice the speed.
 
-    Candidates are tried by step, the longest first. Of those with the same step the finest comes
-    first: where it fails, so do the others, and one compilation has settled them all. Values come
-    before gradients, which take longer to compile. Of those that pass, the one with the least
-    measured run time is chosen.
+    Candidates are tried by step, the longest first, and among those with the same step the finest
+    first: where it fails, the others fail, too, and one compilation decides about all of them.
+    Values come before gradients, which take longer to compile. Of the candidates that pass, the
+    one with the shortest measured run time is chosen.
 
     **Arguments:**
 
@@ -229,9 +230,9 @@ class _Search:
             self.remaining.remove(candidate)
 
     def attempt(self, candidate: Fidelity) -> Trial:
-        """Try a candidate. One that is no finer than one too far off is not tried after: were it
-        nearer, it would be by luck. A step that Newton's method could not solve says nothing about
-        the others."""
+        """Try a candidate. Where it is too inaccurate, no coarser one is tried afterwards: it could
+        be more accurate only by chance. A step that Newton's method could not solve excludes no
+        other candidate."""
         self.trials[candidate] = trial = self.judge.trial(candidate)
         self.remaining.remove(candidate)
         if self.progress is not None:
@@ -242,7 +243,7 @@ class _Search:
         return trial
 
     def run(self) -> Choice:
-        """Candidates by how steps are chosen, the cheapest first."""
+        """Try the candidates in groups of equal step control, the cheapest group first."""
         if not self.judge.supported:
             raise NoFidelityError(
                 "The reference is not converged well enough on these scenes to tell errors as "
@@ -253,7 +254,7 @@ class _Search:
             first = self.remaining[0]
             steps = first.step, first.step_tolerance
             alike = [c for c in self.remaining if (c.step, c.step_tolerance) == steps]
-            # The finest: the one that settles the most others, of several the dearest.
+            # The finest: the one that decides about the most others, of several the most costly.
             finest = max(reversed(alike), key=lambda one: sum(as_fine(one, c) for c in alike))
             passed = [trial for trial in [self.attempt(finest)] if trial.passed]
             while passed and (cheaper := [c for c in alike if c in self.remaining]):

@@ -19,7 +19,7 @@ def in_chunks(
     workers: int = 1,
     progress: CountProgress | None = None,
 ) -> Any:
-    """What a vectorised program makes of lanes, on the host.
+    """The results of a vectorised program for any number of lanes, on the host.
 
     **Arguments:**
 

@@ -1,4 +1,4 @@
-"""Second derivatives, and whether they hold: a Hessian beside differences of gradients."""
+"""Second derivatives, and whether they hold: a Hessian compared with differences of gradients."""
 
 import dataclasses
 from collections.abc import Callable
@@ -11,8 +11,8 @@ from jaxtyping import Array, ArrayLike
 from ..printing import Readable, Table
 
 STEADY = 0.3
-"""A Hessian holds over a distance where differences of gradients over it are no further from it
-than this, relative to its size: it then tells how a gradient changes to a third."""
+"""A Hessian holds over a distance where differences of gradients over that distance deviate from it
+by no more than this share of its size: it then predicts changes of the gradient to a third."""
 
 
 def unsteadiness(
@@ -21,12 +21,12 @@ def unsteadiness(
     hessian: np.ndarray,
     sizes: np.ndarray,
 ) -> np.ndarray:
-    """How far columns of a Hessian H (n, n) are from differences of gradients [1], (n,):
+    """The deviation of the columns of a Hessian H (n, n) from differences of gradients [1], (n,):
 
     max_j |(g_j(b_k) - g_j(a_k)) / |b_k - a_k| - H_jk| / (s_j s_k)
 
-    with `slope_at` the gradient g (n,), `ends` the points a_k and b_k (n, 2, n), which differ in
-    the k-th number alone, and `sizes` s (n,), the roots of what H is compared with.
+    with `slope_at` the gradient g (n,), `ends` the points a_k and b_k (n, 2, n), which differ only
+    in the k-th number, and `sizes` s (n,), the square roots of the reference for H.
     """
     found = np.zeros(len(sizes))
     for k, (low, high) in enumerate(ends):
@@ -42,9 +42,10 @@ class Curvature(Readable):
     **Fields:**
 
     - `value`, `gradient` (n,), `hessian` (n, n).
-    - `reach` (n,): over which distance of each number they were looked at.
-    - `unsteadiness` [1], (n,): how far differences of gradients over that distance, to both sides,
-      are from the Hessian's column, relative to its largest element, all in units of `reach`.
+    - `reach` (n,): the distance in each number over which they were compared.
+    - `unsteadiness` [1], (n,): the deviation of differences of gradients over that distance, to
+      both sides, are from the Hessian's column, relative to its largest element, all in units of
+      `reach`.
 
     >>> fj.curvature(lambda x: x[0] ** 2, [3.0], 0.5)
     Curvature
@@ -60,16 +61,16 @@ class Curvature(Readable):
 
     @property
     def holds(self) -> np.ndarray:
-        """Of each number, whether the Hessian's column holds over its reach, (n,). Where it does
-        not, the function has a kink or a jump of its slope there, or bends within the reach."""
+        """Whether the Hessian's column of each number holds over its reach, (n,). Where it does
+        not, the slope has a jump there, or the curvature changes within the reach."""
         return self.unsteadiness <= STEADY
 
     def _printed(self) -> Table:
         rows = [("value", f"{self.value:.6g}")]
         for k, (slope, bend) in enumerate(zip(self.gradient, np.diag(self.hessian), strict=True)):
-            told = "holds" if self.holds[k] else "does not hold"
+            verdict = "holds" if self.holds[k] else "does not hold"
             rows.append(
-                (f"number {k}", f"slope {slope:.4g}, curvature {bend:.4g}, which {told} over "
+                (f"number {k}", f"slope {slope:.4g}, curvature {bend:.4g}, which {verdict} over "
                  f"{self.reach[k]:.3g} (unsteadiness {self.unsteadiness[k]:.2g})")
             )  # fmt: skip
         return Table("Curvature", tuple(rows))
@@ -80,18 +81,18 @@ def curvature(
 ) -> Curvature:
     """The Hessian of a function, and over which numbers it holds.
 
-    A second derivative is that of a point. Where a force begins or ends, where friction turns round
-    or where the largest of several values is another one, it jumps, and says nothing of the
-    function a little further on, though it is exact. So gradients are taken at `reach` to both
-    sides of the point in each number, 2 n of them beside the Hessian's cost of some n, and their
-    differences compared with it.
+    A second derivative belongs to one point. Where a force begins or ends, where friction reverses
+    or where another of several values becomes the largest, it jumps: though exact, it then says
+    nothing about the function nearby. Therefore gradients are computed at `reach` on both sides of
+    the point in each number, 2 n of them besides the Hessian's cost of some n, and their
+    differences are compared with the Hessian.
 
     **Arguments:**
 
     - `function`: of an array (n,), a number; it is traced and differentiated twice.
     - `point`: (n,), or a number.
-    - `reach`: above 0; how far from the point the derivatives are to hold, in the units of each
-      number, (n,) or one for all.
+    - `reach`: above 0; the distance from the point over which the derivatives should hold, in the
+      units of each number, (n,) or one for all.
 
     Raises `ValueError` where the shapes do not fit, a reach is not above 0, or the function or one
     of its derivatives is not finite.
@@ -104,13 +105,13 @@ def curvature(
     if at.ndim != 1:
         raise ValueError(f"Argument `point` must have the shape (n,), but has {at.shape}.")
     try:
-        far = np.broadcast_to(np.asarray(reach, dtype=float), at.shape)
+        distance = np.broadcast_to(np.asarray(reach, dtype=float), at.shape)
     except ValueError:
         raise ValueError(
             f"Argument `reach` must be one number or one each of `point`, {at.shape}, but has the "
             f"shape {np.shape(reach)}."
         ) from None
-    if not np.all(far > 0):
+    if not np.all(distance > 0):
         raise ValueError(f"Argument `reach` must be above 0, but is {reach}.")
     gradient = jax.jit(jax.value_and_grad(function))
     value, slope = (np.asarray(part) for part in gradient(jnp.asarray(at)))
@@ -120,10 +121,10 @@ def curvature(
             "Argument `function` must be finite with its derivatives at `point`, but gives "
             f"{value}, the gradient {slope} and the Hessian {hessian}."
         )
-    scaled = far * np.abs(hessian) * far[:, None]
-    # What rounding leaves of a straight function's slope is no curvature.
-    floor = np.finfo(slope.dtype).eps ** 0.5 * np.max(far * np.abs(slope))
-    sizes = np.sqrt(max(np.max(scaled), floor, np.finfo(float).tiny)) / far
-    ends = np.stack([np.stack([at - step, at + step]) for step in np.diag(far)])
+    scaled = distance * np.abs(hessian) * distance[:, None]
+    # Rounding in the slope of a linear function is no curvature.
+    floor = np.finfo(slope.dtype).eps ** 0.5 * np.max(distance * np.abs(slope))
+    sizes = np.sqrt(max(np.max(scaled), floor, np.finfo(float).tiny)) / distance
+    ends = np.stack([np.stack([at - step, at + step]) for step in np.diag(distance)])
     off = unsteadiness(lambda x: np.asarray(gradient(jnp.asarray(x))[1]), ends, hessian, sizes)
-    return Curvature(float(value), slope, hessian, far.copy(), off)
+    return Curvature(float(value), slope, hessian, distance.copy(), off)

@@ -1,4 +1,4 @@
-"""How well identified parameters are known, and what speaks against them."""
+"""The accuracy of identified parameters, and warnings about them."""
 
 import dataclasses
 
@@ -11,24 +11,25 @@ from .fit_problem import Problem
 from .fit_search import residual_deviations
 from .posterior import Posterior, laplace
 
-# Above this, directions in parameter space are hardly told apart (Belsley, Kuh and Welsch 1980).
+# Above this, directions in parameter space are hardly distinguishable (Belsley, Kuh and Welsch
+# 1980).
 _ILL_CONDITIONED = 30.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Fit(Readable):
-    """Parameters found, n of them, and how well they are known.
+    """The n parameters found, and their accuracy.
 
     **Fields:**
 
     - `parameters`: with their bounds; `start`, `values`: before and after [SI], (n,).
     - `standard_errors`: of ln p [1] where the scaling is logarithmic, which is the relative error
-      of p, and else of p [SI]; (n,). Infinite where the recordings do not tell.
+      of p, and else of p [SI]; (n,). Infinite where the recordings do not determine p.
     - `low`, `high`: the interval of `confidence` [SI], (n,) each.
     - `correlation`: of the estimates [1], (n, n).
     - `condition`: of the Jacobian with columns of length one [1], without those that are 0;
-      `weakest`: by how much [1] each ln p (or p by its range) moves along the direction that is
-      told worst, the largest being 1.
+      `weakest`: the change [1] of each ln p (or p over its range) along the least determined
+      direction, the largest being 1.
     - `noise`: standard deviation of the residuals by signal [the signal's unit];
       `autocorrelation` of the residuals from one row to the next, by signal [1].
     - `fitted`: signals of the model at the recordings' times, one array (signals, K) an experiment.
@@ -36,10 +37,10 @@ class Fit(Readable):
       residuals are as large as the noise.
     - `converged`, `evaluations`, `stop`: of the descent; `costs`: half the weighted sum of squares
       reached from each start.
-    - `warnings`: what speaks against taking the numbers as they are.
+    - `warnings`: reasons not to take the numbers at face value.
     - `posterior`: with the model's curvature, if asked for.
-    - `rung`: place in `Fidelity.ladder()` of the fidelity that the numbers are from; above 0 where
-      one before it left them in doubt.
+    - `rung`: the rung of `Fidelity.ladder()` at which the numbers were computed; above 0 where they
+      were in doubt at the rungs before.
     """
 
     parameters: tuple[DesignVariable, ...]
@@ -83,11 +84,11 @@ class Fit(Readable):
         return "\n".join(rows)
 
     def _printed(self) -> Table:
-        told = [f"misfit {self.misfit:.3g}, condition {self.condition:.3g}: {self.stop}"]
+        lines = [f"misfit {self.misfit:.3g}, condition {self.condition:.3g}: {self.stop}"]
         if self.rung:
-            told.append(f"computed finer: rung {self.rung} of the fidelity's ladder")
-        told += [f"warning: {warning}" for warning in self.warnings]
-        return of_lines("Fit", "\n".join([str(self), *told]))
+            lines.append(f"computed finer: rung {self.rung} of the fidelity's ladder")
+        lines += [f"warning: {warning}" for warning in self.warnings]
+        return of_lines("Fit", "\n".join([str(self), *lines]))
 
 
 def judged(
@@ -111,15 +112,15 @@ def judged(
     if np.any(seen):
         _, sizes, turned = np.linalg.svd(jacobian[:, seen] / lengths[seen], full_matrices=False)
         condition = float(sizes[0] / sizes[-1]) if sizes[-1] > 0 else np.inf
-        # Directions that nothing is known of, to rounding.
-        told = sizes > 1e-10 * sizes[0]
-        inverse = np.where(told, 1 / np.where(told, sizes, 1.0), 0.0)
+        # Directions that the recordings determine beyond rounding.
+        known = sizes > 1e-10 * sizes[0]
+        inverse = np.where(known, 1 / np.where(known, sizes, 1.0), 0.0)
         spread = (turned.T * inverse**2) @ turned
         deviation = np.sqrt(np.diag(spread))
         both = np.outer(deviation, deviation)
         correlation[np.ix_(seen, seen)] = spread / np.where(both > 0, both, 1.0)
-        untold = np.any(np.abs(turned[~told]) > 1e-3, axis=0)
-        error[seen] = np.where(untold, np.inf, misfit * deviation / lengths[seen])
+        unknown = np.any(np.abs(turned[~known]) > 1e-3, axis=0)
+        error[seen] = np.where(unknown, np.inf, misfit * deviation / lengths[seen])
         weakest = np.zeros(shares.size)
         weakest[seen] = turned[-1] / lengths[seen]
         weakest = weakest * np.where(logarithmic, spans, 1.0)
@@ -167,7 +168,8 @@ def judged(
 
 
 def _autocorrelation(problem: Problem, models) -> dict[str, tuple[float, float]]:
-    """Of residuals from one sample to the next, by signal, and what noise would stay below."""
+    """Autocorrelation of residuals between neighbouring samples, by signal, and a bound for
+    noise."""
     above: dict[str, float] = {}
     below: dict[str, float] = {}
     rows: dict[str, int] = {}
@@ -192,12 +194,12 @@ def _warnings(problem, shares, standard, condition, weakest, lagged, models, cos
             if abs(w) > 0.1
         )
         yield (
-            f"hardly told apart (condition {condition:.3g}): along {combined} the fit is almost "
-            "as good. Hold one of these, or record more signals or other impacts"
+            f"hardly distinguishable (condition {condition:.3g}): along {combined} the fit is "
+            "almost as good. Hold one of these, or record more signals or other impacts"
         )
     for p, u, error in zip(parameters, shares, standard, strict=True):
         if not np.isfinite(error):
-            yield f"{p.name} is not told by the recordings at all"
+            yield f"{p.name} is not determined by the recordings at all"
         elif p.scaling == "logarithmic" and error > 0.5:
             yield f"{p.name} is known to a factor of {np.exp(error):.2g} only"
         if u < 1e-3 or u > 1 - 1e-3:

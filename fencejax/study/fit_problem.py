@@ -1,4 +1,4 @@
-"""A problem of identification: what is searched, and the residuals it is judged by."""
+"""The identification problem: the parameters, and the weighted residuals to minimise."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -16,8 +16,8 @@ from .fit_signals import curvature_of, program_of
 from .recording import Recording
 
 OFFSET = "time_offset"
-"""Name of the time [s] that the scene's clock is ahead of the recording's: where a recording's
-time is t, the scene has been going on for t + time_offset."""
+"""Name of the time [s] by which the scene's clock is ahead of the recording's: at the recording's
+time t the scene is at t + time_offset."""
 
 _BOUNDS = {
     "youngs_modulus": (0.2e9, 50e9),
@@ -37,11 +37,11 @@ PARAMETERS: Mapping[str, DesignVariable] = {
     },
     OFFSET: DesignVariable(OFFSET, -0.02, 0.02, "s", "linear"),
 }
-"""Parameters with default bounds: what is hard to measure in any other way."""
+"""Parameters with default bounds: numbers that are hard to measure in any other way."""
 
 
 class Experiment(NamedTuple):
-    """A scene as it was set up, and what was recorded of it."""
+    """A scene as it was set up, and its recording."""
 
     scene: AnyScene
     recording: Recording
@@ -76,18 +76,18 @@ class Problem:
 
     @property
     def linear(self) -> np.ndarray:
-        """Whether each parameter goes straight with its share, (n,)."""
+        """Whether each parameter is linear in its share, (n,)."""
         return np.array([p.scaling == "linear" for p in self.parameters])
 
     def _offset(self, index: int) -> int | None:
-        """The place of an experiment's time offset among the parameters."""
+        """The index of an experiment's time offset among the parameters."""
         if not self.offsets:
             return None
         return self.offsets[index if len(self.offsets) > 1 else 0]
 
     @property
     def spans(self) -> np.ndarray:
-        """From shares of the ranges to ln p, or to p where the scaling is linear, (n,)."""
+        """Factors from shares of the ranges to ln p, or to p where the scaling is linear, (n,)."""
         return np.array([
             p.upper - p.lower if p.scaling == "linear" else np.log(p.upper / p.lower)
             for p in self.parameters
@@ -99,7 +99,7 @@ class Problem:
         values = self.values(shares)
         stretch = self.stretch(values)
         residual, rows = self.stacked(shares, noise)
-        # p bends over u where it is a power: d^2p/du^2 = dp/du ln(b / a).
+        # p is exponential in u with logarithmic scaling: d^2p/du^2 = dp/du ln(b / a).
         bends = np.where(self.linear, 0.0, self.spans)
         total = np.diag(bends * (rows.T @ residual))
         plain = [k for k in range(len(values)) if k not in self.offsets]
@@ -146,11 +146,11 @@ class Problem:
         return found
 
     def in_doubt(self, shares) -> bool:
-        """Whether a finer fidelity may settle what the status of an experiment doubts."""
+        """Whether an experiment is in numerical doubt, so that a finer fidelity may help."""
         return any(Status(status).numerical for _, _, status in self.models(shares))
 
     def stacked(self, shares, noise: Mapping[str, float]):
-        """Residuals (N,) and Jacobian (N, n) of all samples that there are, in units of the noise.
+        """Residuals (N,) and Jacobian (N, n) of all recorded samples, in units of the noise.
         """
         residuals, rows = [], []
         for (modelled, slopes, _), (_, recording) in zip(

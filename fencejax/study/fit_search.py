@@ -9,12 +9,12 @@ from .. import _check
 from .fit_problem import Problem
 from .recording import SIGNALS
 
-# Searches at most, each with the noise that the one before it left.
+# The most searches, each with the noise estimated from the residuals of the one before.
 _PASSES = 5
 
 
 def first_scales(experiments, noise: Mapping[str, float] | None) -> dict[str, float]:
-    """The noise as given, or the largest value of every signal to begin with."""
+    """The given noise, or initially the largest value of every signal."""
     largest: dict[str, float] = {}
     for _, recording in experiments:
         for name, column in recording.signals.items():
@@ -34,7 +34,8 @@ def first_scales(experiments, noise: Mapping[str, float] | None) -> dict[str, fl
 
 
 def residual_deviations(problem: Problem, shares, count: int) -> dict[str, float]:
-    """Standard deviation of the residuals by signal; parameters are spread over the signals."""
+    """Standard deviation of the residuals by signal; each signal loses its share of the degrees of
+    freedom."""
     sums: dict[str, float] = {}
     rows: dict[str, int] = {}
     for (modelled, _, _), (_, recording) in zip(
@@ -104,11 +105,11 @@ def search(problem: Problem, begin, weights, estimated: bool, most: int, progres
         if not estimated:
             break
         spread = residual_deviations(problem, shares, shares.size)
-        # Residuals of rounding alone are not weights.
+        # Residuals that are rounding alone must not become weights.
         new = {name: max(spread[name], 1e-9 * weights[name]) for name in weights}
         ratios = [np.log(new[name] / current[name]) for name in new]
         weights = new
-        # A common factor moves nothing.
+        # A common factor does not change the optimum.
         if np.ptp(ratios) < 0.02:
             break
     return shares, weights, converged, stop

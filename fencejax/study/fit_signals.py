@@ -21,8 +21,8 @@ def _signal(history: Sample, name: str) -> Array:
 
 
 def _read(time: Array, history: Sample, name: str) -> Array:
-    """A signal at some times: before the scene's start there is no force, and what moves goes on
-    backwards as it moves then."""
+    """A signal at some times. Before the scene's start the force is 0, and motions are extrapolated
+    backwards with their initial rate."""
     knots, values = history.time, _signal(history, name)
     found = interpolate(time, knots, values)
     if name == "force":
@@ -69,15 +69,15 @@ def program_of(structure, chosen: tuple[str, ...], signals: tuple[str, ...], fid
 def curvature_of(
     structure, chosen: tuple[str, ...], signals: tuple[str, ...], fidelity: Fidelity, shifted: bool
 ):
-    """Second derivatives of half the weighted sum of squares in the parameters, and in the offset
-    behind them where it is `shifted`."""
+    """Second derivatives of half the weighted sum of squares in the parameters and, where
+    `shifted`, in the time offset as the last one."""
     model = _model_of(structure, chosen, signals, fidelity)
 
     def cost(numbers, leaves, time, recorded, weight):
         parameters = [numbers[k] for k in range(len(chosen))]
         offset = numbers[len(chosen)] if shifted else jnp.zeros(())
         values, _ = model(parameters, offset, leaves, time)
-        # What is missing has no weight.
+        # Missing samples have the weight 0.
         left = jnp.where(weight > 0, weight * (values - jnp.nan_to_num(recorded)), 0.0)
         return 0.5 * jnp.sum(left**2)
 

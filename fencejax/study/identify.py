@@ -24,7 +24,7 @@ from .fit_problem import (
 from .fit_search import first_scales, search, starts_from
 from .recording import SIGNALS
 
-# A recording this much larger or smaller than the model is in another unit.
+# A recording larger or smaller than the model by this factor is in another unit.
 _SUSPICIOUS = 100.0
 
 
@@ -42,7 +42,7 @@ def fit(
     refine: bool = True,
     progress: Callable[[int, float], None] | None = None,
 ) -> Fit:
-    """Find parameters p such that scenes do what was recorded of them:
+    """Find the parameters p with which scenes reproduce their recordings:
 
     minimise 1/2 sum_j ((s_j(p) - y_j) / sigma_j)^2 within bounds,
 
@@ -52,33 +52,33 @@ def fit(
     u = ln(p / a) / ln(b / a) of the bounds a, b (or linear in p, see `DesignVariable`).
 
     The covariance of the estimates is that of the linearised problem,
-    C = s^2 (J^T J)^-1 with s^2 = sum of weighted squares / (N - n): right for independent noise of
-    constant size, a model that is true, and errors small enough for straight lines. Standard errors
-    do not hold what the model or the fidelity leave out: see `Fit.warnings`. Where the lines bend
-    within the errors, `posterior=True` says what the recordings leave open with the model's second
+    C = s^2 (J^T J)^-1 with s^2 = sum of weighted squares / (N - n): correct for independent noise
+    of constant size, a true model, and errors small enough for the linearisation. The standard
+    errors do not include errors of the model or the fidelity: see `Fit.warnings`. Where the model
+    is nonlinear within the errors, `posterior=True` computes the posterior with the model's second
     derivatives (`Posterior`).
 
     **Arguments:**
 
-    - `experiments`: one or more, on the scenes' clocks (see `fencejax.study.align`); samples that
-      are missing do not count. The scenes hold the numbers that are known, and the search starts
-      from those of the first one. Parameters are common to all, but each recording has a
-      `time_offset` of its own if that is asked for.
+    - `experiments`: one or more, on the scenes' clocks (see `fencejax.study.align`); missing
+      samples do not count. The scenes have the known numbers, and the search starts at the
+      parameters' values in the first one. Parameters are common to all experiments, except
+      `time_offset`, of which each recording has its own.
     - `parameters`: names of `PARAMETERS`, or any number of the scenes (`fencejax.scene_numbers`) as
       a `DesignVariable` with its bounds.
     - `noise`: sigma by signal [the signal's unit]. By default it is estimated from the residuals,
-      repeatedly until it no longer changes: the likeliest weights of several signals.
+      repeatedly until it no longer changes: the most likely weights of several signals.
     - `starts`: the first is at the scene's own numbers, others are spread over the bounds; the best
       is kept.
     - `confidence`: of the intervals [1]. `seed`: of the starts. `most`: evaluations in a search.
-    - `posterior`: also compute `Fit.posterior`: a program more, and two evaluations a parameter.
+    - `posterior`: also compute `Fit.posterior`: one more program, and two evaluations a parameter.
     - `refine`: where a simulation at the parameters found is in numerical doubt
-      (`Status.numerical`), search on from there at the next finer rung of `Fidelity.ladder`, up to
-      the last one; `Fit.rung` says at which the numbers are.
+      (`Status.numerical`), continue the search at the next finer rung of `Fidelity.ladder`, up to
+      the last one; `Fit.rung` is the rung of the result.
     - `progress`: called with the evaluation's number and half the weighted sum of squares.
 
-    Raises `ValueError` where names, bounds, times or sizes cannot be; a recording whose times or
-    values are off by orders of magnitude is taken to be in other units.
+    Raises `ValueError` for impossible names, bounds, times or sizes; a recording whose times or
+    values are off by orders of magnitude is refused as probably in other units.
 
     >>> history = fj.simulate(fj.scenes.rigid_wall()).history
     >>> force = {"force": np.asarray(history.fence_force)[1:140]}
@@ -115,7 +115,7 @@ def fit(
         search(problem, at, first, noise is None, most, progress)
         for at in starts_from(begin, starts, seed)
     ]
-    # Each search has weights of its own: compared by what they make of the first ones.
+    # Each search has weights of its own; their results are compared with the first weights.
     compared = [0.5 * float(np.sum(problem.stacked(x, first)[0] ** 2)) for x, *_ in found]
     shares, weights, converged, stop = found[int(np.argmin(compared))]
     rung, rungs = 0, fidelity.ladder() if refine else (fidelity,)
@@ -163,7 +163,7 @@ def _check_sizes(problem: Problem, shares) -> None:
         for name, of_model, of_record in zip(
             recording.names, modelled, recording.values, strict=True
         ):
-            # Of a position only the change counts.
+            # For a position only its change counts.
             shift = name in ("x", "y", "angle")
             size, own = (
                 float(np.ptp(a) if shift else np.max(np.abs(a)))

@@ -1,5 +1,5 @@
-"""Lanes that go through a loop together, in groups: neighbours of about the same length, as all
-lanes of a group wait for the one with the most steps."""
+"""Groups of lanes that run through a loop together. All lanes of a group wait for the one with the
+most steps, so that a group has lanes of about the same number of steps."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,17 +12,17 @@ from jaxtyping import Array
 from ..scenes import NormalScene, Scene
 
 CPU_GROUP = 64
-"""Lanes of a group: many keep a core's vector units busy, few wait less for the slowest. Measured
-on one core: 64 is the best, 32 and 128 are 10 % slower, 16 is 25 %."""
+"""Lanes of a group: larger groups use a core's vector units better, smaller ones wait less for the
+slowest lane. Measured on one core: 64 is the best, 32 and 128 are 10 % slower, 16 is 25 %."""
 
 
 def contact_length(scene: NormalScene | Scene) -> Array | None:
-    """About how long [s] the parcel is in contact with the fence, but for a factor that lanes have
-    in common: half a period of its mass m on the fence as a spring, pi sqrt(m c).
+    """An estimate [s] of the contact time of parcel and fence, up to a factor common to all lanes:
+    half a period of its mass m on the fence as a spring, pi sqrt(m c).
 
-    At the distance x from the clamped end of a beam c is x^3 / (3 E I), I that of the root; on the
-    rigid link there is the contact alone, which is short. `None` where the place of the touch is
-    not among the scene's numbers.
+    At the distance x from the clamped end of a beam the compliance c is x^3 / (3 E I), with I at
+    the root; on the rigid link only the contact is compliant, and its time is short. `None` where
+    the place of the first contact is not among the scene's numbers.
     """
     place = scene.distance if isinstance(scene, NormalScene) else scene.start.distance()
     fence = scene.fence
@@ -40,14 +40,14 @@ def in_groups(
     count: Array,
     scene: Callable[[Any], NormalScene | Scene],
 ) -> Any:
-    """`function` of lanes, a vectorised one, in groups in the order of their contacts' lengths.
+    """A vectorised `function` of lanes, computed in groups in the order of their contact times.
 
     **Arguments:**
 
     - `lanes`: a pytree whose leaves have the lanes first, a multiple of `group` of them.
-    - `count`: how many of them are wanted, the first ones; a traced integer. Groups of others
-      alone are not computed, and what is told of them means nothing.
-    - `scene`: of one lane, that which tells its length.
+    - `count`: the number of lanes wanted, the first ones; a traced integer. Groups without any of
+      them are not computed, and the results of other lanes have no meaning.
+    - `scene`: the scene of one lane, from which its contact time is estimated.
 
     A lane's numbers do not depend on the lanes of its group.
     """

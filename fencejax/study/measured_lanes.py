@@ -1,4 +1,4 @@
-"""Quantities of many scenes within a differentiated program."""
+"""Quantities of many scenes as part of a differentiated program."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -28,8 +28,8 @@ def measured(
 
     - `scene`: the scene of one lane.
     - `lanes`: a pytree whose leaves have the lanes first.
-    - `quantities`, `fidelity`: what is read, and how finely it is computed.
-    - `chunk`: how many lanes at most go through one vectorised call.
+    - `quantities`: those to compute; `fidelity`: of the simulation.
+    - `chunk`: the most lanes in one vectorised call.
     """
     only, own = fields(quantities), measures(quantities)
 

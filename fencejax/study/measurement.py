@@ -1,4 +1,4 @@
-"""Values, elasticities and run times of scenes at a fidelity, and how far two runs differ."""
+"""Values, elasticities and run times of scenes at a fidelity, and the errors between two runs."""
 
 import time
 from typing import NamedTuple
@@ -102,5 +102,5 @@ def gradient_error(measured: Measured, truth: Measured) -> float:
 
 
 def _largest(error: np.ndarray) -> float:
-    """What is not known counts as infinite."""
+    """The largest error; unknown ones count as infinite."""
     return float(np.max(np.where(np.isnan(error), np.inf, error)))

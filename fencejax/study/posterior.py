@@ -1,4 +1,4 @@
-"""What recordings leave open about parameters, with the model's curvature: Laplace's method."""
+"""The posterior distribution of parameters with the model's curvature: Laplace's method."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -12,14 +12,15 @@ from .curvature import STEADY, unsteadiness
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Posterior(Readable):
-    """The normal distribution that has the posterior's curvature at its top (Laplace; Tierney and
-    Kadane 1986). With a prior that is flat in u, the shares of the parameters' ranges, and the
-    noise's estimate,
+    """The normal distribution with the posterior's curvature at its maximum (Laplace; Tierney and
+    Kadane 1986). With a flat prior in u, the shares of the parameters' ranges, and the estimated
+    noise,
 
     p(u | y) ~ exp(-(u - u_0)^T H (u - u_0) / (2 s^2)),   H = J^T J + sum_j r_j d^2 r_j / du^2,
 
-    r_j the weighted residuals at the best u_0, J their Jacobian, s the misfit. `Fit`'s own errors
-    leave the sum out, as Gauss and Newton do: it is small where the residuals are noise alone.
+    r_j the weighted residuals at the best u_0, J their Jacobian, s the misfit. The standard errors
+    of `Fit` leave the sum out, as the Gauss-Newton method does: it is small where the residuals
+    are noise alone.
 
     **Fields:**
 
@@ -28,9 +29,9 @@ class Posterior(Readable):
       infinite where H is not positive definite: the search did not end at a minimum.
     - `correlation` [1], (n, n).
     - `ratios`: the standard errors over `Fit.standard_errors` [1], (n,).
-    - `unsteadiness`: the largest change of H, in units of its own diagonal, between u_0 and
-      differences of gradients one standard error to both sides [1]. Beyond some 0.3 the posterior
-      is not normal, or the model has a kink within it, where a second derivative says nothing.
+    - `unsteadiness`: the largest deviation of H, in units of its own diagonal, from differences of
+      gradients over one standard error on both sides of u_0 [1]. Above some 0.3 the posterior is
+      not normal, or the model has a kink within it, across which a second derivative is useless.
     """
 
     names: tuple[str, ...]
@@ -71,7 +72,7 @@ def laplace(
         deviation = np.sqrt(np.diag(spread))
         error = misfit * deviation / lengths * problem.spans
         correlation = spread / np.outer(deviation, deviation)
-        # Over the standard error of each parameter, the others held.
+        # Over the standard error of each parameter, with the others fixed.
         steps = np.diag(np.maximum(misfit / lengths, 1e-6))
         ends = np.stack([np.clip(shares + side * steps, 0.0, 1.0) for side in (-1, 1)], axis=1)
 

@@ -12,9 +12,9 @@ SIGNALS: Mapping[str, str] = {
     "y": "m",
     "angle": "rad",
 }
-"""What can be recorded, with its unit: the normal force of the fence on the parcel, the deflection
-of the tip from the rigid link's line, positive where the parcel bends it, and C_s and the angle of
-the parcel."""
+"""The signals that can be recorded, with their units: the normal force of the fence on the parcel,
+the deflection of the tip from the rigid link's line, positive in the direction in which the parcel
+bends it, and the coordinates of C_s and the angle of the parcel."""
 
 _LEAST_ROWS = 5
 
@@ -28,8 +28,8 @@ class Recording:
     - `time`: [s], rising, shape (K,): since the scene's start, or by a clock of its own (see
       `fencejax.study.align`).
     - `signals`: by name (see `SIGNALS`), each of shape (K,); NaN where a sample is missing.
-    - `source`: where it is from, for messages.
-    - `untimed`: how many rows had no time, and were left out.
+    - `source`: its origin, for messages.
+    - `untimed`: the number of rows without a time, which were left out.
 
     Raises `ValueError` where a name is unknown, shapes differ, a number is infinite, times are
     missing or do not rise, or a signal has fewer than five samples.

@@ -27,7 +27,7 @@ _FACTORS = {
     "rad": {"rad": 1.0, "deg": np.pi / 180, "\u00b0": np.pi / 180, "mrad": 1e-3},
 }
 _HEADER = re.compile(r"\s*([^\[\]()]+?)\s*(?:[\[(]\s*([^\[\]()]*?)\s*[\])])?\s*")
-# What stands for a sample that is missing.
+# Texts for a missing sample.
 _MISSING = {"", "-", "--", "nan", "na", "n/a", "null", "none"}
 # A number with a decimal comma, points between its thousands or none.
 _WITH_COMMA = re.compile(r"[+-]?(?:\d{1,3}(?:\.\d{3})+|\d*),\d*(?:[eE][+-]?\d+)?")
@@ -57,7 +57,7 @@ class _Column(NamedTuple):
 
 
 class _File:
-    """The lines of a file that count, cut into cells."""
+    """The lines of a file without comments and empty lines, split into cells."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -84,7 +84,7 @@ class _File:
     def _row(self, line: int, text: str) -> list[str]:
         cells, wanted = self._cells(line, text), len(self.titles)
         if len(cells) != wanted:
-            # Each number in two.
+            # Each number is split in two.
             commas = self.separator == "," and len(cells) == 2 * wanted
             remedy = " If these are decimal commas, separate columns by semicolons." * commas
             raise ValueError(
@@ -94,7 +94,7 @@ class _File:
         return cells
 
     def columns(self, named: Mapping[str, str]) -> dict[str, _Column]:
-        """The columns of time and signals, by the titles that are `named` or by their own."""
+        """The columns of time and signals, by the titles in `named` or by their own names."""
         where = f"{self.path}, line {self.first}"
         found: dict[str, _Column] = {}
         for name, title in named.items():
@@ -113,7 +113,7 @@ class _File:
                 )
             found[name] = self._column(places[0], name)
         for place, title in enumerate(self.titles):
-            name = re.sub(r"[\s-]+", "_", _parted(title)[0].lower())
+            name = re.sub(r"[\s-]+", "_", _name_and_unit(title)[0].lower())
             if name in named or (name != "time" and name not in SIGNALS):
                 continue
             if name in found:
@@ -123,22 +123,22 @@ class _File:
 
     def _column(self, place: int, name: str) -> _Column:
         title, unit = self.titles[place], "s" if name == "time" else SIGNALS[name]
-        given = _parted(title)[1]
+        given = _name_and_unit(title)[1]
         where = f"{self.path}, line {self.first}, column `{title}`"
         return _Column(place, title, unit, _factor(where, unit if given is None else given, unit))
 
     def in_units(self, columns: Mapping[str, _Column]) -> dict[str, _Column]:
-        """The columns with the units of a line of its own under the header, if there is one, which
-        is then no row."""
+        """The columns with the units from a line of units under the header, if there is one; that
+        line is then removed from the rows."""
         if not self.rows:
             return dict(columns)
         line, cells = self.rows[0]
-        told = {name: cells[c.place].strip().strip("[]()").strip() for name, c in columns.items()}
-        if not all(unit in _FACTORS[columns[name].unit] for name, unit in told.items()):
+        units = {name: cells[c.place].strip().strip("[]()").strip() for name, c in columns.items()}
+        if not all(unit in _FACTORS[columns[name].unit] for name, unit in units.items()):
             return dict(columns)
         self.rows = self.rows[1:]
         return {
-            name: c._replace(factor=_factor(f"{self.path}, line {line}", told[name], c.unit))
+            name: c._replace(factor=_factor(f"{self.path}, line {line}", units[name], c.unit))
             for name, c in columns.items()
         }
 
@@ -180,19 +180,19 @@ def read_recording(
 ) -> Recording:
     """Read a text file of columns: a header, then one row a moment.
 
-    The header names its columns as in `time [ms],force [N],tip_deflection [mm]`; units may stand in
-    a line of their own below, and without one a column is in the SI's. Known are `time` and the
-    names of `SIGNALS`, and what `columns` says; other columns are passed over. Columns are
-    separated by commas, semicolons or tabs; numbers have a decimal point or, except between commas,
-    a decimal comma. Empty lines, and lines that start with #, are passed over. A sample that is
-    empty or `NaN` is missing (`Recording.missing`), and a row without a time is left out.
+    The header names its columns as in `time [ms],force [N],tip_deflection [mm]`. Units may be in a
+    line of their own below the header; a column without a unit is in the SI unit. The columns read
+    are `time`, the names of `SIGNALS`, and those named by `columns`; others are ignored. Columns
+    are separated by commas, semicolons or tabs; numbers have a decimal point or, unless commas
+    separate the columns, a decimal comma. Empty lines and lines that start with # are ignored. An
+    empty or `NaN` sample is missing (`Recording.missing`), and a row without a time is left out.
 
     **Arguments:**
 
     - `path`: of the file, in UTF-8, UTF-16 or the Windows encoding of western Europe.
-    - `names`: the signals that are wanted; by default all that there are.
-    - `columns`: titles of columns that have other names, `{"time": "Zeit", "force": "Kraft"}`, with
-      or without the unit.
+    - `names`: the signals to read; by default all in the file.
+    - `columns`: titles of columns with other names, `{"time": "Zeit", "force": "Kraft"}`, with or
+      without the unit.
 
     Raises `ValueError` that names the file, and the line and the column, where it cannot be read, a
     column is missing, twice there, or in an unknown unit, a row has another number of fields, a
@@ -242,7 +242,7 @@ def read_recording(
     return Recording(time[timed], signals, str(path), int(np.sum(~timed)))
 
 
-def _parted(title: str) -> tuple[str, str | None]:
+def _name_and_unit(title: str) -> tuple[str, str | None]:
     """A title's name and unit."""
     match = _HEADER.fullmatch(title)
     return ("", None) if match is None else (match[1].strip(), match[2])
@@ -250,7 +250,7 @@ def _parted(title: str) -> tuple[str, str | None]:
 
 def _same(title: str, given: str) -> bool:
     """Whether a title is the one given, with or without its unit."""
-    return given.strip().lower() in (title.lower(), _parted(title)[0].lower())
+    return given.strip().lower() in (title.lower(), _name_and_unit(title)[0].lower())
 
 
 def _factor(where: str, given: str, unit: str) -> float:

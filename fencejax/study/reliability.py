@@ -1,4 +1,4 @@
-"""How probably scattered numbers break a limit, told by the point where they most likely do."""
+"""The probability that scattered numbers break a limit, from the most probable point of failure."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -11,13 +11,14 @@ from jaxtyping import Array
 from .. import _check
 from .curvature import STEADY, unsteadiness
 
-# How far around the most probable point a limit's curvature is looked at [standard deviations].
+# The distance around the most probable point at which a limit's curvature is checked [standard
+# deviations].
 _NEAR = 0.5
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Reliability:
-    """The probability that a limit is broken, and by what; n scattered numbers.
+    """The probability that n scattered numbers break a limit, and their importance.
 
     **Fields:**
 
@@ -28,9 +29,10 @@ class Reliability:
     - `point`: the numbers [SI] with which the limit is most probably broken, by name.
     - `importance`: the share [1] of each number in the scatter of the margin there; they sum to 1.
     - `curvatures`: of the limit at the point [1], n - 1, above 0 where it bends away.
-    - `unsteadiness` [1]: how far gradients half a standard deviation to both sides of the point are
-      from what the curvatures say, relative to these and to 1, in any number. Beyond some 0.3 the
-      limit has a kink there or bends otherwise, and `probability` is as good as `first_order`.
+    - `unsteadiness` [1]: the largest deviation of gradients half a standard deviation on both sides
+      of the point from the prediction of the curvatures, relative to these and to 1. Above some 0.3
+      the limit has a kink or a changing curvature there, and `probability` is no better than
+      `first_order`.
     - `evaluations`: of the margin with its gradient.
 
     >>> found = fj.failure_probability(lambda p: 3.0 - p["a"], {"a": lambda u: 2.0 * u})
@@ -75,15 +77,15 @@ def failure_probability(
     tolerance: float = 1e-6,
     budget: int = 100,
 ) -> Reliability:
-    """The probability that `margin(values)` is below 0 where its values scatter independently.
+    """The probability that `margin(values)` is below 0 for independently scattered values.
 
     In terms of standard normal numbers u, the design point is the one nearest to 0 with
     margin = 0; its distance is the reliability index beta. The first-order probability is
     Phi(-beta) (Hasofer and Lind, 1974), the second-order one
     Phi(-beta) prod (1 + psi k_i)^(-1/2), psi = phi(beta) / Phi(-beta), with the curvatures k_i of
     the limit at the point (Hohenbichler and Rackwitz, 1988; Breitung, 1984), from the margin's
-    exact Hessian. Both grow exact for rare failures of one design point; where several parts of the
-    limit are as near, they count one of them.
+    exact Hessian. Both become exact for rare failures with a single design point; where several
+    parts of the limit are equally near, they count only one of them.
 
     The point is found by SciPy's sequential quadratic programming.
 
@@ -97,9 +99,9 @@ def failure_probability(
     - `tolerance`: how near to the limit, relative to the margin at the medians, the point is.
     - `budget`: the most evaluations of the margin and its gradient.
 
-    Raises `ValueError` where `scatter` is empty, where the margin or a derivative is not a finite
-    number, where the numbers do not move it, and where within the budget no point of the limit is
-    found.
+    Raises `ValueError` where `scatter` is empty, where the margin or a derivative is not finite,
+    where the margin does not depend on the numbers, and where no point of the limit is found within
+    the budget.
 
     >>> scatter = {"mass": lambda u: 8.0 * jnp.exp(0.4 * u), "limit": lambda u: 25.0 + 2.0 * u}
     >>> print(fj.failure_probability(lambda p: p["limit"] - p["mass"], scatter))
@@ -142,7 +144,7 @@ def failure_probability(
             if not (np.isfinite(value) and np.all(np.isfinite(slope))):
                 raise ValueError(
                     f"Argument `margin` must give finite numbers and derivatives, but gives {value}"
-                    f" with {slope} at {_told(values_at(u))}."
+                    f" with {slope} at {_text(values_at(u))}."
                 )
             kept = u.tobytes(), value, slope
         return kept[1], kept[2]
@@ -151,13 +153,12 @@ def failure_probability(
     if not np.any(slope):
         raise ValueError(
             "Argument `margin` must depend on the scattered numbers, but its derivatives at their "
-            f"medians, {_told(values_at(np.zeros(len(names))))}, are all 0."
+            f"medians, {_text(values_at(np.zeros(len(names))))}, are all 0."
         )
     scale = max(abs(begin), float(np.linalg.norm(slope)))
     found = minimize(
         lambda u: 0.5 * float(u @ u),
-        # The nearest point of the tangent plane: a start off the medians, where the objective is
-        # flat.
+        # The nearest point of the tangent plane; at the medians the objective is flat.
         -begin * slope / (slope @ slope),
         jac=lambda u: u,
         method="SLSQP",
@@ -173,7 +174,7 @@ def failure_probability(
     if abs(value) > tolerance * scale:
         raise ValueError(
             f"No point of the limit is found: {found.message}. The margin is {begin:.4g} at the "
-            f"medians and {value:.4g} at {_told(values_at(point))}."
+            f"medians and {value:.4g} at {_text(values_at(point))}."
         )
     steepness = float(np.linalg.norm(slope))
     outward = -slope / steepness
@@ -182,12 +183,12 @@ def failure_probability(
     across = np.linalg.svd(outward[None])[2][1:]
     curvatures = np.linalg.eigvalsh(across @ hessian @ across.T)
     first = float(stats.norm.sf(index))
-    # exp of a difference of logarithms: both factors may be smaller than any number.
+    # exp of a difference of logarithms, as both factors may underflow.
     psi = float(np.exp(stats.norm.logpdf(index) - stats.norm.logsf(index)))
     factors = 1 + psi * curvatures
     if not np.all(factors > 0):
         raise ValueError(
-            f"The limit bends round the medians at {_told(values_at(point))} (curvatures "
+            f"The limit bends round the medians at {_text(values_at(point))} (curvatures "
             f"{curvatures}, reliability index {index:.3g}): it is broken in many places equally "
             "probably, and no single one tells how often. Draw samples instead."
         )
@@ -208,5 +209,5 @@ def failure_probability(
     )
 
 
-def _told(values) -> str:
+def _text(values) -> str:
     return ", ".join(f"{name} = {float(value):.4g}" for name, value in values.items())

@@ -86,9 +86,9 @@ def quantities_of(scene: AnyScene, outputs: Sequence[str | Quantity]) -> tuple[Q
 class Response:
     """m quantities Q(p) of a scene as functions of all its N numbers p [SI], and dQ/dp.
 
-    Lanes are rows of the scene's numbers in the order of `fencejax.scene_numbers.names`; rows with
-    some of them changed are made by `fencejax.scene_numbers.vary`. They are computed `chunk` at a
-    time, so that memory is bounded, by one thread a core. Each of the two programs is compiled
+    Lanes are rows of the scene's numbers in the order of `fencejax.scene_numbers.names`;
+    `fencejax.scene_numbers.vary` makes rows with some numbers changed. Every thread, one a core,
+    computes `chunk` lanes at a time, which bounds the memory. Each of the two programs is compiled
     once for all scenes of the same structure.
 
     >>> scene = fj.scenes.rigid_wall()
@@ -115,10 +115,10 @@ class Response:
         - `fidelity`: default `Fidelity.standard()`.
         - `chunk`: lanes computed at a time by a thread.
         - `workers`: threads; by default one a core.
-        - `refine`: whether lanes whose status doubts the numbers (`Status.numerical`) are computed
-          again at the next rungs of `Fidelity.ladder`.
+        - `refine`: whether lanes in numerical doubt (`Status.numerical`) are computed again at the
+          next rungs of `Fidelity.ladder`.
 
-        Raises `ValueError` where a name or a count is none that can be.
+        Raises `ValueError` for an unknown name or an impossible count.
         """
         self.scene = scene
         self.quantities = quantities_of(scene, outputs)
@@ -143,9 +143,9 @@ class Response:
             programs = _programs(
                 self._structure, self._shapes, self.quantities, self._ladder[rung]
             )
-            told = None if rung else progress
+            reported = None if rung else progress
             *numbers, status = in_chunks(
-                programs[sloped], part, self.chunk, workers=self.workers, progress=told
+                programs[sloped], part, self.chunk, workers=self.workers, progress=reported
             )
             return tuple(numbers), status
 

@@ -16,7 +16,7 @@ from .. import _check
 from ..design import DesignVariable, variable as variable
 
 KINDS = ("grid", "latin_hypercube", "sobol", "given")
-"""How points are laid."""
+"""Kinds of samples."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def _spread(variables: tuple[DesignVariable, ...], shares: np.ndarray) -> np.nda
             column = v.lower + (v.upper - v.lower) * share
         else:
             column = v.lower * np.exp(math.log(v.upper / v.lower) * share)
-        # Rounding must not carry a bound beyond itself.
+        # Rounding must not exceed a bound.
         columns.append(np.clip(column, v.lower, v.upper))
     return np.stack(columns, axis=1)
 

@@ -52,7 +52,7 @@ numbers of parcel, belt, border, friction and of the scenes themselves."""
 
 
 class _Arguments(eqx.Module):
-    """How a scene begins, under the names that its start has for it; `None` if it has not."""
+    """The start of a scene, under the names of its fields there; `None` for those it lacks."""
 
     place: Array | None
     drive_angle: Array | None
@@ -63,8 +63,8 @@ class _Arguments(eqx.Module):
 
 
 class _Setting(eqx.Module):
-    """What the function of a scene makes it of, each number under the path that the scene has for
-    it: names are read and replaced here, and the function checks what they give."""
+    """The arguments of a scene's function, each number under its path in the scene: numbers are
+    read and replaced by name here, and the function checks the result."""
 
     parcel: Parcel
     start: _Arguments
@@ -111,13 +111,12 @@ class SceneFamily:
         - `fixed`: other numbers by name [SI], instead of those of the parts.
         - `fence`, `drive`, `parcel`, `belt`, `fence_friction`, `border`: the parts, by default the
           paper's; the border acts in `border_and_fence` and `whole_sort` alone.
-        - `motor`: what swings the fence, by default none: see `fencejax.scenes.Scene`.
+        - `motor`: of the drive, by default none: see `fencejax.scenes.Scene`.
         - `duration` [s], by default the scene's. It must be given where a whole sort's drive
           varies: the number of steps is the same for all.
         - `options`: static arguments of the scene's function, such as `corner`.
 
-        Raises `ValueError` for a kind, a name or an option that there is not, and for names given
-        twice.
+        Raises `ValueError` for an unknown kind, name or option, and for names given twice.
         """
         self.kind = _check.choice("kind", kind, tuple(KINDS))
         self.names = tuple(names)
@@ -147,7 +146,8 @@ class SceneFamily:
         return self.kind in ("border_and_fence", "whole_sort")
 
     def _setting(self, optional: Sequence[str]) -> _Setting:
-        """The parts, and the function's own numbers; of those that may be left out, `optional`."""
+        """The parts and the function's own numbers, with those optional numbers that `optional`
+        names."""
         given = inspect.signature(getattr(scenes, self.kind)).parameters
         defaults = {name: given[name].default for name in KINDS[self.kind]}
         if "parcel_angle" in defaults:
@@ -243,17 +243,17 @@ class SceneFamily:
         return scene if made.motor is None else dataclasses.replace(scene, motor=made.motor)
 
     def possible(self, scene: Scene) -> Array:
-        """Whether a scene can be, for traced numbers: `fencejax.scenes.consistent` at the drive's
-        time at the start."""
+        """Whether a scene with traced numbers is possible: `fencejax.scenes.consistent` at the
+        drive's time at the start."""
         return consistent(scene, scene.start.time(scene.drive, scene.fence))
 
     def check(self, variables: Sequence[DesignVariable]) -> None:
-        """Refuse a bound at which there is no scene.
+        """Refuse a bound at which no scene is possible.
 
         Each bound is tried with the other variables at their lower bounds, their upper bounds and
         in the middle; one of these must give a scene.
 
-        Raises `ValueError` with the scene's own message where none does.
+        Raises `ValueError` with the scene's own message otherwise.
         """
         lower = np.array([v.lower for v in variables])
         upper = np.array([v.upper for v in variables])
@@ -310,5 +310,5 @@ def described(family: SceneFamily) -> dict[str, Any]:
 
 
 def structure_of(family: SceneFamily) -> Any:
-    """The structure of a family's parts, with all in them that is no number."""
+    """The structure of a family's parts, with everything in them but the numbers."""
     return jax.tree.structure(family._base)

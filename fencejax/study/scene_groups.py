@@ -1,4 +1,4 @@
-"""Scenes of one structure as one batch, and how what is differentiated is found in them."""
+"""Batches of scenes of one structure, and the numbers in them that are differentiated."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -20,21 +20,22 @@ _BY_DEFAULT = (
 
 
 class Group(NamedTuple):
-    """Scenes of one structure, stacked; how many; what is differentiated in them."""
+    """Stacked scenes of one structure, their number, and the variables of the derivatives."""
 
     scenes: AnyScene
     lanes: int
     chosen: tuple[Selector, ...]
 
     def read(self, scene: AnyScene) -> list[Any]:
-        """What is differentiated, of one scene."""
+        """The variables' values in one scene."""
         return [
             numbers.read(scene, [given])[0] if isinstance(given, str) else given(scene)
             for given in self.chosen
         ]
 
     def scaled(self, scene: AnyScene, scales: Sequence[Any]) -> AnyScene:
-        """One scene with what is differentiated times `scales`, of the shapes that `read` gives."""
+        """One scene with the variables multiplied by `scales`, of the shapes that `read`
+        returns."""
         for given, scale in zip(self.chosen, scales, strict=True):
             if isinstance(given, str):
                 value = numbers.read(scene, [given])[0]
@@ -45,13 +46,13 @@ class Group(NamedTuple):
 
 
 def _usual(scene: AnyScene) -> tuple[str, ...]:
-    """Names of what is differentiated by default. A drive's speed is not, a parcel's is."""
+    """Names of the default variables. The speed of a parcel is one, that of a drive is not."""
     usual = _BY_DEFAULT if isinstance(scene, NormalScene) else _BY_DEFAULT[:-1]
     return tuple(name for name in usual if numbers.has(scene, name))
 
 
 def _chosen(scene: AnyScene, given: Sequence[Selector] | None) -> tuple[Selector, ...]:
-    """What is differentiated in scenes like this one, vectors element by element."""
+    """The variables of scenes like this one, vectors element by element."""
     if given is None:
         return _usual(scene)
     found: list[Selector] = []
@@ -76,7 +77,7 @@ def grouped(given: Any, with_respect_to: Sequence[Selector] | None) -> list[Grou
     **Arguments:**
 
     - `given`: a scene, scenes stacked along a leading axis, or a sequence of these.
-    - `with_respect_to`: what is differentiated in; by default whatever of the usual there is.
+    - `with_respect_to`: the variables; by default the usual ones that the scenes have.
 
     Raises `TypeError` where `given` holds anything else or is traced, and `ValueError` where it is
     empty, its shapes do not fit, or a scene lacks one of the variables.
@@ -123,7 +124,7 @@ def _stacked(scene: Any) -> AnyScene:
 
 
 def names(groups: Sequence[Group], with_respect_to: Sequence[Selector] | None) -> tuple[str, ...]:
-    """What the variables are called; by default those that any of the groups has."""
+    """The variables' names; by default of those that any of the groups has."""
     if with_respect_to is None:
         return tuple(
             name for name in _BY_DEFAULT if any(name in group.chosen for group in groups)

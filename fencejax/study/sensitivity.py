@@ -1,13 +1,13 @@
-"""How outputs depend on inputs: elasticities at a point, and shares of variance over ranges.
+"""Sensitivity of outputs to inputs: elasticities at a point, and shares of variance over ranges.
 
-Local: e = d ln Q / d ln p from derivatives, and the rules that their sums obey because
-physics does not know our units. Global, for inputs that vary independently over ranges: the
-indices of Sobol' from samples of values, and from samples of gradients an upper bound on them,
-which takes far fewer.
+Local: e = d ln Q / d ln p from derivatives, and the sum rules that follow because physical laws do
+not depend on the units. Global, for inputs that vary independently over ranges: the indices of
+Sobol' from samples of values, and an upper bound on them from samples of gradients, of which far
+fewer are needed.
 
-The functions of this module take arrays, whatever they come from; `fencejax.Response`
-makes them of a scene. Inputs are u in [0, 1]^n, uniform: a `DesignVariable`'s `value(u)` is then
-uniform or log-uniform between its bounds.
+The functions of this module take arrays of any origin; `fencejax.Response` computes them for a
+scene. Inputs are u in [0, 1]^n, uniform: a `DesignVariable`'s `value(u)` is then uniform or
+log-uniform between its bounds.
 
 >>> fj.sensitivity.elasticities(np.array([8.0]), np.array([[12.0]]), np.array([2.0]))
 array([[3.]])
@@ -53,7 +53,7 @@ class Design(NamedTuple):
 
 class SobolIndices(NamedTuple):
     """Shares of the variance of m outputs due to n inputs [1], each of shape (m, n): `first` due to
-    the input alone, S_i; `total` due to it and all that it takes part in, S_Ti.
+    the input alone, S_i; `total` due to it and all of its interactions, S_Ti.
 
     >>> points, slopes = fj.sensitivity.design(2, 256), np.array([[2.0], [1.0]])
     >>> found = fj.sensitivity.sobol_indices(*(part @ slopes for part in points))
@@ -66,7 +66,7 @@ class SobolIndices(NamedTuple):
 
 
 class DerivativeMeasures(NamedTuple):
-    """Of m outputs in n inputs: `measure` nu_i = E[(dQ/du_i)^2] [the output's unit squared] and
+    """For m outputs and n inputs: `measure` nu_i = E[(dQ/du_i)^2] [the output's unit squared] and
     `bound` on S_Ti [1], each of shape (m, n).
 
     >>> points = fj.sensitivity.design(1, 64).first
@@ -80,7 +80,8 @@ class DerivativeMeasures(NamedTuple):
 
 
 def elasticities(values: ArrayLike, slopes: ArrayLike, at: ArrayLike) -> np.ndarray:
-    """e_ij = (dQ_i / dp_j) p_j / Q_i [1]: by how many per cent Q_i rises where p_j does by one.
+    """e_ij = (dQ_i / dp_j) p_j / Q_i [1]: the increase of Q_i in per cent for an increase of p_j by
+    one.
 
     **Arguments:** Q of shape (..., m), dQ/dp of shape (..., m, n), p of shape (..., n). Where
     Q_i = 0 there is no elasticity: NaN.
@@ -95,7 +96,7 @@ def elasticities(values: ArrayLike, slopes: ArrayLike, at: ArrayLike) -> np.ndar
 def unit_rules(
     elasticity: ArrayLike, input_units: Sequence[str], output_units: Sequence[str]
 ) -> np.ndarray:
-    """What is left of the three sum rules, of shape (..., m, 3) [1]: mass, length and time.
+    """The residuals of the three sum rules, of shape (..., m, 3) [1]: mass, length and time.
 
     Counting mass in a unit smaller by the factor s multiplies every p_j by s^(mu_j) and Q_i by
     s^(M_i), with mu_j and M_i their exponents of mass, and Q_i(p) is the same law. Its derivative
@@ -103,11 +104,12 @@ def unit_rules(
 
     sum_j mu_j e_ij = M_i,
 
-    and so for length and time (Buckingham's theorem in differential form). The sum runs over *all*
-    numbers that carry a unit. What is left, sum_j mu_j e_ij - M_i, is then 0 to rounding; where
-    some of these numbers were kept constant, it is less the sum of their own elasticities times
-    exponents. Of a scene that is `Fidelity.step` with the duration (time), `slip_speed` and
-    `static_speed` (length and time) and `tip_fade` (length): it shows how much of Q hangs on them.
+    and likewise for length and time (Buckingham's theorem in differential form). The sum runs over
+    *all* numbers that have a unit. The residual, sum_j mu_j e_ij - M_i, is then 0 to rounding;
+    where some of these numbers were kept constant, it is minus the sum of their own elasticities
+    times exponents. For a scene these are `Fidelity.step` with the duration (time), `slip_speed`
+    and `static_speed` (length and time) and `tip_fade` (length): the residual shows how much Q
+    depends on them.
 
     **Arguments:** `elasticity` of shape (..., m, n) with n units of inputs and m of outputs, such
     as `"kg/m^3"` (see `fencejax.parts.dimension`).
@@ -131,7 +133,7 @@ def unit_rules(
 
 
 UNITS_OF_RULES = Dimension._fields
-"""What the three rules of `unit_rules` are about."""
+"""The dimensions of the three rules of `unit_rules`."""
 
 
 def design(inputs: int, count: int, seed: int = 0) -> Design:
@@ -165,7 +167,7 @@ def _bootstrapped(
     resamples: int,
     seed: int,
 ) -> list[Estimate]:
-    """What statistics are of all `count` rows, with their percentile bootstrap intervals."""
+    """Statistics of all `count` rows, with their percentile bootstrap intervals."""
     generator = np.random.default_rng(seed)
     drawn = [statistics(generator.integers(count, size=count)) for _ in range(resamples)]
     tail = 50 * (1 - confidence)
@@ -182,7 +184,7 @@ def _checked_confidence(confidence: float, resamples: int) -> None:
 
 
 def _all_finite(name: str, array: np.ndarray, axes: tuple[int, ...]) -> None:
-    """Raise where lanes are not finite: an index over the rest would be of another range."""
+    """Raise where lanes are not finite: an index of the other lanes would be of another range."""
     bad = int(np.sum(~np.all(np.isfinite(array), axis=axes)))
     if bad:
         raise ValueError(
@@ -210,8 +212,8 @@ def sobol_indices(
     - `first`, `second`: Q at the points `first` and `second` of a `Design`, of shape (K, m).
     - `mixed`: Q at its points `mixed`, of shape (n, K, m).
     - `confidence`: of the intervals [1], by the percentiles of a bootstrap over the K points with
-      `resamples` draws. It takes the points as drawn at random; a Sobol' sequence is spread more
-      evenly, so that the intervals are on the wide side.
+      `resamples` draws. It treats the points as random; a Sobol' sequence is spread more evenly, so
+      that the intervals are rather too wide.
 
     Raises `ValueError` where a value is not finite. An output that does not vary has the indices 0.
 
@@ -234,7 +236,7 @@ def sobol_indices(
         found = stats.sobol_indices(
             func={"f_A": a[:, rows], "f_B": b[:, rows], "f_AB": ab[:, :, rows]}, n=count
         )
-        # Of one output the indices come back flat.
+        # For a single output the indices have no axis of outputs.
         return tuple(np.reshape(i, (len(a), -1)) for i in (found.first_order, found.total_order))
 
     return SobolIndices(*_bootstrapped(indices, count, confidence, resamples, seed))

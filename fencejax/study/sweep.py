@@ -1,4 +1,4 @@
-"""What a sweep computes: scenes of a family at the points of a sample, one a lane."""
+"""The definition of a sweep: scenes of a family at the points of a sample, one a lane."""
 
 import dataclasses
 import hashlib
@@ -40,23 +40,23 @@ OUTPUTS: dict[str, str] = {
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sweep:
-    """What is to be computed: scenes of a family at the points of a sample.
+    """A sweep: scenes of a family at the points of a sample.
 
     **Fields:**
 
-    - `family`: whose names are the samples' variables, in order.
+    - `family`: of the scenes; its names are the samples' variables, in order.
     - `samples`: the points.
     - `outputs`: names of `OUTPUTS` and of `measures`; the status is always kept.
     - `gradient_of`: one of the outputs, whose exact derivatives in all variables are kept too, or
       `None`. A sweep then takes two to four times as long.
     - `fidelity`: default `Fidelity.standard()`.
-    - `measures`: measures of one's own that the outputs name.
-    - `refine`: whether lanes whose status doubts the numbers (`Status.numerical`) are computed
-      again at the next rungs of `Fidelity.ladder`; `rung` then tells where each ended.
+    - `measures`: own measures that the outputs name.
+    - `refine`: whether lanes in numerical doubt (`Status.numerical`) are computed again at the next
+      rungs of `Fidelity.ladder`; the column `rung` is then the rung of each lane's numbers.
 
-    Raises `ValueError` for names that are none of these and where a variable's bound gives no
-    scene, whatever the others (see `SceneFamily.check`). Single lanes that give none are counted
-    as `IMPOSSIBLE`.
+    Raises `ValueError` for unknown names, and where a variable's bound gives no scene for any
+    values of the others (see `SceneFamily.check`). Single lanes without a scene are counted as
+    `IMPOSSIBLE`.
 
     >>> samples = fj.sampling.given({"mass": [5.0, 15.0]})
     >>> sweep = fj.Sweep(fj.SceneFamily("oblique_impact", samples.names), samples)
@@ -93,7 +93,7 @@ class Sweep:
 
     @property
     def _known(self) -> dict[str, str]:
-        """Units of all that can be an output."""
+        """Units of all possible outputs."""
         return OUTPUTS | {measure.name: measure.unit for measure in self.measures}
 
     @property
@@ -106,8 +106,8 @@ class Sweep:
 
     @property
     def columns(self) -> dict[str, str]:
-        """What is kept of each lane, with its unit: the outputs, and the derivatives of one of
-        them, named `d_OUTPUT_d_VARIABLE`. The status comes beside them."""
+        """The columns of each lane, with their units: the outputs, and the derivatives of one of
+        them, named `d_OUTPUT_d_VARIABLE`. The status is a further column."""
         kept = {name: self._known[name] for name in self.outputs}
         if self.gradient_of is not None:
             unit = self._known[self.gradient_of]
@@ -117,7 +117,7 @@ class Sweep:
 
     @property
     def lane(self) -> "Lane":
-        """What is done at each point."""
+        """The computation at each point."""
         return Lane(
             self.family,
             tuple(self.outputs),
@@ -128,7 +128,8 @@ class Sweep:
         )
 
     def describe(self) -> dict[str, Any]:
-        """All that the results depend on, as plain numbers, names, lists and dictionaries."""
+        """Everything that the results depend on, as plain numbers, names, lists and
+        dictionaries."""
         samples = self.samples
         return self.lane.describe() | {
             "samples": {
@@ -143,7 +144,7 @@ class Sweep:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Lane:
-    """What a sweep does at each of its points (see `Sweep` for the fields)."""
+    """The computation of a sweep at each of its points (see `Sweep` for the fields)."""
 
     family: SceneFamily
     outputs: tuple[str, ...]
@@ -153,14 +154,14 @@ class Lane:
     refine: bool = False
 
     def rungs(self) -> "tuple[Lane, ...]":
-        """The same at the finer fidelities at which what is in doubt is computed again."""
+        """The same at the finer fidelities, at which lanes in doubt are computed again."""
         finer = self.fidelity.ladder()[1:] if self.refine else ()
         return tuple(dataclasses.replace(self, fidelity=each, refine=False) for each in finer)
 
     def describe(self) -> dict[str, Any]:
-        """All that the results of a point depend on, as plain numbers, names and so on.
+        """Everything that the results of a point depend on, as plain numbers, names and so on.
 
-        Raises `ValueError` for a measure or a part that cannot be told from others.
+        Raises `ValueError` for a measure or a part whose identity cannot be determined.
         """
         fields = dataclasses.fields(self.fidelity)
         return {

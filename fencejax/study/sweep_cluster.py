@@ -1,4 +1,4 @@
-"""A sweep's chunks on a Dask cluster: sent as they are wanted, computed by whom is free."""
+"""A sweep's chunks on a Dask cluster, sent to whichever worker is free."""
 
 import concurrent.futures
 import contextlib
@@ -23,10 +23,10 @@ from .sweep_store import digest, sweep_library
 if TYPE_CHECKING:
     import distributed
 
-# Chunks sent ahead of each thread of the cluster, so that none waits for the next, and at least:
-# a cluster may grow. Their points are in the scheduler's memory.
+# Chunks sent in advance for each thread of the cluster, so that none waits for the next one, and
+# the least number in all, as a cluster may grow. Their points are in the scheduler's memory.
 _AHEAD = 4
-_LOOKED_AGAIN = 0.02  # [s]
+_POLL_INTERVAL = 0.02  # [s]
 _LEAST_AHEAD = 64
 
 _GONE = (
@@ -42,7 +42,7 @@ def _versions() -> tuple[tuple[str, str], ...]:
 
 
 class WorkerSettings(NamedTuple):
-    """What results depend on beside the job: the versions, the precision, the compiler's flags."""
+    """Settings that results depend on besides the job: versions, precision, compiler flags."""
 
     versions: tuple[tuple[str, str], ...]
     double: bool
@@ -53,7 +53,7 @@ class WorkerSettings(NamedTuple):
         return cls(_versions(), bool(jax.config.read("jax_enable_x64")), compiler_flags())
 
     def adopt(self) -> None:
-        """Set this process, a worker, in the same way.
+        """Apply the settings to this process, a worker.
 
         Raises `RuntimeError` where its versions differ, or where JAX has computed already with
         other flags.
@@ -62,22 +62,22 @@ class WorkerSettings(NamedTuple):
         if mine == self:
             return
         if mine.versions != self.versions:
-            told = ", ".join(
+            different = ", ".join(
                 f"{name} {there} here and {wanted} there"
                 for (name, wanted), (_, there) in zip(self.versions, mine.versions, strict=True)
                 if wanted != there
             )
             raise RuntimeError(
                 f"A worker must have the versions of the process that sends it chunks, but has "
-                f"{told}. Install the same versions on all machines."
+                f"{different}. Install the same versions on all machines."
             )
         adopt_flags(self.flags)
         jax.config.update("jax_enable_x64", self.double)
 
 
 class _Job(NamedTuple):
-    """What a worker has to know: how it is set, the pickled lane and its digest, the plan. The lane
-    is unpickled after the settings are made: it holds JAX's arrays."""
+    """The job of a worker: its settings, the pickled lane with its digest, and the plan. The lane
+    contains JAX arrays and is therefore unpickled only after the settings are applied."""
 
     settings: WorkerSettings
     lane: bytes
@@ -86,7 +86,7 @@ class _Job(NamedTuple):
 
 
 def _platform(settings: WorkerSettings) -> str:
-    """What a worker computes on."""
+    """The platform on which a worker computes."""
     settings.adopt()
     return jax.local_devices()[0].platform
 
@@ -109,15 +109,15 @@ def _compute(job: _Job, points: np.ndarray) -> dict[str, np.ndarray]:
     """The columns of a chunk, by a worker."""
     job.settings.adopt()
     lane, devices = _lane(job.lane, job.description), jax.local_devices()
-    # Each of a worker's threads has its device, as far as there are as many.
+    # Each thread of a worker has a device of its own, if there are enough.
     turn = _turns.setdefault(threading.get_ident(), len(_turns))
     programs = compile_chunks(lane, job.plan, devices)
     return programs[turn % len(devices)](points)
 
 
 class Cluster:
-    """The workers of a Dask cluster compute: the next chunk goes to whom is free, and those of a
-    worker that is lost to another one."""
+    """Computes on the workers of a Dask cluster: the next chunk goes to a free worker, and chunks
+    of a lost worker go to another one."""
 
     def __init__(self, sweep: Sweep, client: "distributed.Client"):
         """Waits for the first worker."""
@@ -125,13 +125,13 @@ class Cluster:
         self._sweep, self._client, self._settings = sweep, client, WorkerSettings.here()
         lane = sweep.lane
         self._lane = sweep_library("cloudpickle").dumps(lane), digest(lane.describe())
-        with self._said():
+        with self._with_remedy():
             self.platform = client.submit(_platform, self._settings, pure=False).result()
 
     def chunks(
         self, plan: Plan, missing: list[int]
     ) -> Generator[tuple[int, dict[str, np.ndarray] | None], None, None]:
-        """Chunks by number as they are computed; before them `None`."""
+        """Chunks with their numbers as they are computed; first `None`."""
         if not missing:
             return
         yield -1, None
@@ -151,14 +151,14 @@ class Cluster:
             return new
 
         try:
-            with self._said():
+            with self._with_remedy():
                 arriving = self._library.as_completed(send(self._ahead()))
             while sent:
-                with self._said():
+                with self._with_remedy():
                     if not arriving.has_ready():
                         if self._client.status != "running":
                             raise RuntimeError(_GONE)
-                        time.sleep(_LOOKED_AGAIN)
+                        time.sleep(_POLL_INTERVAL)
                         continue
                     future = next(arriving)
                     columns, number = future.result(), sent.pop(future)
@@ -174,9 +174,9 @@ class Cluster:
         return max(_LEAST_AHEAD, _AHEAD * sum(threads.values()))
 
     @contextlib.contextmanager
-    def _said(self) -> Iterator[None]:
-        """A cluster that is lost, or a chunk that ends every worker, in one line with its
-        remedy."""
+    def _with_remedy(self) -> Iterator[None]:
+        """Raise a `RuntimeError` with a remedy for a lost cluster, or for a chunk that ends every
+        worker."""
         try:
             yield
         except self._library.KilledWorker as error:

@@ -20,18 +20,18 @@ from .sweep import Lane
 from .sweep_store import digest
 from .sweep_table import derivative
 
-# Half a second of impacts: to keep a chunk takes a fiftieth of a second.
+# Half a second of impacts; storing a chunk takes a fiftieth of a second.
 _CPU_CHUNK = 4096
-# Other devices are wide: they want all lanes at once, and many of them.
+# Other devices compute many lanes at once.
 _WIDE_CHUNK = 16384
-# So that there is something to report, and to keep, before the end.
+# Enough chunks for progress reports and for resuming.
 _LEAST_CHUNKS = 16
 
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """How a sweep is cut up: `chunk` lanes at a time on a device, in groups of `group` that go
-    through their loops together; `chunks` of them."""
+    """The division of a sweep: `chunks` chunks of `chunk` lanes each, computed on a device in
+    groups of `group` lanes that run through their loops together."""
 
     chunk: int
     group: int
@@ -39,8 +39,8 @@ class Plan:
 
     @classmethod
     def of(cls, count: int, chunk: int | None, group: int | None, platform: str) -> "Plan":
-        """The plan for `count` lanes; what is `None` is chosen for the platform, whatever the
-        number of its devices and of the workers. No chunk is longer than the sweep.
+        """The plan for `count` lanes; an argument that is `None` is chosen for the platform, but
+        independent of the number of devices and workers. No chunk is longer than the sweep.
 
         Raises `ValueError` where the chunk is no multiple of the group.
         """
@@ -73,8 +73,8 @@ class Plan:
 
 @dataclasses.dataclass(frozen=True)
 class _Job:
-    """What a program is compiled for: `lane`, known by its description, by its measures and by its
-    parts' structure, in chunks of groups, on devices."""
+    """The key of a compiled program: `lane`, identified by its description, its measures and the
+    structure of its parts, with the sizes of chunk and group, and the devices."""
 
     lane: Lane = dataclasses.field(compare=False)
     description: str
@@ -89,12 +89,12 @@ class _Job:
 @functools.lru_cache(maxsize=12)
 def _compiled(job: _Job) -> list[Any]:
     """The compiled program, once for each device: points of shape (chunk, n) and the number of
-    lanes that are wanted -> arrays by name, of whose lanes the first so many count.
+    lanes wanted -> arrays by name, in which only those first lanes have a meaning.
 
-    It is traced once and its code is the same everywhere. One program over all devices would be
-    compiled into another for each number of them, and its results differ in the last bit. The
-    number of lanes is no constant, so that a chunk that is not full costs what it holds, and the
-    code is the same for chunks of any length. Kept for further sweeps of the same kind.
+    It is traced once, and its code is the same on every device. A single program over all devices
+    would be compiled differently for each number of devices, and its results would differ in the
+    last bit. The number of lanes is an argument, so that a partly filled chunk costs less, and the
+    code is the same for chunks of any length. Cached for further sweeps of the same kind.
     """
     size = len(job.lane.family.names)
     batch = jax.vmap(job.lane)
@@ -110,7 +110,7 @@ def _compiled(job: _Job) -> list[Any]:
         count = jax.ShapeDtypeStruct((), jnp.int32, sharding=place)
         return jitted.lower(values, count)
 
-    # Python's part one after the other, the compiler's part beside each other.
+    # Programs are traced one after the other and compiled in parallel.
     programs = [lowered(device) for device in job.devices]
     with concurrent.futures.ThreadPoolExecutor(max_workers=len(programs)) as pool:
         return list(pool.map(lambda program: program.compile(), programs))
@@ -123,8 +123,8 @@ def compile_chunks(
     lane: Lane, plan: Plan, devices: Sequence[Any]
 ) -> list[Callable[[np.ndarray], dict[str, np.ndarray]]]:
     """For each device the function from a chunk's points, (lanes, n), to its columns, each of
-    shape (lanes,); compiled where it has not been before, for the finer rungs where a lane is in
-    doubt for the first time."""
+    shape (lanes,). It is compiled at the first use, and for a finer rung when a lane is first in
+    doubt."""
     runs = _runs(lane, plan, devices)
     return [functools.partial(_settled, run, lane, plan, devices, k) for k, run in enumerate(runs)]
 
@@ -153,9 +153,9 @@ def _settled(
     device: int,
     points: np.ndarray,
 ) -> dict[str, np.ndarray]:
-    """The columns of a chunk by one of the devices, each lane at the first rung at which its
-    numbers are not in doubt, or at the last; with `rung`, where lanes are to be refined. `run` is
-    the first rung's."""
+    """The columns of a chunk on one of the devices, each lane at the first rung at which it is not
+    in doubt, or at the last; with a column `rung` where the lane has `refine`. `run` computes the
+    first rung."""
     if not lane.refine:
         return run(points)
     finer = lane.rungs()
@@ -173,7 +173,7 @@ def _computed(
 ) -> dict[str, np.ndarray]:
     """The columns of a chunk."""
     count = len(points)
-    # Filled up with its last lane, so that every chunk has the same shape.
+    # The last lane is repeated, so that every chunk has the same shape.
     picks = np.minimum(np.arange(plan.chunk), count - 1)
     values = points[picks].astype(jnp.result_type(float))
     wanted = np.asarray(count, np.int32)

@@ -1,4 +1,4 @@
-"""Many scenes at a time: chunk by chunk, on every device or on a cluster, and resumable."""
+"""Running a sweep chunk by chunk, on all devices or on a cluster, and resuming it."""
 
 import concurrent.futures
 import contextlib
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Progress:
-    """How far a sweep is: lanes `done` (`before` of them in earlier runs) of `total`; `rate`
-    [lanes/s] and `left` [s]; `elapsed` [s], compilation included; `bad`, lanes without good numbers
-    in this run."""
+    """The progress of a sweep: lanes `done` (`before` of them in earlier runs) of `total`; `rate`
+    [lanes/s]; `left`, the remaining time [s]; `elapsed` [s], compilation included; `bad`, the lanes
+    of this run without good numbers."""
 
     done: int
     before: int
@@ -51,31 +51,31 @@ def run_sweep(
     client: "distributed.Client | None" = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> SweepTable:
-    """Compute a sweep into a folder, or what is missing of it there.
+    """Compute a sweep, or the missing part of it, into a folder.
 
     The folder's `FILE` is a Zarr store with an `xarray.Dataset` along the dimension `lane`; every
     finished chunk is written as a region of it, with a record of its job, its number and the digest
-    of its numbers. After a kill the same call goes on where it stopped. It needs the extra `sweep`.
+    of its numbers. After a kill the same call resumes the sweep. It needs the extra `sweep`.
 
     **Arguments:**
 
-    - `folder`: made where it is missing.
+    - `folder`: created where it is missing.
     - `chunk`: lanes that a device computes at a time, which bounds its memory; by default 4096 on
       a CPU (a device a core: `tune_compiler(devices=...)`), 16384 elsewhere, less for few lanes.
-    - `group`: lanes of these that go through their loops together, by default 64 on a CPU, all
-      elsewhere. They wait for each other's last Newton iteration, so that results change with
-      their company within the tolerance of these iterations (relative, up to 1e-6 or so).
+    - `group`: lanes of a chunk that run through their loops together, by default 64 on a CPU, all
+      elsewhere. They wait for each other's last Newton iteration, so that results depend on the
+      other lanes of the group within the tolerance of these iterations (relative, up to some 1e-6).
     - `devices`: of this process; by default all.
-    - `client`: of a Dask cluster, whose workers compute instead of this process: chunks go to whom
-      is free, and those of a worker that is lost are done again. Only this process writes.
+    - `client`: of a Dask cluster, whose workers compute instead of this process: chunks go to free
+      workers, and those of a lost worker are computed again. Only this process writes.
     - `progress`: called after each chunk.
 
-    Lanes in doubt are computed again, at the next rungs (`Sweep.refine`), together with those of
-    their chunk. The results are the same, bit by bit, however many devices and workers of one kind
-    took part, and however often they were stopped; without lanes in doubt, for any chunk, too.
+    Lanes in doubt are computed again at the next rungs (`Sweep.refine`), together with those of
+    their chunk. The results are identical bit by bit for any number of devices and workers of one
+    kind and after any interruptions; without lanes in doubt, also for any chunk size.
 
-    Raises `ImportError` without the extra; `ValueError` where the folder holds another sweep, one
-    of another version or source of fencejax, or what is none, and for measures and parts whose code
+    Raises `ImportError` without the extra; `ValueError` where the folder has another sweep, one of
+    another version or source of fencejax, or something else, and for measures and parts whose code
     cannot be read; `OSError` where it cannot be written; `RuntimeError` where the cluster is lost.
 
     >>> samples = fj.sampling.given({"mass": [5.0, 15.0]})
@@ -91,7 +91,7 @@ def run_sweep(
     engine = _Devices(sweep, devices) if client is None else Cluster(sweep, client)
     count = sweep.samples.count
     plan = Plan.of(count, chunk, group, engine.platform)
-    # Chunks of one cut do not fit another.
+    # Chunks of different sizes are not compatible.
     configuration: dict[str, Any] = sweep.describe() | {"chunk": plan.chunk, "group": plan.group}
     store = Store(Path(folder) / FILE, _empty(sweep, plan, configuration), plan.chunk)
     whole = {name: np.empty(count, kind) for name, kind in store.columns.items()}
@@ -113,7 +113,7 @@ def run_sweep(
     with contextlib.closing(engine.chunks(plan, missing)) as computed:
         for number, columns in computed:
             if columns is None:
-                # Compiled: from here on the clock tells the speed.
+                # Compiled: from here on the time gives the rate.
                 start = time.perf_counter()
                 continue
             store.write(number, columns)
@@ -131,7 +131,7 @@ def run_sweep(
 def _empty(
     sweep: Sweep, plan: Plan, configuration: dict[str, Any], whole: Any = None
 ) -> "xarray.Dataset":
-    """The sweep's dataset, with the columns that are given or, lazily, with zeros."""
+    """The sweep's dataset, with the given columns or, lazily, with zeros."""
     samples = sweep.samples
     if whole is None:
         array, real = sweep_library("dask.array"), np.dtype(jnp.result_type(float))
@@ -157,8 +157,8 @@ def _empty(
 
 
 class _Devices:
-    """This process computes: each device has a thread that takes the next chunk as soon as it is
-    done with one, so that none waits for another."""
+    """Computes in this process: each device has a thread that takes the next chunk as soon as it
+    has finished one, so that no device waits for another."""
 
     def __init__(self, sweep: Sweep, devices: Sequence[Any] | None):
         self._sweep = sweep
@@ -168,7 +168,7 @@ class _Devices:
     def chunks(
         self, plan: Plan, missing: list[int]
     ) -> Generator[tuple[int, dict[str, np.ndarray] | None], None, None]:
-        """Chunks by number as they are computed; before them, once it is compiled, `None`."""
+        """Chunks with their numbers as they are computed; first, after compilation, `None`."""
         if not missing:
             return
         used, lane = self._devices[: len(missing)], self._sweep.lane

@@ -1,5 +1,5 @@
-"""A sweep's dataset on the disk: a Zarr store whose chunks are whole and of this job, or computed
-anew."""
+"""A sweep's dataset on the disk: a Zarr store. Chunks that are incomplete or of another job are
+computed again."""
 
 import contextlib
 import hashlib
@@ -49,20 +49,20 @@ class Store:
     """The lanes of one sweep in a folder, in chunks 0 ... K - 1.
 
     Each chunk carries a record of 72 bytes: the digest of its job (32), its number (8, big-endian)
-    and the SHA-256 of its numbers (32). A chunk counts only if its record is there and fits: what a
-    kill, a full disk or another program has left half done, is computed anew. So no lock is needed:
-    whoever computes a chunk of the same job writes the same numbers.
+    and the SHA-256 of its numbers (32). A chunk counts only if it has a matching record: one left
+    incomplete by a kill, a full disk or another program is computed again. No lock is needed, as
+    every process that computes a chunk of the same job writes the same numbers.
     """
 
     def __init__(self, path: Path, empty: "xarray.Dataset", chunk: int):
         """**Arguments:**
 
-        - `path`: of the Zarr store; made with its folder where it is missing.
-        - `empty`: of `sweep_table.lanes`, its data lazy: their values are never asked for.
+        - `path`: of the Zarr store; created with its folder where it is missing.
+        - `empty`: from `sweep_table.lanes`, with lazy data, whose values are never computed.
         - `chunk`: lanes in a chunk.
 
-        Raises `ValueError` where the folder holds another sweep, naming what differs, or what is
-        none, and `OSError` where it cannot be read or written.
+        Raises `ValueError` where the folder has another sweep, naming the differences, or something
+        else, and `OSError` where it cannot be read or written.
         """
         self.path, self.chunk = path, chunk
         self.count = empty.sizes["lane"]
@@ -71,12 +71,12 @@ class Store:
             name: empty[name].dtype for name in sorted(map(str, empty.data_vars))
         }
         self._job = bytes.fromhex(empty.attrs["job"])
-        with _said(f"Folder {path.parent} must take a sweep, but it cannot be written"):
+        with _with_remedy(f"Folder {path.parent} must take a sweep, but it cannot be written"):
             path.parent.mkdir(parents=True, exist_ok=True)
             if not self.path.exists():
                 self._claim(empty)
         self._group = _opened(self.path)
-        # Read back, whoever has made it.
+        # Read back, as another process may have created it.
         there = self._group.attrs
         if there["job"] != empty.attrs["job"]:
             old, new = (json.loads(str(a["configuration"])) for a in (there, empty.attrs))
@@ -93,15 +93,15 @@ class Store:
         self._records = _records(self._group, self.chunks)
 
     def _claim(self, empty: "xarray.Dataset") -> None:
-        """Put the store in its place, without its chunks.
+        """Create the store without its chunks.
 
-        It is written beside it and renamed, which fails where there is one: of several processes
-        one wins, and no one ever sees half of it.
+        It is written under another name and then renamed, which fails where a store exists: one of
+        several processes creates it, and none ever sees an incomplete one.
         """
         array = sweep_library("dask.array")
         records = array.zeros((self.chunks, _BYTES), dtype=np.uint8, chunks=(1, _BYTES))
         whole = empty.assign({_RECORD: (("chunk", "byte"), records)})
-        # Bits are kept as they are: no number stands for one that is missing.
+        # All bits are stored as they are: no number stands for a missing one.
         encoding: dict[str, dict[str, Any]] = {str(n): {"_FillValue": None} for n in whole}
         for name in empty.coords:
             encoding[str(name)] = {"_FillValue": None, "chunks": (self.count,)}
@@ -122,9 +122,9 @@ class Store:
         return slice(number * self.chunk, min(self.count, (number + 1) * self.chunk))
 
     def write(self, number: int, arrays: Mapping[str, np.ndarray]) -> None:
-        """Keep a chunk: every column of it, of shape (lanes,).
+        """Write a chunk: all of its columns, each of shape (lanes,).
 
-        Raises `OSError` where the disk does not take it.
+        Raises `OSError` where it cannot be written.
         """
         xarray = sweep_library("xarray")
         kept = {name: np.asarray(arrays[name], dtype) for name, dtype in self.columns.items()}
@@ -132,7 +132,7 @@ class Store:
         data = {name: ("lane", column) for name, column in kept.items()}
         part = xarray.Dataset(data | {_RECORD: (("chunk", "byte"), record[None])})
         region = {"lane": self._lanes(number), "chunk": slice(number, number + 1)}
-        with _said(f"Chunk {number} of the sweep cannot be written into {self.path}"):
+        with _with_remedy(f"Chunk {number} of the sweep cannot be written into {self.path}"):
             part.to_zarr(self.path, region=region, consolidated=False, zarr_format=3)
         self._records[number] = record
 
@@ -144,7 +144,7 @@ class Store:
         return self._job + number.to_bytes(8, "big") + found.digest()
 
     def read(self, number: int) -> dict[str, np.ndarray] | None:
-        """A chunk's columns; `None` where it is not there, or not whole, or not of this job."""
+        """A chunk's columns; `None` where it is missing, incomplete or of another job."""
         record = self._records[number].tobytes()
         if not any(record):
             return None
@@ -152,7 +152,7 @@ class Store:
         try:
             arrays = {name: np.asarray(self._group[name][lanes]) for name in self.columns}
         except Exception:
-            # A decoder that is given a damaged file raises as it likes.
+            # A decoder may raise any error for a damaged file.
             return None
         return arrays if self._record(number, arrays) == record else None
 
@@ -190,7 +190,7 @@ def load(folder: Path | str) -> "xarray.Dataset":
 
 
 def _opened(path: Path) -> Any:
-    """The Zarr group of a store that is a sweep's."""
+    """The Zarr group of a sweep's store."""
     zarr = sweep_library("zarr")
     try:
         group = zarr.open_group(path, mode="r")
@@ -203,15 +203,15 @@ def _opened(path: Path) -> Any:
 
 
 def _unreadable(path: Path, reason: Any) -> ValueError:
-    told = " ".join(str(reason).split())
+    text = " ".join(str(reason).split())
     return ValueError(
-        f"Folder {path} must be the Zarr store of a sweep, but it cannot be read ({told}). Choose "
+        f"Folder {path} must be the Zarr store of a sweep, but it cannot be read ({text}). Choose "
         "another folder, or delete it."
     )
 
 
 def _records(group: Any, chunks: int) -> np.ndarray:
-    """The records that can be read, zeros for the others, (K, 72)."""
+    """The readable records, zeros for the others, (K, 72)."""
     try:
         return np.array(group[_RECORD][:])
     except Exception:
@@ -223,8 +223,8 @@ def _records(group: Any, chunks: int) -> np.ndarray:
 
 
 @contextlib.contextmanager
-def _said(what: str) -> Iterator[None]:
-    """What the system refuses, in one line with its remedy."""
+def _with_remedy(what: str) -> Iterator[None]:
+    """Raise an `OSError` of the system again, with a remedy."""
     try:
         yield
     except OSError as error:
@@ -236,7 +236,7 @@ def _said(what: str) -> Iterator[None]:
 
 
 def _differences(old: Any, new: Any, most: int = 4) -> str:
-    """The entries in which two configurations differ, as text."""
+    """The differing entries of two configurations, as text."""
     rows = []
     a, b = _flat(old), _flat(new)
     for name in dict.fromkeys([*a, *b]):

@@ -1,4 +1,4 @@
-"""What a sweep found: a labelled dataset of lanes, and columns by name."""
+"""The results of a sweep: a labelled dataset of lanes, and columns by name."""
 
 import dataclasses
 import json
@@ -60,8 +60,8 @@ def lanes(
     data: dict[str, Any] = {n: ("lane", c, {"units": units[n]}) for n, c in columns.items()}
     data["status"] = ("lane", status, {"flag_values": codes, "flag_meanings": meanings})
     if rung is not None:
-        told = "place of the lane's fidelity in the sweep's Fidelity.ladder()"
-        data["rung"] = ("lane", rung, {"long_name": told})
+        meaning = "place of the lane's fidelity in the sweep's Fidelity.ladder()"
+        data["rung"] = ("lane", rung, {"long_name": meaning})
     coordinates = {
         n: ("lane", c, {"units": units[n], "scaling": scalings[n]}) for n, c in variables.items()
     }
@@ -77,7 +77,7 @@ def lanes(
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class SweepTable(Readable):
-    """The points of a sweep and what came out, N lanes in the order of the samples.
+    """The points of a sweep and their results, N lanes in the order of the samples.
 
     **Fields:**
 
@@ -106,8 +106,8 @@ class SweepTable(Readable):
 
     @property
     def outputs(self) -> dict[str, np.ndarray]:
-        """Results of shape (N,) by name. One that a lane does not have (`leave_x` where nothing
-        was touched) is NaN."""
+        """Results of shape (N,) by name; NaN where a lane lacks the result (`leave_x` without a
+        contact)."""
         return self._columns(self.dataset.attrs["outputs"])
 
     @property
@@ -118,7 +118,7 @@ class SweepTable(Readable):
 
     @property
     def rung(self) -> np.ndarray:
-        """Shape (N,): the rung of `Fidelity.ladder` that each lane's numbers are of; 0 is the
+        """Shape (N,): the rung of `Fidelity.ladder` at which each lane was computed; 0 is the
         sweep's own fidelity."""
         if "rung" not in self.dataset:
             return np.zeros(self.dataset.sizes["lane"], np.int32)
@@ -132,7 +132,7 @@ class SweepTable(Readable):
     @property
     def gradient(self) -> dict[str, np.ndarray]:
         """Derivatives of the output `gradient_of` by variable, each of shape (N,), in the output's
-        unit over the variable's; empty where none was asked for."""
+        unit over the variable's; empty without `gradient_of`."""
         main = self.gradient_of
         if main is None:
             return {}
@@ -147,7 +147,7 @@ class SweepTable(Readable):
 
     @property
     def scalings(self) -> dict[str, str]:
-        """Of the variables, "linear" or "logarithmic"."""
+        """The variables' scalings, "linear" or "logarithmic"."""
         names = self.dataset.attrs["variables"]
         return {name: self.dataset[name].attrs["scaling"] for name in names}
 
@@ -158,7 +158,7 @@ class SweepTable(Readable):
 
     @property
     def configuration(self) -> dict[str, Any]:
-        """All that the numbers depend on."""
+        """Everything that the numbers depend on."""
         return json.loads(self.dataset.attrs["configuration"])
 
     @property
@@ -216,8 +216,9 @@ class SweepTable(Readable):
         return cls(sweep_store.load(path))
 
     def to_xarray(self) -> "xarray.Dataset":
-        """The dataset as it is best plotted: a grid with its variables as dimensions, other points
-        along the dimension `lane`. Units are attributes, and so are the meanings of `status`."""
+        """The dataset in the form for plotting: a grid with its variables as dimensions, other
+        points along the dimension `lane`. Attributes give the units and the meanings of
+        `status`."""
         if not self.is_grid:
             return self.dataset
         xarray = sweep_store.sweep_library("xarray")

@@ -1,4 +1,4 @@
-"""A candidate fidelity on trial: measured against a reference, and judged by its errors."""
+"""The trial of a candidate fidelity: its errors against a reference, and the verdict."""
 
 import dataclasses
 import math
@@ -16,12 +16,12 @@ GRADIENT_FAILS = "gradient too far off"
 
 @dataclasses.dataclass(frozen=True)
 class Trial:
-    """What was measured of one candidate.
+    """The measurements of one candidate.
 
     **Fields:**
 
     - `fidelity`: the candidate.
-    - `outcome`: what became of it, in words.
+    - `outcome`: the verdict, in words.
     - `passed`: whether it met both errors.
     - `value_error`: largest relative error of a quantity over the scenes [1]; `None` if not
       measured.
@@ -53,9 +53,10 @@ class Trial:
 
 
 class Judge:
-    """Measures candidates against the reference, and that against its coarser companion.
+    """Compares candidates with the reference, and the reference with its coarser companion.
 
-    `value_bound` and `gradient_bound` are the errors asked for [1], without a gradient `None`.
+    `value_bound` and `gradient_bound` are the errors asked for [1]; the latter is `None` without a
+    gradient.
 
     Raises `ValueError` where the reference cannot solve a scene.
     """
@@ -107,7 +108,8 @@ class Judge:
         return fine and self.own_gradient < self.gradient_bound
 
     def trial(self, fidelity: Fidelity) -> Trial:
-        """The value first; the gradient, dearer to compile, only if the value is right."""
+        """Compare the value first; the gradient, which costs more to compile, only if that
+        passes."""
         runs = self._measured(fidelity, False)
         worst, value = max(run.status for run in runs), self._worst(value_error, runs)
         trial = Trial(
@@ -136,7 +138,8 @@ class Judge:
         )
 
     def distance(self, trial: Trial) -> tuple[float, float]:
-        """How far a trial is from the bounds: the best of those that fail is the least."""
+        """The errors of a trial over their bounds, by which the best of the failed ones is
+        found."""
         value = math.inf if trial.value_error is None else trial.value_error / self.value_bound
         if self.gradient_bound is None:
             return value, 0.0

@@ -1,4 +1,4 @@
-"""The trigger delay of a recording: when, by its own clock, the scene begins."""
+"""The trigger delay of a recording: the time of the scene's start on the recording's clock."""
 
 import dataclasses
 from typing import NamedTuple
@@ -13,16 +13,16 @@ from ..simulate import simulate
 from .fit_problem import OFFSET, Experiment
 from .recorded_signals import Recording
 
-# Impacts that a recording in seconds would hold are no longer [s].
+# Impacts are no longer than this [s]; a longer recording is probably not in seconds.
 LONGEST = 5.0
 
 
 class Aligned(NamedTuple):
     """A recording on the scene's clock.
 
-    `experiment` holds its rows from the touch on, with times since the scene's start as far as that
-    is known; `delay` [s] is the recording's time at that start; `offset` what is still to be found
-    of it, as a parameter of `fencejax.identify.fit`, or `None` where the delay was given.
+    `experiment` has its rows from the first contact on, with times since the estimated start of the
+    scene; `delay` [s] is the recording's time at that start; `offset` is the remaining error of the
+    delay as a parameter of `fencejax.identify.fit`, or `None` where the delay was given.
     """
 
     experiment: Experiment
@@ -38,25 +38,25 @@ def align(
     length: float | None = None,
     fidelity: Fidelity | None = None,
 ) -> Aligned:
-    """Put a recording on the clock of a scene that begins with the first touch.
+    """Put a recording on the clock of a scene that begins with the first contact.
 
         aligned = fj.study.align(scene, recording)
         fit = fj.identify.fit(aligned.experiment, ["youngs_modulus", aligned.offset])
 
-    The delay d is first taken where the scene's signal m, of any size a > 0, is most like what was
-    recorded, y: where sum_j (y_j - a m(t_j - d))^2 is least over a and d (a matched filter), of the
-    force or, without it, of the tip's deflection. What the scene's own numbers make wrong of it,
-    the fit puts right by `offset`, whose bounds are the time that the signal takes to its peak; its
+    The delay d is first estimated by a matched filter: with the scene's signal m and the recorded
+    signal y, sum_j (y_j - a m(t_j - d))^2 is least over d and the amplitude a > 0. The signal is
+    the force or, without it, the tip's deflection. The fit then corrects the error due to wrong
+    numbers of the scene by `offset`, whose bounds are the rise time of the signal to its peak; its
     standard error is that of the delay.
 
     **Arguments:**
 
     - `scene`: its `duration` is set to that of the rows used.
-    - `delay` [s]: by the recording's clock; found where it is not given.
-    - `length` [s]: of the rows used, from the touch on; by default to the recording's end.
+    - `delay` [s]: on the recording's clock; estimated where it is not given.
+    - `length` [s]: of the rows used, from the first contact on; by default to the recording's end.
     - `fidelity`: default `Fidelity.standard()`.
 
-    Raises `ValueError` where the delay cannot be found, and where what is used lasts too long for
+    Raises `ValueError` where the delay cannot be found, and where the rows used last too long for
     an impact.
     """
     width = 0.0
@@ -72,9 +72,9 @@ def align(
         )
     if last > LONGEST:
         raise ValueError(
-            f"{recording.source}: goes on for {last:g} s after the first touch, where impacts last "
-            f"{LONGEST:g} s at most. Give the `length` that is used or, if these are milliseconds, "
-            "write `time [ms]` in the header."
+            f"{recording.source}: goes on for {last:g} s after the first contact, where impacts "
+            f"last {LONGEST:g} s at most. Give the `length` that is used or, if these are "
+            "milliseconds, write `time [ms]` in the header."
         )
     used = recording.within(delay - width, delay + last)
     used = dataclasses.replace(used, time=used.time - delay)
@@ -87,7 +87,7 @@ def align(
 def _found(
     scene: AnyScene, recording: Recording, length: float | None, fidelity: Fidelity
 ) -> tuple[float, float]:
-    """The delay of the matched filter, and the time that the model's signal takes to its peak."""
+    """The delay by the matched filter, and the rise time of the model's signal to its peak."""
     name = next((n for n in ("force", "tip_deflection") if n in recording.names), None)
     if name is None:
         raise ValueError(
@@ -126,8 +126,8 @@ def _found(
     y = np.interp(grid, time, recorded)
     reach = min(knots[-1], np.inf if length is None else length)
     m = np.interp(step * np.arange(int(reach / step) + 1), knots, model)
-    # Of every place of the signal's start: its product with the recording, and its own square as
-    # far as the two overlap.
+    # For every position of the signal's start: its product with the recording, and its square over
+    # the overlap of both.
     from scipy import signal
 
     product = signal.correlate(y, m, "full", "fft")

@@ -20,14 +20,15 @@ class CoDesignConfig:
         "out", "tolerance", "feasibility", "budget", "starts", "scouting", "verify", "agreement",
         "plots",
     })  # fmt: skip
-    """Fields that do not bear on the numbers of an evaluation: those kept hold for any."""
+    """Fields that do not affect the numbers of an evaluation; a journal is valid for any of
+    them."""
     designs_drive = True
-    """The motion is the job's own: what is free of it is not the sorter file's."""
+    """The job designs its own motion, independent of free numbers of the sorter file's drive."""
 
     out: Path = flags.field(
         Path("out"),
-        "folder for co_design.json, report.html, fence.dxf, evaluations.jsonl and the figures; a "
-        "job that was interrupted goes on from there",
+        "folder for co_design.json, report.html, fence.dxf, evaluations.jsonl and the figures; an "
+        "interrupted job resumes from there",
     )
     sorter: str = machine.sorter_field()
     set: tuple[str, ...] = machine.set_field()
@@ -36,10 +37,10 @@ class CoDesignConfig:
     offsets: tuple[float, ...] = flags.field(
         (0.05, 0.20), "Delta s, from the border to the parcel [m]", least=0
     )
-    front: float = flags.field(0.1, "where the parcel's front is when the drive starts [m]")
+    front: float = flags.field(0.1, "place of the parcel's front when the drive starts [m]")
     period: float = flags.field(
         1.5,
-        "from one sort to the next [s]; the drive moves within it and the fence rings down",
+        "time from one sort to the next [s], for the drive's motion and the fence's ring-down",
         above=0,
     )
     controls: int = flags.field(8, "control angles of the motion", least=3)
@@ -63,14 +64,14 @@ class CoDesignConfig:
     )
     ring_limit: float = flags.field(
         0.002,
-        "largest amplitude of the tip at the period's end, all that the fence then "
-        "holds taken for its first mode [m]",
+        "largest amplitude of the tip at the period's end, if all of the fence's energy "
+        "were in its first mode [m]",
         above=0,
     )
     limit: tuple[str, ...] = named.limit_field()
     reserve: float = flags.field(
         0.01,
-        "kept in hand of every sort's margin [1], for the difference to a finer fidelity",
+        "reserve in every sort's margin [1], for the difference from a finer fidelity",
         least=0,
     )
     tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]", above=0)
@@ -78,16 +79,18 @@ class CoDesignConfig:
     budget: int = flags.field(200, "evaluations at most", least=1)
     starts: int = flags.field(
         6,
-        "first searches: from the fence given, and from others with the same drive, as each may "
-        "end in another valley; the most promising goes on",
+        "first searches: from the given fence, and from others with the same drive, as each may "
+        "end in another optimum; the most promising one continues",
         least=1,
     )
-    scouting: int = flags.field(30, "evaluations of each of them, where there are several", least=2)
+    scouting: int = flags.field(
+        30, "evaluations of each first search, where there are several", least=2
+    )
     fidelity: str = flags.field(
         "standard", "fidelity of the optimisation", choices=flags.FIDELITIES
     )
     verify: str = flags.field(
-        "reference", "fidelity at which both designs are looked at again", choices=flags.FIDELITIES
+        "reference", "fidelity at which both designs are measured again", choices=flags.FIDELITIES
     )
     agreement: float = flags.field(
         0.02, "largest relative error of the force that confirms the optimum [1]", above=0
@@ -108,19 +111,19 @@ class CoDesignConfig:
 
     @property
     def seconds(self) -> float:
-        """From one sort to the next [s]: the sorter's own where it says so."""
+        """From one sort to the next [s]: the sorter's own, if given."""
         given = None if self.machine is None else self.machine.period
         return self.period if given is None else given
 
     @property
     def ring_bound(self) -> float:
-        """Largest amplitude at the period's end [m]: the sorter's own where it says so."""
+        """Largest amplitude at the period's end [m]: the sorter's own, if given."""
         bounds = {} if self.machine is None else {r.name: b for r, b in self.machine.bounds}
         return bounds.get("ring") or self.ring_limit
 
     @property
     def limits(self) -> tuple[Limit, ...]:
-        """What every sort must hold, apart from the ring-down."""
+        """The limits for every sort, apart from the ring-down."""
         limits = (
             objectives.tip_deflection_limit(self.tip_limit),
             objectives.stress_limit(self.stress_limit),
@@ -132,7 +135,7 @@ class CoDesignConfig:
 
     @property
     def space(self) -> fj.DesignSpace:
-        """The variables over the fence and a spline as near as can be to its drive."""
+        """The variables over the fence and the spline nearest to its drive."""
         own = fj.HarmonicDrive() if self.machine is None else self.machine.drive
         cycle = min(float(own.cycle), 0.95 * self.seconds)
         paper = own if self.machine is not None else fj.HarmonicDrive(cycle_time=cycle)

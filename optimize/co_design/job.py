@@ -5,10 +5,10 @@
 The motion is a spline through free control angles over a cycle of free length, within a fixed
 period from parcel to parcel. The largest peak force of several whole sorts is minimised, with
 limits on the fence (tip deflection, stress), on the sort (the parcel gets across), on the drive
-(speed, acceleration and jerk, exact for the spline; torque, parcel included) and on what the fence
-still rings with when the next cycle begins. It starts from the paper's fence, with a spline as
-near as can be to the paper's drive, and from other fences with that drive: a search ends in the
-valley that it comes into. After some evaluations the most promising search goes on to its end.
+(speed, acceleration and jerk, exact for the spline; torque, parcel included) and on the fence's
+residual oscillation when the next cycle begins. Searches start from the paper's fence, with the
+spline nearest to the paper's drive, and from other fences with that drive, as each search may end
+in another local optimum. After some evaluations only the most promising one continues to its end.
 
 Every evaluation is written to `evaluations.jsonl` at once: the same command with the same folder
 goes on where it was interrupted.
@@ -33,7 +33,7 @@ from .problem import Joint
 
 
 def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = CoDesignConfig() if config is None else config
@@ -73,7 +73,7 @@ def main(config: CoDesignConfig | None = None, *, quiet: bool = False) -> Outcom
 def _search(
     joint: Joint, journal: Journal, say: Callable[[str], None]
 ) -> tuple[list[Optimum], Optimum]:
-    """What searches from several starts came to, and the one that was gone on with to its end."""
+    """The results of the first searches from several starts, and of the one that was continued."""
     config = joint.config
 
     def search(start: np.ndarray, budget: int, known: int = 0) -> Optimum:
@@ -92,8 +92,8 @@ def _search(
         return [], search(joint.starts[0], config.budget)
     few = min(config.scouting, config.budget)
     tried, which = starts.scouted(search, joint.starts, few)
-    say(f"\n{starts.told(tried)}")
-    # The journal knows its evaluations: they are not made again.
+    say(f"\n{starts.summary(tried)}")
+    # Its first evaluations are in the journal and are not made again.
     return tried, search(joint.starts[which], config.budget, few)
 
 
@@ -129,7 +129,7 @@ def _table(outcome: Outcome) -> str:
 
 
 def _mine(outcome: Outcome) -> str:
-    """The result for the machine, and the limits and bounds that it is held by."""
+    """The result for the machine, and the active limits and bounds."""
     joint, optimum = outcome.joint, outcome.optimum
     if optimum.stop is Stop.FAILED_START:
         return ""
@@ -137,11 +137,11 @@ def _mine(outcome: Outcome) -> str:
     of = f"largest peak force over the {pages.many(joint.encounters.lanes, 'sort')}"
     of += "" if machine is None or not machine.title else f" of {machine.title}"
     lane = int(np.argmax(found["peak_force"]))
-    told = report.mine(
+    result = report.mine(
         float(found["peak_force"][lane]), objectives.PEAK_FORCE, of, joint.encounters.text(lane),
-        outcome.stiff, outcome.push, held=optimum.feasible,
+        outcome.stiff, outcome.push, feasible=optimum.feasible,
     )  # fmt: skip
-    return f"{nearby.price_text(joint.space, optimum, joint.rows(found), 'N')}\n\n{told}"
+    return f"{nearby.price_text(joint.space, optimum, joint.rows(found), 'N')}\n\n{result}"
 
 
 def _verdict(outcome: Outcome) -> str:

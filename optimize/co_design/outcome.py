@@ -1,4 +1,4 @@
-"""What the job found."""
+"""The results of the job."""
 
 import dataclasses
 
@@ -12,10 +12,11 @@ from .problem import Joint
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found: what the searches from several starts came to, none where there is one,
-    and the one that was gone on with; the designs [SI], the one given and the one found, both
-    measured at the finer fidelity, its verdict; the largest force [N] of a fence that does not
-    bend, of the shape after, and what a constant push of the hardest parcel would need [N]."""
+    """The results of the job: `tried`, those of the first searches, empty for a single start, and
+    `optimum`, that of the search that was continued; the designs [SI] before and after, both
+    `measured` at the finer fidelity, and its verdict, `verified`; `stiff`, the largest force [N]
+    by a rigid fence of the shape after, and `push`, the constant force [N] that the hardest parcel
+    would need."""
 
     config: CoDesignConfig
     joint: Joint

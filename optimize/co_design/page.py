@@ -20,7 +20,7 @@ _FIGURES = {
 
 
 def write(outcome: Outcome, verdict: str) -> None:
-    """Write the page and what belongs to it."""
+    """Write the page and its files."""
     config, joint, optimum = outcome.config, outcome.joint, outcome.optimum
     space, measured = joint.space, outcome.measured
     fence, _ = space.apply(outcome.after)
@@ -31,13 +31,13 @@ def write(outcome: Outcome, verdict: str) -> None:
     material = ""
     if config.machine is not None and not any("youngs_modulus" in n for n in space.names):
         material = config.machine.materials[0].name
-    checked, *told = verdict.removeprefix(report.conditions(optimum)).splitlines()
+    checked, *sentences = verdict.removeprefix(report.conditions(optimum)).splitlines()
     Report(
         f"Fence and motion together: {title}",
         "Which fence, and which motion of its drive, make the worst peak force over "
         f"{pages.many(joint.encounters.lanes, 'whole sort')} least, within the limits of fence, "
         "sort, drive and ring-down?",
-        pages.sentences(*told, checked),
+        pages.sentences(*sentences, checked),
         outcome.succeeded,
         [
             pages.machine_section(
@@ -54,7 +54,7 @@ def write(outcome: Outcome, verdict: str) -> None:
             Section("Statuses and checks", [
                 pages.status_table(counted(measured["after"]["status"]), "Sorts at the design"),
                 pages.search_text(optimum),
-                *filter(None, [starts.told(outcome.tried)]),
+                *filter(None, [starts.summary(outcome.tried)]),
             ]),
             pages.assumptions(
                 "The drive follows the motion exactly; the torque it takes for that is limited, "

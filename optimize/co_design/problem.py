@@ -19,7 +19,7 @@ _DRIVE = {"speed": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"}
 
 
 def _of_motion(name: str) -> bool:
-    """Whether a variable is of the drive's motion."""
+    """Whether a variable belongs to the drive's motion."""
     return name.startswith("control_angles") or name == "cycle_time"
 
 
@@ -55,7 +55,7 @@ class Joint:
         self._stiff = jax.jit(lambda z, encounters: self.sorts(z, encounters, stiff)[0])
 
     def check(self) -> None:
-        """Raise `ValueError` for sorts that cannot be, before anything is compiled."""
+        """Raise `ValueError` for impossible sorts, before anything is compiled."""
         config = self.config
         course = Course("sorts", config.seconds, fj.Fidelity.fast(), machine=config.machine)
         course.check(self.space.fence, self.space.drive, self.encounters)
@@ -76,7 +76,7 @@ class Joint:
         return {**found, "ring_amplitude": rings, **extremes(drive)._asdict()}
 
     def read(self, z: Array, fidelity: fj.Fidelity) -> dict[str, Array]:
-        """All of it, and `status`, at one fidelity."""
+        """All quantities, and `status`, at one fidelity."""
         found, statuses = self.sorts(z, self.encounters, fidelity)
         return {**self.completed(z, found), "status": statuses}
 
@@ -90,7 +90,7 @@ class Joint:
         return rows
 
     def combined(self, read, reserve: float):
-        """Objectives and margins; the reserve is of what the fidelity bears on."""
+        """Objectives and margins; the reserve applies to margins that depend on the fidelity."""
         exact = ("speed", "acceleration", "jerk")
         rows = [
             jnp.asarray(row) - (0.0 if name in exact else reserve)
@@ -99,12 +99,12 @@ class Joint:
         return read["peak_force"], jnp.concatenate(rows)
 
     def stiff(self, z) -> float:
-        """The largest peak force [N] by a fence of the same shape that does not bend."""
+        """The largest peak force [N] by a rigid fence of the same shape."""
         return float(np.max(self._stiff(jnp.asarray(z), self.encounters)["peak_force"]))
 
     def push(self, z) -> float:
-        """What a constant push of the hardest parcel would need [N], as far past the belt's edge as
-        is asked for."""
+        """The constant force [N] that the hardest parcel would need to get as far past the belt's
+        edge as required."""
         config = self.config
         course = Course("sorts", config.seconds, fj.Fidelity.fast(), machine=config.machine)
         past = max((x.bound for x in self.limits if x.name == "crossing"), default=0.0)
@@ -112,7 +112,7 @@ class Joint:
         return float(np.max(course.constant_push(fence, drive, self.encounters, past)))
 
     def rows(self, found: Mapping[str, np.ndarray]) -> list[nearby.Rows]:
-        """What the margins of the search are, in their order."""
+        """The description of the search's margins, in their order."""
         config = self.config
         counts = {name: np.size(row) for name, row in self.margins(found).items()}
         rows = [nearby.Rows.of(limit, counts[limit.name]) for limit in self.limits]

@@ -1,1 +1,1 @@
-"""What several jobs share: command lines, reports, encounters, starting designs."""
+"""Shared parts of the jobs: command lines, reports, encounters, starting designs."""

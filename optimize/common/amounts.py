@@ -1,4 +1,4 @@
-"""Names, and changes of numbers, as a designer reads them."""
+"""Names and changes of numbers in words."""
 
 
 def plain(name: str) -> str:
@@ -7,5 +7,5 @@ def plain(name: str) -> str:
 
 
 def changed(new: float, old: float) -> str:
-    """By how much a number has changed, in percent; nothing where that has no meaning."""
+    """The change of a number in percent; empty where the old one is 0."""
     return f"{100 * (new / old - 1):+.1f} %" if old else ""

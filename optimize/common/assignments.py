@@ -1,4 +1,4 @@
-"""Names with numbers in the texts of flags: `name=value,...`, `name=lower:upper`."""
+"""Names with numbers in the values of flags: `name=value,...`, `name=lower:upper`."""
 
 from fencejax.scenes import names
 from fencejax.sorter import amount
@@ -45,7 +45,7 @@ def _plain(text: str) -> float | str:
 
 
 def refusal(field: str, text: str, form: str) -> ValueError:
-    """What is raised for a text that cannot be read."""
+    """The error for a text that cannot be read."""
     return ValueError(f"Argument `{field}` must {form}, but holds {text!r}.")
 
 

@@ -18,7 +18,7 @@ _Config = TypeVar("_Config")
 _Found = TypeVar("_Found")
 
 RESUMED = "stopped; the same command goes on from here"
-"""What a job says when it is interrupted that keeps what it has found."""
+"""The message of an interrupted job that can be resumed."""
 
 _REMEDIES = {
     errno.ENOSPC: "Make room, and run the same command again.",
@@ -34,8 +34,8 @@ _REMEDIES = {
 
 
 def begin(quiet: bool = False) -> Callable[..., None]:
-    """Set double precision, in which jobs compute, and return what one prints with: nothing where
-    `quiet`."""
+    """Set double precision, in which jobs compute, and return the function that prints, or one that
+    does nothing where `quiet`."""
     jax.config.update("jax_enable_x64", True)
     return (lambda *parts: None) if quiet else functools.partial(print, flush=True)
 
@@ -51,20 +51,19 @@ def run(
     tune: bool = True,
     cached: bool = True,
 ) -> None:
-    """Do the job that the flags describe and leave Python: with status 0 where it succeeded, with
-    130 where somebody interrupts it, and with 1 otherwise, after `name: ...` on the standard error
-    where it could not be done.
+    """Run the job that the flags describe and exit Python: with status 0 where it succeeded, 130
+    where it was interrupted, and 1 otherwise, with a message `name: ...` on the standard error
+    where it could not be run.
 
     **Arguments:**
 
     - `configure`: makes the configuration from the flags.
-    - `succeeded`: whether what `main` found is what was asked for; by default it says so itself.
-    - `refused`: errors whose message says all, beside those of the system (`OSError`) and of its
-      memory; others are raised.
-    - `stopped`: what to say where somebody interrupts the job.
+    - `succeeded`: whether the result of `main` is a success; by default its own property.
+    - `refused`: errors of which only the message is printed, besides those of the system
+      (`OSError`) and of its memory; others are raised.
+    - `stopped`: the message where the job is interrupted.
     - `tune`: set the compiler for this machine first; not where `main` does so.
-    - `cached`: keep compiled programs for the next run; not where it is measured how long they take
-      to compile.
+    - `cached`: cache compiled programs for the next run; not where compile times are measured.
     """
     interrupts.say(f"{name}: {stopped}")
 
@@ -84,24 +83,24 @@ def run(
 def _leave(
     name: str, done: Callable[[], bool], refused: tuple[type[Exception], ...], stopped: str
 ) -> NoReturn:
-    """Leave Python with whether it is `done`, or with what stands in the way."""
+    """Exit Python with the status of `done`, or with the message of its error."""
     try:
         sys.exit(0 if done() else 1)
     except OSError as error:
-        sys.exit(f"{name}: {_said(error)}")
+        sys.exit(f"{name}: {_message(error)}")
     except MemoryError as error:
-        told = f" ({error})" if str(error) else ""
-        sys.exit(f"{name}: there is not enough memory{told}. Ask for less.")
+        reason = f" ({error})" if str(error) else ""
+        sys.exit(f"{name}: there is not enough memory{reason}. Ask for less.")
     except refused as error:
         sys.exit(f"{name}: {error}")
     except KeyboardInterrupt:
-        # Where nobody watches for it: see `interrupts`.
+        # Where `interrupts` is not watching.
         print(f"{name}: {stopped}", file=sys.stderr)
         sys.exit(interrupts.STATUS)
 
 
-def _said(error: OSError) -> str:
-    """What the system refuses, and what to do; a message of our own says so itself."""
+def _message(error: OSError) -> str:
+    """The message of an error of the system, with a remedy; an own message has one already."""
     if error.errno is None:
         return str(error)
     place = f"{os.fsdecode(error.filename)}: " if error.filename is not None else ""

@@ -1,4 +1,4 @@
-"""Design variables as flags give them, and tables of designs."""
+"""Design spaces from flags, and variables on their bounds."""
 
 from collections.abc import Sequence
 
@@ -16,8 +16,8 @@ def space(
     drive: fj.AbstractDrive | None = None,
     default: Bounds = (),
 ) -> DesignSpace:
-    """The design space of some variables and of what bounds are `given` for; the variables' own
-    bounds are those of `default` or of the table of names."""
+    """The design space of some variables and of those with `given` bounds; other bounds are those
+    of `default` or of the table of names."""
     spans = {_place(name): (lower, upper) for name, lower, upper in (*default, *given)}
     chosen = {_place(name): name for name in (*variables, *(name for name, *_ in given))}
     return DesignSpace(
@@ -26,7 +26,7 @@ def space(
 
 
 def _place(name: str) -> str:
-    """What a name stands for, whichever of its names it is."""
+    """The path of a number from any of its names."""
     known = names.known(name)
     return name if known is None or names.element(name)[1] is not None else known.path
 

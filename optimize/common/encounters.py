@@ -18,7 +18,7 @@ from fencejax.sorter import Machine
 from fencejax.study import measured
 
 KINDS = ("sorts", "impacts")
-# The kind of scene of each, and which numbers of an encounter it has not.
+# The kind of scene of each, and the numbers of an encounter that it lacks.
 _SCENES = {
     "sorts": ("whole_sort", ("distance", "drive_angle")),
     "impacts": ("oblique_impact", ("front", "offset", "angle")),
@@ -34,7 +34,7 @@ class Encounter(NamedTuple):
     [N s kg^-0.4 m^-3] of the parcel; `belt_friction` and `fence_friction`, kinetic coefficients
     [1], the static ones being larger by the paper's ratios. Of a sort: `offset` Delta s [m],
     `angle` phi [rad] and `front` [m], where the parcel is when the drive starts. Of an impact:
-    `distance` R [m] and `drive_angle` alpha_w [rad] of the first touch.
+    `distance` R [m] and `drive_angle` alpha_w [rad] of the first contact.
     """
 
     mass: ArrayLike = 15.0
@@ -94,31 +94,31 @@ class Encounter(NamedTuple):
 
     @property
     def lanes(self) -> int:
-        """How many there are."""
+        """The number of encounters."""
         return int(np.asarray(self.mass).shape[0])
 
     def text(self, lane: int) -> str:
-        """One of them by its mass and by the numbers in which it differs from others:
+        """An encounter by its mass and the numbers that differ between encounters:
         `"30 kg, offset 200 mm"`."""
-        told = []
+        parts = []
         for name, part in self._asdict().items():
             values = np.asarray(part)
             if name == "mass" or np.ptp(values) > 0:
                 known = names.known(name)
                 number = shown(values[lane], "1" if known is None else known.unit)
-                told.append(number if name == "mass" else f"{name.replace('_', ' ')} {number}")
-        return ", ".join(told)
+                parts.append(number if name == "mass" else f"{name.replace('_', ' ')} {number}")
+        return ", ".join(parts)
 
     def named(self, lane: int) -> dict[str, float]:
-        """One of them, as plain numbers by name."""
+        """An encounter as plain numbers by name."""
         return {name: float(np.asarray(part)[lane]) for name, part in self._asdict().items()}
 
 
 @dataclasses.dataclass(frozen=True)
 class Course:
-    """How encounters are run: `kind` (`"sorts"` or `"impacts"`), their `duration` [s], the
-    `fidelity`, how many go through one vectorised call (`chunk`), and the `machine` whose belt,
-    border and frictions they meet; `None` for the paper's."""
+    """The simulation of encounters: `kind` (`"sorts"` or `"impacts"`), their `duration` [s], the
+    `fidelity`, the most encounters in one vectorised call (`chunk`), and the `machine` with belt,
+    border and frictions; `None` for the paper's."""
 
     kind: str
     duration: float
@@ -148,7 +148,7 @@ class Course:
         return family.scene(jnp.stack([jnp.asarray(value, float) for value in given.values()]))
 
     def check(self, fence: fj.Fence, drive: fj.AbstractDrive, encounters: Encounter) -> None:
-        """Have the scene of every encounter made on the host, which compiles nothing.
+        """Make the scene of every encounter on the host, without compiling anything.
 
         Raises `ValueError` that names the encounter and its number where there is no such scene.
         """
@@ -195,7 +195,7 @@ class Course:
 
 
 def inflexible(fidelity: fj.Fidelity) -> fj.Fidelity:
-    """The fidelity at which the fence does not bend."""
+    """The same fidelity with a rigid fence."""
     return fidelity.replace(modes=0, static_correction=False)
 
 

@@ -1,5 +1,5 @@
-"""A configuration's fields: each is written once, with its default, the help of its flag, and what
-is asked of it; the parser and the checks are made of that."""
+"""Fields of a configuration: each is defined once, with its default, the help of its flag and its
+requirements. The parser and the checks follow from that definition."""
 
 import argparse
 import dataclasses
@@ -31,22 +31,22 @@ def field(value: _T, text: str, **settings: Any) -> _T:
 
     - `value`: its default, whose type is the flag's; of a tuple, that of its first element.
     - `text`: the help of the flag, with the unit in brackets.
-    - `settings`: `least`, `above`, `between` (an open interval) and `choices`, which `check` asks
-      of the value or of every element of a tuple; and settings of `add_argument` where they do not
-      follow from the default.
+    - `settings`: `least`, `above`, `between` (an open interval) and `choices`, which `check`
+      requires of the value or of every element of a tuple; and settings of `add_argument` that do
+      not follow from the default.
     """
     made: Any = dataclasses.field(default=value, metadata={"help": text, **settings})
     return made
 
 
-# What is counted takes a kilobyte at least [bytes]: a parcel's numbers with what is measured of it
-# and their derivatives, an evaluation, a point of a front.
+# The least memory of each counted thing [bytes]: of a parcel with its measured numbers and their
+# derivatives, an evaluation, or a point of a front.
 _EACH = 1024
 
 
 def _memory() -> float:
-    """The memory [bytes] of this machine; infinite where the system does not say. Told here, as
-    help is given before anything long is imported."""
+    """The memory [bytes] of this machine; infinite where the system does not report it. Determined
+    here, without the package, as the help is printed before any slow import."""
     try:
         return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
@@ -54,8 +54,8 @@ def _memory() -> float:
 
 
 def check(configuration: Any) -> None:
-    """Raise `ValueError` where a field is not what `field` asks of it, is a number that is not
-    finite, or is a count of things for which this machine has not the memory."""
+    """Raise `ValueError` where a field violates a requirement of `field`, is not finite, or is a
+    count for which this machine lacks the memory."""
     for each in dataclasses.fields(configuration):
         value, asked = getattr(configuration, each.name), each.metadata
         unit = re.search(r"\[([^\]]+)\]", asked["help"])
@@ -75,7 +75,7 @@ def check(configuration: Any) -> None:
                         f"{' and '.join(f'{end:g}' for end in ends)} [{unit[1] if unit else 1}], "
                         f"but is {one:g}."
                     )
-            # Of counts it is asked how many they are at least; a seed is none.
+            # An integer with a least value is a count, unless it is a seed.
             counts = type(one) is int and "least" in asked and each.name != "seed"
             if counts and one * _EACH > _memory():
                 raise ValueError(
@@ -91,7 +91,7 @@ def one_of(name: str, value: str, options: tuple[str, ...]) -> None:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose refusal is one line: what is wrong, and the flag that is nearest."""
+    """A parser that refuses in one line: the error, and the nearest flag."""
 
     def error(self, message: str) -> NoReturn:
         unknown = message.partition("unrecognized arguments: ")[2].split()
@@ -110,8 +110,8 @@ class Parser(argparse.ArgumentParser):
 def described(
     configuration: type, prog: str, description: str, **switches: str
 ) -> dict[str, Any]:
-    """What `parser` makes a parser of, as JSON has it: a flag for each field of a configuration,
-    and one for each switch, with its help."""
+    """The description of a parser for `parser`, as plain JSON values: a flag for each field of a
+    configuration and for each switch, with its help."""
     flags = []
     for each in dataclasses.fields(configuration):
         default = each.default
@@ -128,10 +128,10 @@ def described(
         if isinstance(settings.get("type"), type):
             settings["type"] = settings["type"].__name__
         if not (default == () and "by default" in settings["help"]):
-            settings["help"] += _told(default)
+            settings["help"] += _default_text(default)
         flags.append(["--" + each.name.replace("_", "-"), settings])
     for name, text in switches.items():
-        switch = {"action": "store_true", "help": text + _told(False)}
+        switch = {"action": "store_true", "help": text + _default_text(False)}
         flags.append(["--" + name.replace("_", "-"), switch])
     # Tuples become lists, as they do in a file.
     return json.loads(json.dumps({"prog": prog, "description": description, "flags": flags}))
@@ -140,10 +140,10 @@ def described(
 _TYPES = {"int": int, "float": float, "str": str, "Path": Path}
 
 
-def parser(told: dict[str, Any]) -> argparse.ArgumentParser:
-    """The parser that is `described`. It sets no defaults."""
-    result = Parser(prog=f"python -m {told['prog']}", description=told["description"])
-    for flag, settings in told["flags"]:
+def parser(description: dict[str, Any]) -> argparse.ArgumentParser:
+    """The parser of a description by `described`. It sets no defaults."""
+    result = Parser(prog=f"python -m {description['prog']}", description=description["description"])
+    for flag, settings in description["flags"]:
         made = dict(settings)
         if made.get("action") == "yes or no":
             made["action"] = argparse.BooleanOptionalAction
@@ -156,8 +156,8 @@ def parser(told: dict[str, Any]) -> argparse.ArgumentParser:
     return result
 
 
-def _told(default: Any) -> str:
-    """A default as one writes it behind its flag."""
+def _default_text(default: Any) -> str:
+    """A default as it is written after its flag."""
     if isinstance(default, bool):
         default = "yes" if default else "no"
     words = map(str, default or ("none",)) if isinstance(default, tuple) else (str(default),)
@@ -165,12 +165,12 @@ def _told(default: Any) -> str:
 
 
 DESCRIPTION = "flags.json"
-"""The file in a job's folder with what `described` says of it, by `python tests/job_flags.py`."""
+"""The file in a job's folder with the result of `described`, by `python tests/job_flags.py`."""
 
 
 def answer(command: Sequence[str]) -> None:
-    """Where a command line of Python asks a job for its help, print it and leave, before the job's
-    long imports."""
+    """Where a command line of Python asks for a job's help, print it and exit, before the job's
+    slow imports."""
     jobs = [k for k, word in enumerate(command) if word == "-m"][:1]
     words = command[jobs[0] + 1 :] if jobs else []
     if not {"-h", "--help"} & set(words[1:]):
@@ -184,7 +184,7 @@ _ABSENT = object()
 
 
 def given(flags: argparse.ArgumentParser, arguments: Sequence[str] | None) -> dict[str, Any]:
-    """What the arguments say, by field, without what they leave at its default; lists as tuples."""
+    """The fields that the arguments set, without those left at their default; lists as tuples."""
     # argparse sets no default where the namespace has a value.
     absent = {action.dest: _ABSENT for action in flags._actions if action.dest != "help"}
     found = vars(flags.parse_args(arguments, argparse.Namespace(**absent)))
@@ -209,15 +209,15 @@ def reader(
     text = functools.partial(described, configuration, prog, description, **switches)
 
     def configure(arguments: Sequence[str] | None = None) -> _T:
-        said = given(parser(text()), arguments)
-        wanted = [name for name in switches if said.pop(name, False)]
+        values = given(parser(text()), arguments)
+        wanted = [name for name in switches if values.pop(name, False)]
         # Nothing is checked before it is complete.
         made = object.__new__(configuration)
         fields: tuple[dataclasses.Field, ...] = dataclasses.fields(configuration)  # pyright: ignore
-        vars(made).update({each.name: each.default for each in fields} | said)
+        vars(made).update({each.name: each.default for each in fields} | values)
         for name in wanted:
             made = getattr(made, name)()
-        return configuration(**(vars(made) | said))
+        return configuration(**(vars(made) | values))
 
     configure.described = text  # pyright: ignore
     return configure

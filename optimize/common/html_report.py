@@ -1,8 +1,8 @@
-"""One self-contained page of what a job found: `report.html`.
+"""The self-contained page of a job's results: `report.html`.
 
-A job says what is its own, as sections of text, tables, figures and drawings; the page's look, its
-table of contents and the command that makes it again are the same for all. Nothing is fetched from
-elsewhere: pictures are within the file, and there are no scripts. It is printed on A4.
+A job provides its own sections of text, tables, figures and drawings; style, table of contents and
+the command that reproduces the page are the same for all. The page loads nothing from elsewhere:
+pictures are within the file, and there are no scripts. It is laid out for A4.
 """
 
 import base64
@@ -23,7 +23,7 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @dataclasses.dataclass(frozen=True)
 class Text:
-    """Paragraphs; of what begins with "- ", a list."""
+    """Paragraphs; lines that begin with "- " form a list."""
 
     text: str
     kind = "text"
@@ -54,7 +54,7 @@ class Table:
 
     @property
     def cells(self) -> list[list[tuple[str, bool]]]:
-        """Texts of the cells, and whether the column is one of numbers: more of it than not."""
+        """Texts of the cells, and whether most cells of the column are numbers."""
         texts = [[_raised(str(cell)) for cell in row] for row in self.rows]
         columns = [[text for text in column if text] for column in zip(*texts, strict=True)]
         numeric = [2 * sum(map(_numeric, column)) > len(column) for column in columns]
@@ -63,7 +63,7 @@ class Table:
 
 @dataclasses.dataclass(frozen=True)
 class Verbatim:
-    """Text as it stands, every space of it: a command, a file. `wrapped`: long lines are broken."""
+    """Verbatim text, such as a command or a file. `wrapped`: long lines are wrapped."""
 
     text: str
     caption: str = ""
@@ -73,7 +73,7 @@ class Verbatim:
 
 @dataclasses.dataclass(frozen=True)
 class Figure:
-    """A picture with a caption. `data` is a URL that holds it."""
+    """A picture with a caption. `data` is a URL that contains the picture."""
 
     data: str
     caption: str
@@ -82,12 +82,12 @@ class Figure:
 
     @classmethod
     def of_file(cls, path: Path, caption: str) -> "Figure":
-        """Of a PNG file."""
+        """The figure in a PNG file."""
         return cls(_url("image/png", path.read_bytes()), caption)
 
     @classmethod
     def of_axes(cls, axes: Any, caption: str, sheet: bool = False) -> "Figure":
-        """Of the figure that some axes are part of, as vectors; a `sheet` keeps its size and is
+        """The figure of some axes as vector graphics; a `sheet` keeps its size and is
         printed on a page of its own."""
         import matplotlib
 
@@ -116,11 +116,11 @@ class Report:
 
     **Fields:**
 
-    - `title`: the job, and what it is of.
-    - `question`: what was asked, a sentence.
-    - `answer`: what was found, a sentence or several lines.
-    - `good`: whether that is what was hoped for; `None` where it is neither.
-    - `sections`: the rest, in order; those that hold nothing are left out.
+    - `title`: the job, and its subject.
+    - `question`: of the job, a sentence.
+    - `answer`: the result, a sentence or several lines.
+    - `good`: whether the job succeeded; `None` where that does not apply.
+    - `sections`: the rest, in order; empty ones are left out.
     """
 
     title: str
@@ -146,7 +146,7 @@ class Report:
 
 
 def figures(folder: Path, captions: dict[str, str]) -> list[Figure]:
-    """Those figures of a folder that are there, `NAME.png` by name."""
+    """The figures that exist in a folder, `NAME.png` by name."""
     places = {folder / f"{name}.png": caption for name, caption in captions.items()}
     return [Figure.of_file(path, text) for path, text in places.items() if path.exists()]
 
@@ -171,7 +171,7 @@ def of_markdown(text: str) -> list[Section]:
 
 
 def _raised(text: str) -> str:
-    """Whole powers as small figures: m/s^2 as m/s²."""
+    """Integer powers as superscripts: m/s^2 as m/s²."""
     return re.sub(r"\^(-?\d)(?![\d.])", lambda found: found[1].translate(_RAISED), text)
 
 

@@ -1,10 +1,10 @@
-"""Ctrl-C ends a job at once, with one line and status 130, whatever it is doing.
+"""Ctrl-C ends a job at once, with one line and status 130.
 
-Python raises `KeyboardInterrupt` in the main thread between two of its own instructions: while XLA
-compiles nothing happens, and one that is raised within a callback from C++ is lost. Here a thread
-waits for the signal instead and ends the process, as a kill would: journals and stores survive
-that, so nothing has to be put in order first. A job that is done ends its process in the same way:
-Python would take its modules apart first, for a second or two in which it hears no signal.
+Python raises `KeyboardInterrupt` in the main thread between two of its own instructions: not while
+XLA compiles, and one raised within a callback from C++ is lost. Therefore a thread waits for the
+signal and ends the process, as a kill would: journals and stores survive that, so that no cleaning
+up is needed. A finished job ends its process in the same way, as Python's own shutdown takes a
+second or two in which it handles no signal.
 """
 
 import atexit
@@ -17,20 +17,20 @@ import threading
 from typing import NoReturn
 
 STATUS = 130
-"""What a program leaves with that an interrupt has ended: 128 + SIGINT."""
+"""The exit status of an interrupted program: 128 + SIGINT."""
 
 _line = "stopped"
 _watching = False
 
 
 def say(line: str) -> None:
-    """What is said where an interrupt ends the process from here on."""
+    """Set the line that is printed when an interrupt ends the process."""
     global _line
     _line = line
 
 
 def leave() -> None:
-    """Say it, and end the process."""
+    """Print the line, and end the process."""
     os.write(2, f"{_line}\n".encode())
     os._exit(STATUS)
 
@@ -51,8 +51,8 @@ def end(leaving: SystemExit) -> NoReturn:
 
 
 def watch() -> None:
-    """From here on an interrupt ends this process. Where interrupts are ignored, as in the
-    background, or handled already, nothing is changed."""
+    """Let an interrupt end this process from now on. Where interrupts are ignored, as in the
+    background, or handled already, nothing changes."""
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         return
     name = next((a.rpartition("optimize.")[2] for a in sys.orig_argv if "optimize." in a), "job")

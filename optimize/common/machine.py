@@ -1,4 +1,4 @@
-"""The sorter that a job is for, as flags name it: a file, numbers set, numbers freed."""
+"""The sorter of a job, from its flags: a file, numbers set, numbers freed."""
 
 import dataclasses
 import functools
@@ -22,7 +22,7 @@ SORTERS = Path(__file__).parents[1] / "sorters"
 
 
 def shipped() -> str:
-    """The names of these."""
+    """The names of the sorter files that come with the jobs."""
     return ", ".join(sorted(path.stem for path in SORTERS.glob("*.toml")))
 
 
@@ -83,8 +83,7 @@ def load(
 ) -> fj.Sorter:
     """The sorter of a file, or of one that comes with the jobs, with numbers set and freed.
 
-    Raises `ValueError` and `TypeError` for what cannot be read, and for numbers that no such
-    machine has.
+    Raises `ValueError` and `TypeError` for what cannot be read, and for implausible numbers.
     """
     path = file_of(sorter)
     spans: Overrides = {name: span(text) for name, text in pairs("free", free).items()}
@@ -100,7 +99,7 @@ def load(
 
 
 def _plausible(path: Path, values: Overrides, spans: Overrides) -> fj.Sorter:
-    """The sorter of a file; numbers that no such machine has are refused."""
+    """The sorter of a file; implausible numbers are refused."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", fj.sorter.ImplausibleNumberWarning)
         found = fj.Sorter.load(path, set=values, free=spans)
@@ -110,7 +109,7 @@ def _plausible(path: Path, values: Overrides, spans: Overrides) -> fj.Sorter:
 
 
 def _at_fault(path: Path, values: Overrides, spans: Overrides) -> str | None:
-    """The flag for which a sorter is refused; `None` where its file alone is."""
+    """The flag because of which a sorter is refused; `None` where its file is the cause."""
     for flag, given in (("--free", values), ("--set", {})):
         try:
             _plausible(path, given, {})
@@ -123,7 +122,7 @@ def _at_fault(path: Path, values: Overrides, spans: Overrides) -> str | None:
 def numbers(field: str, text: str, scene: AnyScene | None = None) -> dict[str, float]:
     """`"distance=0.9,mass=12 kg"` as numbers [SI] by name, of a scene or of the table of names.
 
-    Raises `ValueError` where one cannot be read, or is none that a machine has.
+    Raises `ValueError` where one cannot be read or is implausible.
     """
     found = {}
     for name, raw in pairs(field, tuple(text.split(","))).items():
@@ -144,8 +143,8 @@ def family(
     sorter: str, kind: str, varied: Sequence[str], given: tuple[str, ...],
     duration: float | None = None,
 ) -> fj.SceneFamily:  # fmt: skip
-    """Scenes of a sorter in which some numbers vary, with others set: what a scene has no number
-    for, such as `fence.material=POM`, is set in the sorter."""
+    """Scenes of a sorter in which some numbers vary and others are set. Settings that are no number
+    of a scene, such as `fence.material=POM`, are made in the sorter."""
     scene = load(sorter).family(kind=kind).scene(np.zeros(0))
 
     def of_sorter(text: str) -> bool:
@@ -172,7 +171,7 @@ def scene(sorter: str, kind: str, duration: float | None = None) -> AnyScene:
 
 
 def only_without(config: Any, *fields: str) -> None:
-    """Refuse fields that say what the sorter file says.
+    """Refuse fields that the sorter file replaces.
 
     Raises `ValueError` where a sorter file is named and one of them is not at its default.
     """
@@ -188,7 +187,7 @@ def only_without(config: Any, *fields: str) -> None:
 
 def chosen(config: Any) -> fj.sorter.Machine | None:
     """The machine of a configuration with `sorter`, `set` and `free`; `None` where it names none
-    and changes nothing of the paper's."""
+    and changes none of the paper's numbers."""
     if config.sorter == NONE:
         if config.set:
             raise ValueError(
@@ -202,7 +201,7 @@ def chosen(config: Any) -> fj.sorter.Machine | None:
 
 
 def _of_job(config: Any, text: str) -> bool:
-    """Whether what is freed is of a drive that the job designs, and not of the sorter's."""
+    """Whether a freed number belongs to a drive that the job designs, not to the sorter's."""
     known = names.known(text.partition("=")[0].strip())
     return getattr(config, "designs_drive", False) and known is not None and _of_drive(known.path)
 
@@ -220,7 +219,7 @@ def _bounds(texts: tuple[str, ...]) -> designs.Bounds:
 
 
 def notes(machine: fj.sorter.Machine | None) -> list[str]:
-    """What of a sorter's choices a job takes that designs for one of them, a line each."""
+    """The choices of a sorter that a job for a single one of them uses, a line each."""
     if machine is None:
         return []
     first, *others = (sheet.name for sheet in machine.materials)
@@ -242,7 +241,7 @@ def notes(machine: fj.sorter.Machine | None) -> list[str]:
 def _machine(
     sorter: str, given: tuple[str, ...], free: tuple[str, ...], changed: int
 ) -> fj.sorter.Machine:
-    """Read once: a job asks for it within programs, too, where its numbers must be plain ones."""
+    """The machine, read once: a job also asks for it while tracing, where numbers must be plain."""
     del changed
     return load(sorter, given, free).machine
 
@@ -250,8 +249,8 @@ def _machine(
 def limits(
     jobs: tuple[fj.Limit, ...], machine: fj.sorter.Machine | None, without: tuple[str, ...] = ()
 ) -> tuple[fj.Limit, ...]:
-    """A job's limits, but for quantities that a machine's own table gives a bound for; and those of
-    its table that the job has not, `without` some rows."""
+    """A job's limits, replaced by and extended with those of a machine's table of limits, `without`
+    some of its rows."""
     if machine is None:
         return jobs
     for row, _ in machine.bounds:
@@ -272,8 +271,8 @@ _OWN = ("stress", "torque")
 
 
 def _named(row: fj.sorter.LimitRow) -> bool:
-    """Whether a limit holds by its usual bound: the material's or the motor's, or where the sorter
-    names it."""
+    """Whether a limit with its usual bound applies: that of the material or the motor, or one that
+    the sorter names."""
     usual = fj.sorter.LIMIT_ROWS.get(row.name)
     return row.name in _OWN or (usual is not None and usual.asked and not row.asked)
 
@@ -282,9 +281,9 @@ def space(
     config: Any, machine: fj.sorter.Machine | None, drive: fj.AbstractDrive | None = None,
     default: designs.Bounds = (),
 ) -> fj.DesignSpace:  # fmt: skip
-    """The design space of a job: what its machine leaves free or, where that is nothing, the job's
-    own variables, over the machine's fence and its drive. With another `drive`, which the job
-    designs, it is what is free of the fence and the job's own variables of that drive."""
+    """The design space of a job over the machine's fence and drive: the machine's free numbers or,
+    where there are none, the job's own variables. With another `drive`, which the job designs, it
+    is the free numbers of the fence and the job's own variables of that drive."""
     if machine is None:
         fence = fj.Fence(taper=named.taper(config.taper))
         drive = named.drive(config.drive) if drive is None else drive

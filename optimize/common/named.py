@@ -1,5 +1,5 @@
-"""Drives, tapers, quantities and limits as flags name them: the package's own by their names, a
-user's as `module:Name`, from any module that Python can import."""
+"""Drives, tapers, quantities and limits named by flags: the package's own by their names, a user's
+as `module:Name`, from any module that Python can import."""
 
 import importlib
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from fencejax.design import LIMITS, OBJECTIVES, Limit, Quantity
 from . import flags
 
 _T = TypeVar("_T")
-# Given motions that can be made without arguments.
+# Drives with a given motion and defaults for all arguments.
 DRIVES = {
     name: law
     for name, law in parts.DRIVES.items()
@@ -23,8 +23,8 @@ OWN = "or your own as module:Name"
 
 
 def drive(text: str) -> fj.AbstractDrive:
-    """A drive by name, with its default numbers, or `module:Name` of a drive or of what makes one
-    without arguments, such as its class.
+    """A drive by name, with its default numbers, or `module:Name` of a drive or of a callable
+    that returns one without arguments, such as its class.
 
     Raises `ValueError` where there is no such module or name, or it is no drive.
     """
@@ -71,7 +71,7 @@ def taper_field() -> str:
 
 
 def objective_field() -> str:
-    """The field of a configuration that names what is minimised."""
+    """The field of a configuration that names the objective."""
     text = f"what is minimised, the largest over the impacts: {', '.join(OBJECTIVES)}, {OWN}"
     return flags.field("peak_force", text, metavar="QUANTITY")
 
@@ -114,7 +114,7 @@ def _found(flag: str, text: str, known: Mapping[str, Any], kind: type[_T]) -> _T
 
 
 def _imported(flag: str, text: str) -> Any:
-    """What `module:Name` stands for."""
+    """The object named `module:Name`."""
     module, _, name = text.partition(":")
     try:
         owner = importlib.import_module(module)

@@ -1,5 +1,5 @@
-"""Designs near to an optimum, by the derivatives that its search ended with: what decides, and what
-tolerances do."""
+"""Designs near an optimum, from the derivatives at the end of its search: shadow prices of limits
+and bounds, and effects of tolerances."""
 
 import math
 from collections.abc import Sequence
@@ -24,14 +24,14 @@ from .amounts import changed, plain
 from .html_report import Part, Table
 
 SHARE = 0.05
-"""By which share of itself each number of a design is moved."""
+"""The share of itself by which each number of a design is changed."""
 NOTHING = 1e-6
-"""Of the larger of a number's bounds: below it the number is 0, of which a share is nothing."""
+"""Below this share of the larger bound a number counts as 0 and has no relative tolerance."""
 
 
 class Rows(NamedTuple):
-    """Margins that a search had, one after the other: of which limit, its bound in `unit`, what a
-    margin is measured in, and of how many lanes."""
+    """Consecutive margins of a search that belong to one limit: its name, its bound in `unit`, the
+    unit of the margins, and the number of lanes."""
 
     name: str
     bound: float
@@ -42,7 +42,7 @@ class Rows(NamedTuple):
 
     @classmethod
     def of(cls, limit: Limit, lanes: int) -> "Rows":
-        """Of a limit, one margin a lane."""
+        """The margins of a limit, one a lane."""
         return cls(
             limit.name, limit.bound, limit.quantity.unit, limit.unit_of_margin,
             limit.sense == "at most", lanes,
@@ -50,8 +50,8 @@ class Rows(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """The largest objective and the least margin a step away, which margin that is, and how many
-    such steps it takes until one is used up."""
+    """The largest objective and the least margin after a step, the index of that margin, and the
+    number of such steps until a margin is 0."""
 
     objective: float
     margin: float
@@ -62,8 +62,8 @@ class Linear(NamedTuple):
 def along(
     at: Evaluation, scale: float, objectives: np.ndarray, margins: np.ndarray, step: np.ndarray
 ) -> Linear:
-    """What the derivatives of an evaluation say of a step in the shares, from `objectives` and
-    `margins`; `scale`: what the search's objectives were divided by."""
+    """The linear prediction of a step in the shares from the derivatives of an evaluation, starting
+    at `objectives` and `margins`; `scale`: by which the search's objectives were divided."""
     objective = float(np.max(objectives + scale * at.objective_rows @ step))
     change = at.margin_rows @ step
     moved, shrinking = margins + change, change < 0
@@ -74,30 +74,30 @@ def along(
 
 
 def room_text(room: float) -> str:
-    """How far a number may be off, in percent, from how many steps of `SHARE` it may be off."""
+    """The tolerance of a number in percent, from the number of steps of `SHARE`."""
     return "> 100 %" if room * SHARE > 1 else f"{100 * SHARE * room:.2g} %"
 
 
 def tolerance_parts(
     space: DesignSpace, optimum: Optimum, rows: Sequence[Rows], unit: str, reserve: float
 ) -> list[Part | str]:
-    """What 5 % of each number of the design do to objective and margins, by the exact gradient;
-    `reserve`: what the search kept in hand of each margin."""
+    """The effect of 5 % of each number of the design on objective and margins, by the exact
+    gradient; `reserve`: the search's reserve in each margin."""
     if optimum.last.failed:
         return ["The design cannot be evaluated."]
     at, names = optimum.last, [row.name for row in rows for _ in range(row.lanes)]
     values = np.asarray(space.from_shares(optimum.point))
     margins = at.margins + reserve
-    told, still = [], []
+    table, zero = [], []
     for index, variable in enumerate(space.variables):
         if abs(values[index]) <= NOTHING * max(abs(variable.lower), abs(variable.upper)):
-            still.append(plain(variable.name))
+            zero.append(plain(variable.name))
             continue
         for share in (-SHARE, SHARE):
             step = np.zeros(optimum.point.size)
             step[index] = float(variable.share((1 + share) * values[index])) - optimum.point[index]
             found = along(at, optimum.scale, optimum.objectives, margins, step)
-            told.append([
+            table.append([
                 plain(variable.name), shown(float(values[index]), variable.unit),
                 f"{100 * share:+.0f} %", changed(found.objective, optimum.objective),
                 f"{found.margin:+.3f}", plain(names[found.tightest]) if names else "",
@@ -111,14 +111,14 @@ def tolerance_parts(
         f"{float(np.min(margins, initial=math.inf)):+.3f}. The last column: how far the number may "
         "be off that way until the first limit is used up."
     )
-    parts: list[Part | str] = [Table(titles, told, "", note)]
-    if still:
-        parts.append(f"Of {', '.join(still)} no share can be taken: it is 0.")
+    parts: list[Part | str] = [Table(titles, table, "", note)]
+    if zero:
+        parts.append(f"Of {', '.join(zero)} no share can be taken: it is 0.")
     return parts
 
 
 def _priced(space: DesignSpace, optimum: Optimum, rows: Sequence[Rows]) -> list[Relaxation]:
-    """What decides, most first."""
+    """The gains from relaxing limits and bounds, the largest first."""
     prices = shadow_prices(optimum) if optimum.feasible else conflict(optimum.last)
     limits, start = [], 0
     for row in rows:
@@ -132,7 +132,7 @@ def _priced(space: DesignSpace, optimum: Optimum, rows: Sequence[Rows]) -> list[
 
 
 def _deciding(one: Relaxation, rows: Sequence[Rows]) -> str:
-    """How many margins of a limit decide; nothing of a bound."""
+    """The number of a limit's active margins; empty for a bound."""
     lanes = {plain(row.name): row.lanes for row in rows}
     return f"{len(one.margins)} of {lanes[one.name]}" if one.name in lanes else ""
 
@@ -144,7 +144,8 @@ def _worth(optimum: Optimum, unit: str, gain: float) -> str:
 
 
 def less_violated(gain: float) -> str:
-    """What a violation falls by [1], in words: in points, as it is told in percent itself."""
+    """The decrease of a violation [1] in words: in percentage points, as it is itself in
+    percent."""
     return f"the violation falls by {100 * gain:.3g} percentage points"
 
 
@@ -155,7 +156,7 @@ _FREE = "No limit decides, and no bound that could give way."
 def price_parts(
     space: DesignSpace, optimum: Optimum, rows: Sequence[Rows], unit: str
 ) -> list[Part | str]:
-    """What the limits and bounds on which a search ended cost."""
+    """The shadow prices of the limits and bounds that are active at the end of a search."""
     if optimum.last.failed:
         return [_UNKNOWN]
     kept = _priced(space, optimum, rows)

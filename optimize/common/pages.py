@@ -1,4 +1,4 @@
-"""Sections that the pages of several jobs have: the machine, the fence, statuses, assumptions, the
+"""Sections of the pages of several jobs: the machine, the fence, statuses, assumptions, the
 command."""
 
 import importlib.metadata
@@ -46,7 +46,7 @@ def scene_table(
     scene: AnyScene, caption: str = "", leave_out: Sequence[str] = (),
     remarks: Mapping[str, str] | None = None,
 ) -> Table:  # fmt: skip
-    """The numbers of a scene with their units, but those of some parts; `remarks` by path."""
+    """The numbers of a scene with their units, without some parts; `remarks` by path."""
     remarks = {} if remarks is None else remarks
     rows = []
     for path in scene_numbers.names(scene):
@@ -64,7 +64,7 @@ def scene_table(
 
 
 def machine_tables(machine: fj.sorter.Machine, most: int = 24) -> list[Part | str]:
-    """A sorter's numbers with units and what is free of them, and its parcels."""
+    """A sorter's numbers with units, which of them are free, and its parcels."""
     remarks = {
         path: f"free, {shown(s.lower, machine.unit(path))} ... {shown(s.upper, machine.unit(path))}"
         for path, s in machine.free.items()
@@ -95,7 +95,7 @@ def machine_tables(machine: fj.sorter.Machine, most: int = 24) -> list[Part | st
 
 
 def material_table(sheets: Sequence[fj.parts.DataSheet]) -> Table:
-    """Materials with what they bear."""
+    """Materials with their allowed stresses."""
 
     def stress(value: Any) -> str:
         return "" if value is None else shown(float(value), "Pa")
@@ -126,7 +126,7 @@ def _title(path: str) -> str:
 def machine_section(
     machine: fj.sorter.Machine | None, scene: AnyScene, title: str = "The machine"
 ) -> Section:
-    """The sorter that a job was given or, without one, the numbers of one of its scenes."""
+    """The sorter of a job or, without one, the numbers of one of its scenes."""
     if machine is not None:
         return Section(title, machine_tables(machine))
     table = scene_table(scene, "The job's own numbers, one of its scenes")
@@ -134,7 +134,7 @@ def machine_section(
 
 
 def parcel_table(parcels: fj.sorter.Parcels, most: int) -> Table:
-    """The parcels at their places, or what their numbers span where there are many."""
+    """The parcels at their places, or the ranges of their numbers where there are many."""
     heads = [plain(path.rpartition(".")[2].removeprefix("given_")) for path in parcels.columns]
     units = [unit(path) for path in parcels.columns]
     columns = list(parcels.columns.values())
@@ -162,7 +162,7 @@ def unit(path: str) -> str:
 
 
 def _slim(table: Table) -> Table:
-    """Without columns that hold nothing."""
+    """The table without empty columns."""
     kept = [k for k in range(len(table.titles)) if any(str(row[k]) for row in table.rows)]
     rows = [[row[k] for k in kept] for row in table.rows]
     return Table([table.titles[k] for k in kept], rows, table.caption, table.note, table.strong)
@@ -190,8 +190,8 @@ def design_table(space: DesignSpace, designs: Mapping[str, Any]) -> Table:
 def limit_table(
     limits: Sequence[Limit], designs: Mapping[str, Mapping[str, Any]], caption: str = "Limits"
 ) -> Table:
-    """Of every limit the value where its margin is least, with the margin, for designs measured one
-    number a lane."""
+    """Every limit with the value and the margin of the lane with the least margin, for several
+    designs."""
     rows = []
     for limit in limits:
         unit, sign = limit.quantity.unit, "≤" if limit.sense == "at most" else "≥"
@@ -208,7 +208,7 @@ def limit_table(
 
 
 def status_table(counts: Mapping[str, int], caption: str = "Statuses of the simulations") -> Table:
-    """How many ended with each status, and what it means."""
+    """The number of simulations with each status, and its meaning."""
     text = {status.name: status.text for status in Status}
     rows = [[name, n, text.get(name, "there is no such scene")] for name, n in counts.items()]
     return Table(["status", "how many", "what it means"], rows, caption)
@@ -217,17 +217,17 @@ def status_table(counts: Mapping[str, int], caption: str = "Statuses of the simu
 def search_text(optimum: Optimum) -> str:
     """How a search ended, in sentences."""
     left = optimum.residual
-    held = "holds all limits" if optimum.feasible else "breaks limits"
+    limits = "holds all limits" if optimum.feasible else "breaks limits"
     return (
         f"The search stopped after {len(optimum.history)} evaluations: {optimum.ended}. What "
-        f"it ended with {held}. Residuals of the conditions of Karush, Kuhn and Tucker: "
+        f"it ended with {limits}. Residuals of the conditions of Karush, Kuhn and Tucker: "
         f"stationarity {left.stationarity:.1e}, complementarity {left.complementarity:.1e}, "
         f"violation {left.violation:.1e}."
     )
 
 
 def sentences(*texts: str) -> str:
-    """Texts as sentences, a paragraph each: what a job says of itself begins small."""
+    """Lines of texts as sentences with a capital and a full stop, a paragraph each."""
     lines = [line.strip() for text in texts for line in text.splitlines() if line.strip()]
     return "\n".join(f"{x[0].upper()}{x[1:]}{'' if x[-1] in '.:!?' else '.'}" for x in lines)
 
@@ -282,7 +282,7 @@ def fence_parts(
 
 
 def assumptions(*own: str, model: bool = True) -> Section:
-    """What the numbers rest on: the job's own, and what any simulation does."""
+    """The assumptions of the job, and those of any simulation."""
     lines = [*own, *(_MODEL if model else ())]
     return Section("Assumptions", [Text("\n".join(f"- {line}" for line in lines))])
 
@@ -305,5 +305,5 @@ def again(configuration: Any, job: str) -> Section:
 
 
 def figures(folder: Path, captions: Mapping[str, str]) -> Section:
-    """The figures that a job has drawn into its folder."""
+    """The figures in a job's folder."""
     return Section("Figures", html_report.figures(folder, dict(captions)))

@@ -1,4 +1,4 @@
-"""What the main job says and writes: a table, two JSON files and four figures."""
+"""Reports of the design jobs: tables, sentences, JSON files and figures."""
 
 import json
 import math
@@ -25,8 +25,8 @@ from fencejax.results import Status
 from .files import write_whole
 
 _FORCE = objectives.PEAK_FORCE
-# Lanes that a line names.
-_SAID = 3
+# The most lanes named in a line.
+_MOST_LANES = 3
 _SHOWN = {"m": (1e3, "mm"), "Pa": (1e-6, "MPa"), "N": (1.0, "N"), "1": (1.0, "1")}
 
 
@@ -116,7 +116,7 @@ def design_table(space: DesignSpace, before, after) -> str:
 
 
 def to_logarithms(space: DesignSpace, at: Evaluation) -> np.ndarray:
-    """What makes derivatives in the shares s those in ln p: p / (dp / ds) of every variable."""
+    """The factors from derivatives in the shares s to those in ln p: p / (dp / ds)."""
     values = np.asarray(space.from_shares(at.point))
     spans = [
         variable.upper - variable.lower
@@ -135,7 +135,7 @@ def elasticities(
     objective: Quantity = _FORCE,
 ) -> dict[str, dict[str, float]]:
     """d ln Q / d ln p [1] of the objective and of the limited quantities that are positive, each
-    in the impact where it is worst. A variable whose value is 0 has none: 0."""
+    in the impact where it is worst; 0 for a variable whose value is 0."""
     factor = to_logarithms(space, at)
     count = at.objectives.size
     worst = int(np.argmax(at.objectives))
@@ -161,7 +161,7 @@ def conditions(optimum: Optimum) -> str:
 
 
 def verdict(fidelity: str, objective: Quantity, found: Verification) -> str:
-    """What a finer fidelity says of an optimum, a line."""
+    """The comparison of an optimum with a finer fidelity, a line."""
     return (
         f"{fidelity}: the optimiser's {objective.name.replace('_', ' ')} is off by "
         f"{100 * found.error:+.2f} %, margins by up to {found.margin_error:.3f}: {found.text}"
@@ -181,26 +181,26 @@ def verified(fidelity: str, found: Verification) -> dict[str, Any]:
 
 
 def most(limits: Sequence[Limit], name: str) -> float | None:
-    """The largest value that limits allow of a quantity; `None` where they do not limit it."""
+    """The largest value of a quantity within the limits; `None` where it is not limited."""
     bounds = (one.bound for one in limits if one.name == name and one.sense == "at most")
     return min(bounds, default=None)
 
 
-def result_of(held: bool) -> str:
-    """How the sentence with the result begins: whether it is of a design that holds all limits."""
-    if held:
+def result_of(feasible: bool) -> str:
+    """The beginning of the sentence with the result, for a feasible design or another one."""
+    if feasible:
         return "Result for this machine:"
     return "No design holds all limits. The nearest one has"
 
 
 def mine(
     value: float, quantity: Quantity, of: str, where: str = "", stiff: float | None = None,
-    push: float | None = None, obstacle: float | None = None, held: bool = True,
+    push: float | None = None, obstacle: float | None = None, feasible: bool = True,
 ) -> str:  # fmt: skip
-    """The result for the machine in one sentence, with what it is to be compared with: a fence of
-    that shape that does not bend, a constant push, an obstacle that does not give way. Where not
-    `held`, the design breaks limits, and the number is not one to build for."""
-    text = f"{result_of(held)} {shown(value, quantity.unit)}, the {of}"
+    """The result for the machine in one sentence, with references to compare it with: a rigid fence
+    of that shape, a constant push, a rigid obstacle. A design that is not `feasible` breaks limits,
+    and the sentence says so."""
+    text = f"{result_of(feasible)} {shown(value, quantity.unit)}, the {of}"
     text += f" ({where})" if where else ""
     if stiff is not None:
         text += f"; a fence of that shape that does not bend: {shown(stiff, quantity.unit)}"
@@ -212,16 +212,16 @@ def mine(
 
 
 def failed_start(text: Callable[[int], str], statuses: np.ndarray) -> str:
-    """What is said where the first design cannot be evaluated: in which lanes, each as its `text`,
-    with which status, what that means, and what to do."""
+    """The message where the first design cannot be evaluated: the lanes, each as its `text`, their
+    statuses with the meanings, and what to do."""
     lines = ["the search cannot begin, for the first design cannot be evaluated:"]
     for code in sorted(set(np.asarray(statuses).tolist()), reverse=True):
         status = Status(int(code))
         if status <= Status.LEFT_OVER_TIP or status.numerical:
             continue
         lanes = np.flatnonzero(np.asarray(statuses) == code)
-        where = "; ".join(text(int(lane)) for lane in lanes[:_SAID])
-        more = f"; and {len(lanes) - _SAID} more" if len(lanes) > _SAID else ""
+        where = "; ".join(text(int(lane)) for lane in lanes[:_MOST_LANES])
+        more = f"; and {len(lanes) - _MOST_LANES} more" if len(lanes) > _MOST_LANES else ""
         lines.append(f"  {where}{more}: {status.name}, {status.text}")
     lines.append(
         "Begin at another design, by --set with a sorter file; python -m optimize.design looks for "
@@ -231,7 +231,7 @@ def failed_start(text: Callable[[int], str], statuses: np.ndarray) -> str:
 
 
 def infeasible(optimum: Optimum) -> str:
-    """What is said where no design holds the limits."""
+    """The message where no feasible design was found."""
     return (
         "no feasible design found. The design above is the least-violating one of all that were "
         f"tried: it breaks a limit by {100 * optimum.residual.violation:.3g} %, reserve included. "
@@ -256,7 +256,7 @@ def save(axes: Any, path: Path) -> None:
 
 
 def _plain(value):
-    """The same without arrays and without numbers that JSON does not know."""
+    """The same without arrays and without numbers that JSON lacks."""
     if isinstance(value, dict):
         return {str(name): _plain(part) for name, part in value.items()}
     if isinstance(value, (list, tuple)):
@@ -271,7 +271,7 @@ def _plain(value):
 
 
 def write_json(path: Path, content) -> None:
-    """Write plain numbers, indented; what is not finite becomes null."""
+    """Write plain numbers, indented; numbers that are not finite become null."""
     write_whole(path, json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
 
 
@@ -308,8 +308,8 @@ def draw(
     tolerance: float,
     bars: dict[str, dict[str, float]],
 ) -> None:
-    """Write the four figures: force and deflection in the impact where each is worst, that with
-    the limit that holds for it, if any."""
+    """Write the four figures: force and deflection in the impacts where they are largest, the
+    deflection with its limit, if any, and the convergence and gradients of the search."""
     drawn = {
         "force": plot.force(force, stiff_force=stiff),
         "tip_deflection": plot.tip_deflection(deflection, limit=tip_limit),

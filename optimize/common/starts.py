@@ -1,4 +1,4 @@
-"""A search from several starts, as each may end in another valley."""
+"""A search from several starts, as each may end in another local optimum."""
 
 from collections.abc import Callable, Sequence
 
@@ -7,7 +7,7 @@ from scipy.stats import qmc
 
 from fencejax.design import Optimum
 
-# A design that breaks limits by no more than this share tells how low its valley is.
+# A design that breaks limits by no more than this share counts for how promising a search is.
 _NEARLY = 0.01
 
 
@@ -24,7 +24,7 @@ def spread(start: np.ndarray, count: int, vary: Sequence[int] | None = None) -> 
 
 
 def best(tried: Sequence[Optimum]) -> Optimum:
-    """The lowest of those that are feasible; where none is, the one nearest to it."""
+    """The lowest of the feasible ones; where there is none, the one with the smallest violation."""
     feasible = [optimum for optimum in tried if optimum.feasible]
     if feasible:
         return min(feasible, key=lambda o: o.objective)
@@ -32,7 +32,7 @@ def best(tried: Sequence[Optimum]) -> Optimum:
 
 
 def lowest(tried: Optimum) -> float:
-    """The lowest objective that a search met where all limits hold, or nearly; infinite without."""
+    """The lowest objective that a search met with all limits (nearly) met; infinite without one."""
     met = [r.objective for r in tried.history if not r.failed and r.violation <= _NEARLY]
     return min(met, default=np.inf)
 
@@ -40,15 +40,15 @@ def lowest(tried: Optimum) -> float:
 def scouted(
     search: Callable[[np.ndarray, int], Optimum], starts: np.ndarray, budget: int
 ) -> tuple[list[Optimum], int]:
-    """What short searches of `budget` evaluations come to, and which of the starts is the most
-    promising: the one that met the lowest objective, or else the smallest violation."""
+    """The results of short searches of `budget` evaluations, and the index of the most promising
+    start: the one that met the lowest objective, or else the smallest violation."""
     tried = [search(start, budget) for start in starts]
     order = [(lowest(one), one.residual.violation, one.objective) for one in tried]
     return tried, min(range(len(tried)), key=order.__getitem__)
 
 
-def told(tried: Sequence[Optimum]) -> str:
-    """How low searches from several starts came, in a sentence; nothing of one."""
+def summary(tried: Sequence[Optimum]) -> str:
+    """The lowest forces of searches from several starts, in a sentence; nothing for one start."""
     if len(tried) < 2:
         return ""
     evaluations = max(len(one.history) for one in tried)

@@ -17,13 +17,13 @@ class ConceptsConfig:
         "out", "sorter", "set", "free", "concepts", "rates", "load", "tolerance", "feasibility",
         "budget", "check", "verify", "agreement", "plots",
     })  # fmt: skip
-    """Fields that do not bear on the numbers of an evaluation: those kept hold for any. Bounds of
-    limits, and with them the rates, are addressed with the parcels."""
+    """Fields that do not affect the numbers of an evaluation; a journal is valid for any of them.
+    Bounds of limits, and with them the rates, are part of an evaluation's address."""
 
     out: Path = flags.field(
         Path("out"),
-        "folder for concepts.json, concepts.csv, report.html, the figures and the evaluations; a "
-        "job that was interrupted goes on from there",
+        "folder for concepts.json, concepts.csv, report.html, the figures and the evaluations; an "
+        "interrupted job resumes from there",
     )
     sorter: str = machine.sorter_field("paper")
     set: tuple[str, ...] = machine.set_field()
@@ -42,14 +42,14 @@ class ConceptsConfig:
         (2400.0, 3000.0, 3600.0), "parcels an hour [1/h]", metavar="RATE", above=0
     )
     load: bool = flags.field(
-        True, "minimise the largest acceleration in g, too, and not the peak force alone"
+        True, "minimise the largest acceleration in g, too, besides the peak force"
     )
     controls: int = flags.field(
         8, "control angles of a motion of any form, and values of a torque", least=3
     )
     reserve: float = flags.field(
         0.01,
-        "kept in hand of every sort's margin [1], for the difference to a finer fidelity",
+        "reserve in every sort's margin [1], for the difference from a finer fidelity",
         least=0,
     )
     tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]", above=0)
@@ -57,8 +57,8 @@ class ConceptsConfig:
         1e-3, "violation of a margin that counts as none [1]", above=0
     )
     rungs: int = flags.field(
-        1, "fidelities, each finer, at which the search computes sorts in doubt; what it ends with "
-        "is computed finer in any case", least=1,
+        1, "fidelities, each finer, at which the search computes sorts in doubt; its result is "
+        "computed finer in any case", least=1,
     )
     budget: int = flags.field(30, "evaluations at most for each search", least=1)
     fidelity: str = flags.field("fast", "fidelity of the search", choices=flags.FIDELITIES)
@@ -66,7 +66,7 @@ class ConceptsConfig:
         "fast", "fidelity at which designs are compared", choices=flags.FIDELITIES
     )
     verify: str = flags.field(
-        "reference", "fidelity at which every point is looked at again", choices=flags.FIDELITIES
+        "reference", "fidelity at which every point is measured again", choices=flags.FIDELITIES
     )
     agreement: float = flags.field(
         0.02, "largest relative error of the objective that confirms a point [1]", above=0
@@ -87,7 +87,7 @@ class ConceptsConfig:
 
     @property
     def read(self) -> list[Concept]:
-        """The concepts, special cases before what holds them."""
+        """The concepts, special cases before general ones."""
         return ordered(Concept.read(text) for text in self.concepts)
 
     @property
@@ -97,7 +97,7 @@ class ConceptsConfig:
 
     @property
     def described(self) -> fj.Sorter:
-        """The sorter with what is set and freed.
+        """The sorter with numbers set and freed.
 
         Raises `ValueError` and `TypeError` where it cannot be read.
         """

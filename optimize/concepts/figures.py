@@ -1,4 +1,4 @@
-"""The fronts of all concepts, and what they cost."""
+"""Figures of the fronts of all concepts, with torque and mass."""
 
 from pathlib import Path
 
@@ -16,8 +16,8 @@ _MARKS = ("o-", "s--", "^:")
 
 
 def fronts(outcome: Outcome, out: Path) -> None:
-    """Force, acceleration, torque and mass over parcels an hour, a line a concept. What breaks a
-    limit is a cross, on no line; what is not confirmed is hollow."""
+    """Force, acceleration, torque and mass over parcels an hour, a line a concept. Designs that
+    break a limit are crosses off the line; unconfirmed ones have hollow marks."""
     figure = new_figure(6.4)
     places = figure.subplots(2, 2, sharex=True)
     (first, second), (third, fourth) = places
@@ -46,20 +46,20 @@ def fronts(outcome: Outcome, out: Path) -> None:
 
 
 def _line(axes, points: list[Point], read, color: str, mark: str, title: str) -> None:
-    """One concept: the line through what holds its limits, interrupted where nothing does."""
+    """One concept: the line through its feasible designs, interrupted where there is none."""
     rates = np.array([p.rate for p in points])
     values = np.array([read(p) for p in points])
-    held = np.array([p.feasible for p in points])
+    feasible = np.array([p.feasible for p in points])
     sure = np.array([p.confirmed for p in points])
     axes.plot(
-        rates, np.where(held, values, np.nan), mark[1:], color=color, linewidth=1.3
+        rates, np.where(feasible, values, np.nan), mark[1:], color=color, linewidth=1.3
     )
-    # Named once, whatever of it is there to be drawn.
+    # One entry in the legend, whichever marks are drawn.
     axes.plot([], [], mark, color=color, markersize=4, label=title)
     drawn = (
         (sure, mark[0], dict(color=color)),
-        (held & ~sure, mark[0], dict(markerfacecolor="white", markeredgecolor=color)),
-        (~held & np.isfinite(values), "x", dict(color=color)),
+        (feasible & ~sure, mark[0], dict(markerfacecolor="white", markeredgecolor=color)),
+        (~feasible & np.isfinite(values), "x", dict(color=color)),
     )
     for which, kind, look in drawn:
         axes.plot(rates[which], values[which], kind, linestyle="none", markersize=4, **look)

@@ -2,19 +2,19 @@
 
     python -m optimize.concepts --sorter paper --out out
 
-A blow is softened by a fence that bends, a rigid link before it, a cover, a shaft that gives way, a
-clutch that slips, or a motion of another form. Each of them, and some together, is designed with
-its drive and the time when it starts for the least peak force, and for the least acceleration in
-g, over the same parcels, within the same limits, at several rates. Every point is looked at again
-at the reference fidelity; what breaks limits says which of them fight.
+The concepts soften a blow by a flexible fence, a rigid link before it, an elastic cover, a
+compliant shaft, a slipping clutch, or another motion. Each of them, and some combinations, is
+designed with its drive and start time for the least peak force, and for the least acceleration in
+g, over the same parcels, within the same limits, at several rates. Every point is measured again
+at the reference fidelity. Where a design breaks limits, the limits in conflict are named.
 
-A rate is 3600 s over the period from parcel to parcel, at the sorter's own belt speed: by then the
-drive is home, and the returning fence out of the next parcel's way. The tip may get as far behind
-where the motor holds it as the sorter lets it deflect, whatever gives way, and the ringing is
-limited from when the drive is home.
+A rate is 3600 s over the period from parcel to parcel, at the sorter's own belt speed. Within the
+period the drive has to be home and the fence clear of the next parcel. The tip may lag behind the
+motor's position as far as the sorter allows it to deflect, by any compliance, and the residual
+oscillation is limited from the time at which the drive is home.
 
-Every evaluation is written to the folder at once: the same command with the same folder goes on
-where it was interrupted.
+Every evaluation is written to the folder at once: the same command with the same folder resumes an
+interrupted job.
 """
 
 import csv
@@ -35,7 +35,7 @@ from .search import Point, Search
 
 
 def main(config: ConceptsConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = ConceptsConfig() if config is None else config
@@ -122,7 +122,7 @@ def _write(outcome: Outcome, wins: str = "", complete: bool = False) -> None:
 
 
 def _least(outcome: Outcome) -> dict[str, float | None]:
-    """By concept, the least force [N] at the slowest rate of those that are confirmed."""
+    """The least confirmed force [N] at the slowest rate, by concept."""
     first = outcome.of(FORCE.name, outcome.config.paces[0])
     return {p.concept.name: p.finer.objective if p.confirmed else None for p in first}
 

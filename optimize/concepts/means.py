@@ -1,7 +1,7 @@
 """The means of softening, a row each; a concept is several of them, joined by `+`.
 
-To add one, write its row in `MEANS` and name it in a concept: `--concepts two_link+pad`. All that
-a concept holds is free; what it does not hold is at the value at which it is not there.
+To add one, write its row in `MEANS` and name it in a concept: `--concepts two_link+pad`. All
+numbers of a concept's means are free; those of other means have values without effect.
 """
 
 import itertools
@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 
 class Number(NamedTuple):
-    """A number that a means has: its path in a sorter file, its lower and upper bound and where its
-    search starts, and the value at which the means is not there, `None` where there is none, all
-    [SI]. Where the sorter frees it, that is its span; where it knows it, its start."""
+    """A number of a means: its path in a sorter file, its lower and upper bound and start value,
+    and the value `without` an effect, `None` where there is none, all [SI]. Where the sorter frees
+    the number, its bounds are used, and where the sorter has the number, its value as the start."""
 
     path: str
     lower: float
@@ -22,8 +22,8 @@ class Number(NamedTuple):
 
 
 class Means(NamedTuple):
-    """What softens a blow: in words, its numbers, whether the fence bends, and the law of the
-    drive, `None` for the harmonic one."""
+    """A means of softening a blow: in words, its numbers, whether the fence bends, and the law of
+    the drive, `None` for the harmonic one."""
 
     meaning: str
     numbers: tuple[Number, ...] = ()
@@ -53,7 +53,7 @@ MEANS: Mapping[str, Means] = {
     "shaft": Means("a shaft that gives way between motor and hinge", (_STIFFNESS,)),
     "clutch": Means("a clutch on that shaft, which slips", (_STIFFNESS, _SLIP)),
     "motion": Means("a motion of any form, by a spline", law="spline"),
-    # The spring is what brings the fence home: without one nothing says where that is.
+    # The spring returns the fence; without one there is no home position.
     "torque": Means("a torque in place of a motion, at the same times for every parcel", (
         Number("drive.inertia", 0.5, 20.0, 2.0),
         Number("drive.damping", 0.0, 300.0, 100.0),
@@ -71,7 +71,7 @@ class Concept(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> "Concept":
-        """Of names joined by `+`, one of which is the fence's: `"two_link+pad"`.
+        """A concept from names joined by `+`, one of them of the fence: `"two_link+pad"`.
 
         Raises `ValueError` where one is not known, or the fence is not named once.
         """
@@ -93,7 +93,7 @@ class Concept(NamedTuple):
 
     @property
     def means(self) -> tuple[Means, ...]:
-        """What it holds."""
+        """The means of the concept."""
         return tuple(MEANS[name] for name in self.name.split("+"))
 
     @property
@@ -113,8 +113,8 @@ class Concept(NamedTuple):
         return next((one.law for one in self.means if one.law is not None), "harmonic")
 
     def holds(self, other: "Concept") -> bool:
-        """Whether another one is a special case of it, or nearly: with the same fence, or one that
-        bends alike, of fewer numbers, or with the harmonic drive in place of a free one."""
+        """Whether another concept is (nearly) a special case of it: both flexible or both rigid,
+        and with fewer numbers, or with the harmonic drive instead of a free one."""
         fewer = set(other.numbers) < set(self.numbers)
         same = set(other.numbers) == set(self.numbers)
         freer = self.law != other.law and other.law == "harmonic"
@@ -123,8 +123,8 @@ class Concept(NamedTuple):
         )
 
     def stiffens_to(self, other: "Concept") -> bool:
-        """Whether another one, not only rigid, has a rigid fence where this one bends, and nothing
-        else that this one has not: close to it where this one is thick."""
+        """Whether another concept has a rigid fence with some means, all of which this flexible one
+        has, too: this one approaches it as it becomes thick."""
         softer = bool(other.numbers) or other.law != "harmonic"
         return (
             self.bends and not other.bends and softer and other.law in ("harmonic", self.law)
@@ -133,5 +133,5 @@ class Concept(NamedTuple):
 
 
 def ordered(concepts: Iterable[Concept]) -> list[Concept]:
-    """Special cases before what holds them."""
+    """The concepts in order, special cases before general ones."""
     return sorted(concepts, key=lambda one: (one.law != "harmonic", len(one.numbers)))

@@ -1,4 +1,4 @@
-"""What the job found."""
+"""The results of the job."""
 
 import dataclasses
 
@@ -14,8 +14,8 @@ from .search import Point
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found: the points of every concept, how many searches and evaluations they took,
-    how many of these were known, and the time [s]."""
+    """The results of the job: the points of every concept, the numbers of searches and evaluations,
+    how many of these were recalled from journals, and the time [s]."""
 
     config: ConceptsConfig
     groups: list[Group]
@@ -26,8 +26,8 @@ class Outcome:
     elapsed: float
 
     def of(self, minimised: str, rate: float) -> list[Point]:
-        """The points for a quantity at a rate: those that are confirmed first, by the objective;
-        then by how much they break."""
+        """The points for a quantity at a rate: the confirmed ones first, by the objective; then the
+        others, by their violation."""
         found = [p for p in self.points if (p.minimised, p.rate) == (minimised, rate)]
         return sorted(found, key=lambda p: (not p.confirmed, p.solution.rank))
 
@@ -41,16 +41,15 @@ class Outcome:
         return next(group for group in self.groups if point.concept in group.concepts)
 
     def push(self, point: Point) -> float:
-        """What a constant push of the hardest parcel would need [N] in the place of a point's
-        fence."""
+        """The constant force [N] that the hardest parcel would need instead of a point's fence."""
         return float(np.max(constant_push(self.group(point).problem, point.solution)))
 
     @property
     def minimised(self) -> tuple[str, ...]:
-        """The names of what was minimised."""
+        """The names of the minimised quantities."""
         return (FORCE.name, LOAD.name) if self.config.load else (FORCE.name,)
 
     @property
     def succeeded(self) -> bool:
-        """Whether there is a winner of everything at every rate."""
+        """Whether there is a winner for every quantity at every rate."""
         return all(self.winner(n, rate) for n in self.minimised for rate in self.config.paces)

@@ -17,7 +17,7 @@ _FIGURES = {
 
 
 def write(outcome: Outcome, wins: str) -> None:
-    """Write the page; `wins`: who wins, in words."""
+    """Write the page; `wins`: the best concepts, in words."""
     config, machine = outcome.config, outcome.groups[0].problem.machine
     title = machine.title or config.sorter
     Report(
@@ -96,7 +96,7 @@ def _checks(outcome: Outcome) -> list[Part | str]:
         for status, count in counted(point.finer.measured.statuses).items():
             counts[status] = counts.get(status, 0) + count
     sure = sum(point.confirmed for point in outcome.points)
-    told = [
+    others = [
         f"- {p.concept.title}, {p.rate:g}/h, least {plain(p.minimised)}: {p.verdict}"
         for p in outcome.points if not p.confirmed
     ]  # fmt: skip
@@ -105,4 +105,4 @@ def _checks(outcome: Outcome) -> list[Part | str]:
         f"{len(outcome.points)} points {sure} are confirmed at {outcome.config.verify}."
     )
     parts: list[Part | str] = [head, pages.status_table(counts, "Sorts of all points")]
-    return [*parts, "The others:", "\n".join(told)] if told else parts
+    return [*parts, "The others:", "\n".join(others)] if others else parts

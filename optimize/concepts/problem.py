@@ -1,4 +1,4 @@
-"""The concepts that share a compiled program, and a concept at a rate as data of it."""
+"""Groups of concepts that share a compiled program; a concept at a rate is data of it."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -17,31 +17,31 @@ from .means import Concept, Number
 from .quantities import COSTS, FORCE, HOME_RING, LOAD, TIP_GIVE
 
 SPEEDS, SHORTEST = (0.5, 6.0), 0.4
-"""Of a harmonic drive that the sorter does not free: its top speeds [rad/s], and the shortest cycle
-as a share of the period at the fastest rate."""
+"""For a harmonic drive without free numbers in the sorter: top speeds [rad/s], and the shortest
+cycle as a share of the period at the fastest rate."""
 FRONT = (0.0, 0.3)
-"""Where the parcel's front may be when the drive starts [m], where the sorter does not free it."""
+"""The span of the parcel's front at the drive's start [m], where the sorter does not free it."""
 _RIDES, _ANGLES = "parcels.front", (-1e-3, 1.2)
 _THICK = "fence.thickness"
 _TOP, _CYCLE, _FORM = "drive.top_speed", "drive.cycle_time", "drive.control_angles"
 _TORQUES, _AT_HINGE = "drive.torques", ("drive.inertia", "drive.damping", "drive.stiffness")
 _MOST = 2e3
-"""Of a torque drive's torque, where the motor has no limit [N m]."""
+"""The bound of a torque drive's torque where the motor has no limit [N m]."""
 
 Design = Mapping[str, float]
 """Free numbers [SI] by their paths in a sorter file."""
 
 
 def period(rate: float) -> float:
-    """From one parcel to the next [s] at a rate [1/h]."""
+    """The time from one parcel to the next [s] at a rate [1/h]."""
     return 3600.0 / rate
 
 
 class Group:
-    """Concepts whose sorts are one compiled program: those that bend, or do not, by a drive of one
-    law. What one of them does not hold is held at the value at which it is not there.
+    """Concepts whose sorts are one compiled program: flexible or rigid fences with a drive of one
+    law. A part that a concept lacks has its numbers fixed at values at which it has no effect.
 
-    **Fields:** `concepts`; `problem`, the sorter's with all their numbers free; `name`.
+    **Fields:** `concepts`; `problem`, the sorter's with the numbers of all concepts free; `name`.
     """
 
     def __init__(self, config: ConceptsConfig, concepts: Iterable[Concept]):
@@ -50,24 +50,24 @@ class Group:
         self.name = f"{'bends' if self.bends else 'rigid'}-{self.law}"
         found = (n for concept in self.concepts for n in concept.numbers)
         self.numbers: dict[str, Number] = {n.path: n for n in found}
-        self.held = tuple(
+        self.fixed = tuple(
             path for path in self.numbers
             if not all(path in {n.path for n in c.numbers} for c in self.concepts)
         )  # fmt: skip
         machine = _machine(config, self.numbers, self.bends, self.law)
         self.problem = SorterProblem(
             machine, self.fidelity(config.fidelity), reserve=config.reserve, rungs=config.rungs,
-            held=self.held, also=(FORCE, LOAD, *COSTS),
+            fixed=self.fixed, also=(FORCE, LOAD, *COSTS),
         )  # fmt: skip
 
     def fidelity(self, name: str) -> fj.Fidelity:
-        """A fidelity by name, of a fence that does not bend where this one does not."""
+        """A fidelity by name, without modes where the fence is rigid."""
         chosen = getattr(fj.Fidelity, name)()
         return chosen if self.bends else inflexible(chosen)
 
     @property
     def problems(self) -> dict[str, SorterProblem]:
-        """By what is minimised: the same sorts serve every objective."""
+        """The problems by their objective; all use the same compiled sorts."""
         wanted = (FORCE, LOAD) if self.config.load else (FORCE,)
         return {q.name: self.problem.with_objective(Objective(q)) for q in wanted}
 
@@ -82,20 +82,20 @@ class Group:
     def candidate(self, concept: Concept, rate: float) -> Candidate:
         """A concept at a rate [1/h]."""
         first, own = self.problem.candidates[0], {n.path for n in concept.numbers}
-        held = {path: self.numbers[path].without for path in self.held if path not in own}
+        fixed = {path: self.numbers[path].without for path in self.fixed if path not in own}
         bounds = dict.fromkeys(("cycle", "clear_period"), period(rate))
-        return Candidate(first.material, {**first.numbers, **held}, bounds)  # pyright: ignore
+        return Candidate(first.material, {**first.numbers, **fixed}, bounds)  # pyright: ignore
 
     def design(self, concept: Concept, z: np.ndarray) -> dict[str, float]:
         """The free numbers of a concept at a point."""
-        held = self.candidate(concept, self.config.paces[0]).numbers
+        fixed = self.candidate(concept, self.config.paces[0]).numbers
         values = self.problem.values(z)
-        return {path: float(held.get(path, value)) for path, value in values.items()}
+        return {path: float(fixed.get(path, value)) for path, value in values.items()}
 
     def point(self, design: Design, rate: float) -> np.ndarray:
-        """z at a design, of this group or another, within the bounds; what it does not say is where
-        the search starts, but a fence that did not bend is as thick as may be. A cycle that is too
-        long for the rate is shortened, and the fence swung as far."""
+        """z at a design of this group or another, within the bounds. Numbers that the design lacks
+        have their start values, but a fence that was rigid becomes as thick as allowed. A cycle
+        too long for the rate is shortened; the fence then swings as far as before."""
         space, problem = self.problem.space, self.problem
         assert space is not None
         start = problem.values(problem.start)
@@ -119,7 +119,7 @@ class Group:
         return np.clip(np.asarray(space.to_shares(_within(space, given))), 0.0, 1.0)
 
 
-# The parcel on the border comes later than the drive is home by the time that it rides in.
+# The longest cycle as a share of the period; a parcel on the border needs the rest to arrive.
 _ROOM = 0.94
 
 
@@ -133,7 +133,7 @@ def _within(space: fj.DesignSpace, given: Mapping[str, float]) -> jnp.ndarray:
 
 
 def spline(drive: fj.AbstractDrive, cycle: float, controls: int) -> np.ndarray:
-    """The control angles [rad] of the spline that is nearest to a drive, none below 0."""
+    """The control angles [rad] of the spline nearest to a drive, none below 0."""
     time = jnp.linspace(0.0, cycle, 400)
     units = np.eye(controls)
     columns = [np.asarray(fj.SplineDrive(row, cycle).angle(time)) for row in units]
@@ -145,9 +145,9 @@ def spline(drive: fj.AbstractDrive, cycle: float, controls: int) -> np.ndarray:
 def swinging(
     drive: fj.AbstractDrive, machine: Machine, hinge: Iterable[float], controls: int
 ) -> np.ndarray:
-    """The torques [N m] at even times of its cycle by which a fence of a machine swings as by a
-    drive, the drive's inertia, damping and stiffness at the `hinge` [SI]: where nothing meets it
-    but, on the way out, a parcel that the belt drags along at two thirds of the reach."""
+    """The torques [N m] at evenly spaced times of a drive's cycle with which a machine's fence
+    follows that drive's motion. The torque drive has its inertia, damping and stiffness at the
+    `hinge` [SI]. On the way out a parcel, dragged by the belt, acts at two thirds of the reach."""
     inertia, damping, stiffness = hinge
     time = jnp.linspace(0.0, drive.cycle, controls)
     swing = drive.motion(time)
@@ -163,8 +163,8 @@ def swinging(
 def _machine(
     config: ConceptsConfig, numbers: Mapping[str, Number], bends: bool, law: str
 ) -> Machine:
-    """The sorter with the numbers of some concepts free, and the drive's; held to what all concepts
-    are held to alike."""
+    """The sorter with the numbers of some concepts and of the drive free, and with the limits that
+    are the same for all concepts."""
     sorter = config.described
     given, longest = sorter.machine, period(config.paces[0])
     free: dict[str, Any] = {}
@@ -191,7 +191,7 @@ def _span(lower: float, upper: float, start: Any) -> dict[str, Any]:
 
 
 def _own(machine: Machine, path: str, usual: tuple[float, float]) -> tuple[float, float]:
-    """The bounds that a machine gives a number, or the usual ones."""
+    """The bounds of a number in a machine, or the usual ones."""
     span = machine.free.get(path)
     return usual if span is None else (span.lower, span.upper)
 
@@ -205,8 +205,8 @@ def _known(machine: Machine, path: str) -> float | None:
 
 
 def _limits(machine: Machine) -> dict[str, Any]:
-    """The limits in whose place others stand that no concept gets round: on the tip's deflection,
-    and on how the fence rings when the next parcel comes."""
+    """Limits that replace those on the tip's deflection and on the fence's residual oscillation by
+    ones that apply to every concept alike."""
     others = {"tip_deflection": TIP_GIVE, "ring": HOME_RING}
     return {
         f"limits.{row.name}": Limit(others[row.name], bound, row.sense, row.scale)
@@ -218,7 +218,7 @@ def _drive(
     config: ConceptsConfig, machine: Machine, law: str, numbers: Mapping[str, Number],
     free: dict[str, Any],
 ) -> dict[str, Any]:  # fmt: skip
-    """The drive of a law, near to the sorter's own; puts its numbers into `free`."""
+    """The drive of a law, close to the sorter's own; adds its numbers to `free`."""
     own, cycle = machine.drive, float(machine.drive.cycle)
     limits = (SHORTEST * period(config.paces[-1]), period(config.paces[0]))
     free[_CYCLE] = _span(*_own(machine, _CYCLE, limits), cycle)
@@ -251,10 +251,10 @@ def grouped(config: ConceptsConfig, concepts: Iterable[Concept]) -> list[Group]:
 
 
 def torque(values: Mapping[str, np.ndarray]) -> float:
-    """The largest torque at the hinge [N m] of what was measured."""
+    """The largest measured torque at the hinge [N m]."""
     return float(np.max(values[COSTS[0].name]))
 
 
 def mass(values: Mapping[str, np.ndarray]) -> float:
-    """The fence's mass [kg] of what was measured."""
+    """The measured mass of the fence [kg]."""
     return float(values[COSTS[1].name][0])

@@ -1,4 +1,4 @@
-"""The front of every concept, rate by rate, each search begun at the designs that are near."""
+"""The front of every concept, rate by rate, each search started from neighbouring designs."""
 
 import concurrent.futures
 import dataclasses
@@ -18,14 +18,14 @@ from .problem import Group, period
 from .quantities import FORCE, LOAD, UNITS
 
 _AHEAD, _DECIDE = 2, 3
-# Designs whose objectives are nearer than this share are alike.
-_ALIKE = 1e-3
+# Designs whose objectives differ by less than this share count as equal.
+_EQUAL = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """The best design of a concept at a rate [1/h] for a quantity's name, as the search has it and
-    at the finer fidelity (`finer`)."""
+    """The best design of a concept at a rate [1/h] for the quantity `minimised`, as found by the
+    search and as measured at the finer fidelity (`finer`)."""
 
     concept: Concept
     rate: float
@@ -57,18 +57,18 @@ class Point:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What the finer fidelity says against it."""
-        told = []
+        """The objections of the finer fidelity."""
+        doubts = []
         status = Status(int(np.max(self.finer.measured.statuses)))
         if not self.finer.violation < np.inf:
-            told.append("a number is not finite")
+            doubts.append("a number is not finite")
         elif self.feasible and self.finer.violation > self.feasibility:
-            told.append(f"a limit is broken by {100 * self.finer.violation:.2g} %")
+            doubts.append(f"a limit is broken by {100 * self.finer.violation:.2g} %")
         if status > Status.LEFT_OVER_TIP:
-            told.append(f"{status.name}: {status.text}")
+            doubts.append(f"{status.name}: {status.text}")
         if not abs(self.error) <= self.agreement:
-            told.append(f"the objective differs by {100 * self.error:+.2g} %")
-        return tuple(told)
+            doubts.append(f"the objective differs by {100 * self.error:+.2g} %")
+        return tuple(doubts)
 
     @property
     def confirmed(self) -> bool:
@@ -77,13 +77,13 @@ class Point:
 
     @property
     def decides(self) -> tuple[str, ...]:
-        """The limits and bounds that decide it or, where it breaks limits, that fight; most
-        first."""
+        """The active limits and bounds or, where it breaks limits, those in conflict; the most
+        important first."""
         return tuple(price.name for price in self.solution.prices[:_DECIDE])
 
     @property
     def verdict(self) -> str:
-        """In words."""
+        """The verdict in words."""
         if not self.feasible:
             violation = self.solution.after.violation
             fight = " and ".join(name.replace("_", " ") for name in self.decides)
@@ -96,10 +96,10 @@ class Point:
 class Search:
     """Searches the concepts' fronts; every evaluation goes through a journal of its group.
 
-    A front is searched from the slowest rate to the fastest, each from the design before and from
-    the best of the concepts that are special cases of this one, then back: what sorts faster with
-    less force is a design for the slower rate, too. A design of least acceleration with less force
-    than the front of the force is a start for that.
+    A front is searched from the slowest rate to the fastest, each time from the previous design and
+    from the best of the concepts that are special cases of this one; then back, as a design for a
+    faster rate with less force also serves the slower rate. A design of least acceleration with
+    less force than the force's front is a further start for that front.
     """
 
     def __init__(
@@ -167,14 +167,14 @@ class Search:
     def _softer(
         self, group: Group, concept: Concept, problem: SorterProblem, journal: Journal
     ) -> None:
-        """Search for the least force from designs of least acceleration that have less of it than
-        was found."""
+        """Search for the least force from designs of least acceleration with less force than the
+        least one found."""
         for rate in self.config.paces:
             (_, force), (_, load) = (
                 self._found[name, concept, rate] for name in (FORCE.name, LOAD.name)
             )
             other = float(np.max(load.after.measured.values[FORCE.name]))
-            less = other < (1 - _ALIKE) * force.after.objective
+            less = other < (1 - _EQUAL) * force.after.objective
             if load.feasible and (less or not force.feasible):
                 start = np.asarray(load.after.point)
                 found = self._best(group, concept, problem, journal, rate, [start], force)
@@ -184,7 +184,7 @@ class Search:
         self, group: Group, concept: Concept, problem: SorterProblem, journal: Journal,
         rate: float, starts: list[np.ndarray], *known: Solution,
     ) -> Solution:  # fmt: skip
-        """The best of what searches from some starts end with, and of what is known."""
+        """The best of the results of searches from some starts and of the known solutions."""
         every = list(known)
         for start in _different(starts):
             found = solve(
@@ -240,30 +240,30 @@ class Search:
             concept, rate, name, solution, design, finer, self.config.agreement,
             self.config.feasibility,
         ))  # fmt: skip
-        self.say(self._told(self.points[-1]))
+        self.say(self._line(self.points[-1]))
 
-    def _told(self, point: Point) -> str:
+    def _line(self, point: Point) -> str:
         cells = (
             f"{point.concept.title:<34}{point.rate:6.0f}/h {period(point.rate):6.3f} s  "
             f"{point.minimised.replace('_', ' ')} {point.finer.objective:8.4g} "
             f"{UNITS[point.minimised]:<2}"
         )
         decides = ", ".join(name.replace("_", " ") for name in point.decides)
-        told = f"; {decides} decide" if point.feasible and decides else ""
-        return f"{cells}  {point.verdict}{told}"
+        deciding = f"; {decides} decide" if point.feasible and decides else ""
+        return f"{cells}  {point.verdict}{deciding}"
 
 
 def _better(one: Solution, other: Solution) -> bool:
-    """Whether a design is better than another, by more than what makes them alike."""
+    """Whether a design is better than another by more than `_EQUAL`."""
     if one.feasible and other.feasible:
-        return one.after.objective < (1 - _ALIKE) * other.after.objective
+        return one.after.objective < (1 - _EQUAL) * other.after.objective
     return one.feasible
 
 
 def _different(starts: list[np.ndarray]) -> list[np.ndarray]:
-    """Those that are not one another."""
+    """The starts without near duplicates."""
     kept: list[np.ndarray] = []
     for start in starts:
-        if not any(np.max(np.abs(start - other)) < _ALIKE for other in kept):
+        if not any(np.max(np.abs(start - other)) < _EQUAL for other in kept):
             kept.append(start)
     return kept

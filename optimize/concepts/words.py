@@ -1,4 +1,4 @@
-"""What the job says of its points: the table, and who wins."""
+"""The job's report of its points: the table, and the best concepts."""
 
 import itertools
 
@@ -42,7 +42,7 @@ def table(outcome: Outcome, minimised: str) -> str:
 
 
 def wins(outcome: Outcome) -> str:
-    """Who wins at each rate, with the runner-up and the rigid fence, a line each."""
+    """The best concept at each rate, with the runner-up and the rigid fence, a line each."""
     lines = []
     for name in outcome.minimised:
         unit = UNITS[name]
@@ -52,12 +52,12 @@ def wins(outcome: Outcome) -> str:
                 lines.append(f"At {rate:g}/h no concept holds all limits and is confirmed.")
                 continue
             others = [p for p in outcome.of(name, rate) if p.confirmed and p is not best]
-            told = [f"{p.concept.title} {_value(p, unit)}" for p in _compared(others)]
+            compared = [f"{p.concept.title} {_value(p, unit)}" for p in _compared(others)]
             if name == FORCE.name:
-                told.append(f"a constant push would need {shown(outcome.push(best), 'N', 3)}")
+                compared.append(f"a constant push would need {shown(outcome.push(best), 'N', 3)}")
             lines.append(
                 f"At {rate:g}/h {best.concept.title} has the least {name.replace('_', ' ')}, "
-                f"{_value(best, unit)}" + (f" ({'; '.join(told)})." if told else ".")
+                f"{_value(best, unit)}" + (f" ({'; '.join(compared)})." if compared else ".")
             )
     return "\n".join(lines)
 
@@ -76,12 +76,12 @@ def design_text(outcome: Outcome, point: Point) -> str:
     """The numbers of a design that its concept has, each with its unit."""
     group = outcome.group(point)
     own = {number.path for number in point.concept.numbers}
-    told = [
+    numbers = [
         f"{path.rpartition('.')[2].replace('_', ' ')} "
         f"{shown(value, group.problem.unit(path), 3)}"
-        for path, value in point.design.items() if path in own or path not in group.held
+        for path, value in point.design.items() if path in own or path not in group.fixed
     ]  # fmt: skip
-    return ", ".join(told)
+    return ", ".join(numbers)
 
 
 def stacked(outcome: Outcome, concept, minimised: str) -> list[Point]:

@@ -16,20 +16,20 @@ class DesignConfig:
         "out", "sorter", "set", "free", "tolerance", "feasibility", "budget", "check", "agreement",
         "picture",
     })  # fmt: skip
-    """Fields that do not bear on the numbers of an evaluation: those kept hold for any. Bounds of
-    limits are addressed with the parcels."""
+    """Fields that do not affect the numbers of an evaluation; a journal is valid for any of them.
+    Bounds of limits are part of an evaluation's address."""
 
     out: Path = flags.field(
         Path("out"),
-        "folder for design.json, report.html, fence.dxf and evaluations.jsonl; a job that was "
-        "interrupted goes on from there",
+        "folder for design.json, report.html, fence.dxf and evaluations.jsonl; an interrupted "
+        "job resumes from there",
     )
     sorter: str = machine.sorter_field("paper")
     set: tuple[str, ...] = machine.set_field()
     free: tuple[str, ...] = machine.free_field()
     reserve: float = flags.field(
         0.01,
-        "kept in hand of every sort's margin [1], for the difference to a finer fidelity",
+        "reserve in every sort's margin [1], for the difference from a finer fidelity",
         least=0,
     )
     tolerance: float = flags.field(2e-3, "on stationarity and complementarity [1]", above=0)
@@ -42,15 +42,15 @@ class DesignConfig:
     budget: int = flags.field(60, "evaluations at most for each candidate", least=1)
     fidelity: str = flags.field("fast", "fidelity of the search", choices=flags.FIDELITIES)
     check: str = flags.field(
-        "standard", "fidelity at which designs are looked at again", choices=flags.FIDELITIES
+        "standard", "fidelity at which designs are measured again", choices=flags.FIDELITIES
     )
     agreement: float = flags.field(
         0.02, "largest relative error of the objective that confirms a design [1]", above=0
     )
     picture: bool = flags.field(
         False,
-        "simulate the hardest parcel's sort once more, for the report's pictures of it: one more "
-        "program to compile",
+        "simulate the hardest parcel's sort again for pictures in the report: one more program to "
+        "compile",
     )
 
     def __post_init__(self):
@@ -58,7 +58,7 @@ class DesignConfig:
 
     @property
     def machine(self) -> fj.sorter.Machine:
-        """The sorter with what is set and freed.
+        """The sorter with numbers set and freed.
 
         Raises `ValueError` and `TypeError` where it cannot be read.
         """

@@ -2,12 +2,12 @@
 
     python -m optimize.design --sorter machine.toml --out out
 
-minimises the largest peak force, or what the file says, over every parcel at every place that the
-machine meets, within the file's limits, in the numbers that the file leaves free. Each material of
-the file, with each number from its lists (thicknesses as sold), is a candidate, designed for
-itself; the same compiled program serves them all. They are ranked, the best one is told in full,
-with what its limits and bounds cost and the force of a fence that does not bend. Where no design
-holds all limits, it is said which of them fight.
+minimises the largest peak force, or the objective in the file, over all parcels and places in the
+file, within its limits, in its free numbers. Each material in the file, combined with each number
+from its lists (such as thicknesses as sold), is a candidate with a design of its own; one compiled
+program serves all of them. The candidates are ranked. The report describes the best one in full,
+with the prices of its limits and bounds and the force of a rigid fence. Where no design holds all
+limits, it names the limits in conflict.
 """
 
 import dataclasses
@@ -29,7 +29,7 @@ from .outcome import Outcome
 
 
 def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = DesignConfig() if config is None else config
@@ -63,15 +63,15 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
     if quantity is objectives.PEAK_FORCE:
         push = float(np.max(constant_push(problem, best)))
     outcome = Outcome(config, problem, solutions, stiff, push, time.perf_counter() - begin)
-    say("\n" + told(outcome))
+    say("\n" + report_text(outcome))
     _write(outcome, journal)
     page.write(outcome)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
 
 
-def told(outcome: Outcome) -> str:
-    """Everything that the job says at the end."""
+def report_text(outcome: Outcome) -> str:
+    """The report that the job prints at the end."""
     problem, best = outcome.problem, outcome.best
     parts = [
         words.ranking(problem, outcome.solutions),

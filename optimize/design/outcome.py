@@ -1,4 +1,4 @@
-"""What the job found."""
+"""The results of the job."""
 
 import dataclasses
 
@@ -9,9 +9,9 @@ from .configuration import DesignConfig
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found: a solution for each candidate, the best first; the largest objective of a
-    fence that does not bend, of the best one's shape; and what a constant push of the hardest
-    parcel would need [N], where the objective is a force."""
+    """The results of the job: a solution for each candidate, the best first; `stiff`, the largest
+    objective of a rigid fence of the best one's shape; and `push`, the constant force [N] that the
+    hardest parcel would need, where the objective is a force."""
 
     config: DesignConfig
     problem: SorterProblem

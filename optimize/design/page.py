@@ -24,7 +24,7 @@ _MOST_PARCELS, _MOST_BARS, _MOST_COLUMNS = 40, 5, 6
 
 
 def write(outcome: Outcome) -> None:
-    """Write the page and what belongs to it."""
+    """Write the page and its files."""
     config, problem = outcome.config, outcome.problem
     machine = problem.machine
     title = machine.title or config.sorter
@@ -71,10 +71,10 @@ def _answer(outcome: Outcome) -> list[str]:
             f" These fight: {fighting}." if fighting else ""
         ))  # fmt: skip
     design = problem.values(best.after.point)
-    told = ", ".join(
+    numbers = ", ".join(
         f"{plain(n.rpartition('.')[2])} {shown(v, problem.unit(n))}" for n, v in design.items()
     )
-    lines.append(f"{best.candidate.name}: {told or 'as described'}. It {words.verdict(best)}.")
+    lines.append(f"{best.candidate.name}: {numbers or 'as described'}. It {words.verdict(best)}.")
     if not best.improved and best.optimum is not None:
         lines.append("Nothing better than the start was found.")
     if best.verified is not None and not best.verified.confirmed:
@@ -117,7 +117,7 @@ def _candidates(outcome: Outcome) -> list[Part | str]:
     every = [[*row, one.stop] for row, one in zip(rows, outcome.solutions, strict=True)]
     if len(every) == 1:
         return ["There is one candidate."]
-    head = "Each was designed for itself; the first in rank is told below and drawn above."
+    head = "Each was designed for itself; the first in rank is reported below and drawn above."
     if len(every) > _MOST_COLUMNS:
         return [head, Table(titles, every, "", "", frozenset({0}))]
     across = [list(row) for row in zip(titles, *every, strict=True)]
@@ -219,7 +219,7 @@ def _pictures(outcome: Outcome) -> list[Part | str]:
     text = problem.machine.parcels.text(lane)
     above = plot.draw_scene(scene, result, times, path=True, fidelity=fidelity)
     return [
-        Figure.of_axes(above, f"The hardest parcel, {text}, from the first touch to the last."),
+        Figure.of_axes(above, f"The hardest parcel, {text}, from the first contact to the last."),
         Figure.of_axes(plot.force({text: trace}), f"The force of the fence on it, {text}."),
         Figure.of_axes(plot.tip_deflection({text: trace}), f"How far the tip bends, {text}."),
     ]
@@ -248,7 +248,7 @@ def _elasticities(outcome: Outcome) -> dict[str, dict[str, float]]:
 
 
 def _short(row: dict[str, float]) -> list[tuple[str, float]]:
-    """The numbers by the ends of their paths, where these tell them apart."""
+    """The numbers by the ends of their paths, where these are unique."""
     ends = [name.rpartition(".")[2] for name in row]
     return list(zip(ends if len(set(ends)) == len(ends) else row, row.values(), strict=True))
 
@@ -371,11 +371,11 @@ def _own_assumptions(outcome: Outcome) -> list[str]:
         f"The {machine.parcels.count} parcels and places stand for all that the machine meets.",
     ]
     if sheet.fatigue_strength is not None:
-        told = f"1e7 reversed cycles bear {shown(float(sheet.fatigue_strength), 'Pa')}."
-        lines.append(f"The stress is compared with what is allowed once; {told}")
+        borne = f"1e7 reversed cycles bear {shown(float(sheet.fatigue_strength), 'Pa')}."
+        lines.append(f"The stress is compared with what is allowed once; {borne}")
         if fatigue.FATIGUE_STRESS in outcome.problem.quantities:
             lines[-1] = (
-                f"For the life {told} Cycles are counted as rainflow, their means taken in after "
+                f"For the life {borne} Cycles are counted as rainflow, their means taken in after "
                 "Smith, Watson and Topper, summed by Miner's rule along Basquin's line, exponent "
                 f"{shown(float(fatigue.exponent_of(sheet.material)), '1', 3)}."
             )

@@ -1,7 +1,7 @@
-"""What a fence that is made a little differently does: every number of the design moved by itself.
+"""Effects of manufacturing tolerances: every number of the design is changed by itself.
 
-Twice: by the exact gradient that the search ended with, and by the sorts themselves, simulated
-again at the moved numbers by the program that has measured the design: nothing is compiled.
+The effects are predicted by the exact gradient at the end of the search, and simulated again with
+the changed numbers by the program that has measured the design, without compiling anything.
 """
 
 import dataclasses
@@ -23,17 +23,18 @@ _MATERIAL = {"youngs_modulus": "Pa", "density": "kg/m^3", "damping_ratio": "1"}
 
 @dataclasses.dataclass(frozen=True)
 class Moved:
-    """A number moved by a share of itself, and what that makes of the design.
+    """A number changed by a share of itself, and the effect on the design.
 
     **Fields:**
 
-    - `name`, `unit`, `value`, `share`: the number, where it was, by how much it is moved [1].
+    - `name`, `unit`, `value`, `share`: the number, its value in the design, its relative change
+      [1].
     - `predicted`, `predicted_margin`: the objective and the least margin by the gradient; `None`
-      for numbers that the search had no gradient in.
+      for numbers without a gradient in the search.
     - `simulated`, `margin`, `limit`: the objective, the least margin and its limit, simulated.
-    - `doubtful`: how many sorts have a status that is not to be relied on.
-    - `room`: how many such moves it takes until a limit breaks, by the gradient; `None` without
-      one, infinite where no limit nears.
+    - `doubtful`: the number of sorts without reliable numbers.
+    - `room`: the number of such changes until a limit breaks, by the gradient; `None` without one,
+      infinite where no limit comes nearer.
     """
 
     name: str
@@ -51,8 +52,8 @@ class Moved:
 
 @dataclasses.dataclass(frozen=True)
 class Tolerances:
-    """`rows`: two for each number. `objective`, `margin`: of the design itself, measured as they
-    are, and `doubtful` as of the rows. `still`: numbers that are 0, of which a share is nothing."""
+    """`rows`: two for each number. `objective`, `margin`, `doubtful`: of the design itself,
+    measured in the same way. `still`: numbers that are 0 and have no relative change."""
 
     rows: tuple[Moved, ...]
     objective: float
@@ -62,10 +63,10 @@ class Tolerances:
 
 
 def tolerances(problem: SorterProblem, solution: Solution, fidelity: Fidelity) -> Tolerances:
-    """Every free number moved by `SHARE` either way; so are those of the material and from lists,
-    where they are numbers of the compiled program, as they are where there are several of them.
+    """Every free number changed by `SHARE` either way, and those of the material and from lists,
+    where they are arguments of the compiled program: where there are several of them.
 
-    `fidelity`: that of the looks at the solution.
+    `fidelity`: that at which the solution was measured.
     """
     after, candidate = solution.after, solution.candidate
 
@@ -98,7 +99,7 @@ def tolerances(problem: SorterProblem, solution: Solution, fidelity: Fidelity) -
 def _moves(
     problem: SorterProblem, solution: Solution
 ) -> Iterator[tuple[str, str, float, float, np.ndarray, Candidate]]:
-    """Name, unit, value and share of every move, with the point and the candidate it leads to."""
+    """Name, unit, value and share of every change, with the resulting point and candidate."""
     point, candidate = solution.after.point, solution.candidate
     for index, name in enumerate(problem.variable_names):
         assert problem.space is not None

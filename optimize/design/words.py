@@ -1,4 +1,4 @@
-"""What the job says of its designs: tables and sentences."""
+"""The reports of the designs: tables and sentences."""
 
 import numpy as np
 
@@ -54,7 +54,7 @@ def ranking(problem: SorterProblem, solutions: list[Solution]) -> str:
 
 
 def verdict(one: Solution) -> str:
-    """A word on a design."""
+    """Whether a design holds the limits, in words."""
     if not np.isfinite(one.after.violation):
         return "cannot be evaluated"
     if not one.feasible:
@@ -96,7 +96,7 @@ def before_and_after(problem: SorterProblem, one: Solution) -> str:
 
 
 def _lasting(one: Solution, name: str, stress: float) -> str:
-    """How many sorts a fence bears at a fatigue stress [Pa]; nothing for other limits."""
+    """The number of sorts that a fence endures at a fatigue stress [Pa]; empty for other limits."""
     sheet = one.candidate.material
     strength = sheet.fatigue_strength
     if name != fatigue.FATIGUE_STRESS.name or strength is None or not stress > 0:
@@ -106,7 +106,7 @@ def _lasting(one: Solution, name: str, stress: float) -> str:
 
 
 def decides(problem: SorterProblem, one: Solution) -> str:
-    """What the limits and bounds on which the design ends cost."""
+    """The prices of the active limits and bounds of a design."""
     optimum = one.optimum
     if optimum is None or not one.prices:
         if optimum is not None and not optimum.converged:
@@ -123,14 +123,14 @@ def decides(problem: SorterProblem, one: Solution) -> str:
 
 
 def gained(problem: SorterProblem, one: Solution, price: Price) -> str:
-    """What a limit or bound that gives way is worth."""
+    """The gain from relaxing a limit or bound, in words."""
     if one.optimum is not None and one.optimum.feasible:
         return f"{shown(price.gain, problem.machine.objective.quantity.unit, 3)} less"
     return nearby.less_violated(price.gain)
 
 
 def decides_head(problem: SorterProblem, one: Solution) -> str:
-    """What the prices are the prices of."""
+    """The heading of the prices."""
     quantity, optimum = problem.machine.objective.quantity, one.optimum
     assert optimum is not None
     if optimum.feasible:
@@ -147,18 +147,18 @@ def decides_head(problem: SorterProblem, one: Solution) -> str:
 
 
 def start_troubles(problem: SorterProblem, one: Solution) -> str:
-    """The sorts at the start that cannot be relied on, and the limits that it breaks."""
-    told = list(problem.troubles(one.before.measured.statuses))
+    """The sorts at the start without reliable numbers, and the limits that the start breaks."""
+    lines = list(problem.troubles(one.before.measured.statuses))
     for name, limit in problem.limits(one.candidate):
         value, lane = worst(problem, one.before, name)
         if not limit.margin_of(value) >= -1e-3:
             where = "" if lane is None else f" ({problem.machine.parcels.text(lane)})"
             bound = shown(limit.bound, limit.quantity.unit, 3)
             value = shown(value, limit.quantity.unit, 3)
-            told.append(f"{plain(name)}{where}: {value}, {limit.sense} {bound}")
+            lines.append(f"{plain(name)}{where}: {value}, {limit.sense} {bound}")
     if one.starts > 1:
-        told.append(f"the search began at another design, the {one.starts}th that was tried")
-    return "".join(f"\n  the start: {text}" for text in told)
+        lines.append(f"the search began at another design, the {one.starts}th that was tried")
+    return "".join(f"\n  the start: {text}" for text in lines)
 
 
 def mine(
@@ -173,12 +173,12 @@ def mine(
     )
     where = hardest(problem, one.after) if machine.objective.over == "worst" else ""
     return report.mine(
-        one.after.objective, quantity, of, where, stiff, push, held=one.feasible
+        one.after.objective, quantity, of, where, stiff, push, feasible=one.feasible
     )
 
 
 def doubts(one: Solution) -> str:
-    """What the finer fidelity says."""
+    """The verdict of the finer fidelity."""
     if one.verified is None:
         return ""
     return (

@@ -14,8 +14,8 @@ from ..common import assignments, flags, machine
 
 SCENES = ("oblique_impact", "normal_impact")
 AUTO, ALL = "auto", "all"
-# How long a scene is in which the first touch of a recording is looked for [s].
-_LOOKED_AT = 0.25
+# Duration of a scene with which the first contact of a recording is found [s].
+_SEARCH_DURATION = 0.25
 _PAIRS = "hold numbers as name=value[,name=value ...]"
 
 
@@ -40,17 +40,17 @@ class IdentifyConfig:
     )
     delay: tuple[str, ...] = flags.field(
         (AUTO,),
-        f"time of the first touch by the recordings' clocks, such as '12.5 ms', for all or one a "
+        f"time of the first contact on the recordings' clocks, such as '12.5 ms', for all or one a "
         f"record; {AUTO}: found in the recording, and fitted with the other numbers",
         metavar="TIME",
     )
     length: str = flags.field(
-        ALL, f"how much of a recording is used, from the first touch on, such as '150 ms'; {ALL}: "
-        "to its end", metavar="TIME",
+        ALL, "length of the part of a recording used, from the first contact on, such as '150 ms'; "
+        f"{ALL}: to its end", metavar="TIME",
     )  # fmt: skip
     demo: bool = flags.field(
         False,
-        "make a recording with noise from numbers that are known, and find them again",
+        "make a recording with noise from known numbers, and find them again",
         action="store_true",
     )
     scene: str = flags.field(
@@ -86,7 +86,7 @@ class IdentifyConfig:
     )
     confidence: float = flags.field(0.95, "of the intervals [1]", between=(0, 1))
     refine: bool = flags.field(
-        True, "search on at the next finer fidelity where a status doubts the numbers"
+        True, "continue the search at the next finer fidelity where numbers are in doubt"
     )
     posterior: bool = flags.field(
         False, "standard errors with the model's curvature, too (Laplace)", action="store_true"
@@ -138,7 +138,7 @@ class IdentifyConfig:
         return getattr(fj.Fidelity, self.fidelity)()
 
     def searched(self) -> tuple[str | fj.DesignVariable, ...]:
-        """What is searched, of `name` and `name=lower:upper[:scaling]`."""
+        """The parameters, from `name` and `name=lower:upper[:scaling]`."""
         found = []
         scene = self.base({}, 0.1)
         for text in self.parameters:
@@ -158,7 +158,7 @@ class IdentifyConfig:
         return tuple(found)
 
     def numbers(self, index: int) -> dict[str, float]:
-        """What is known of the setting of a record, by name [SI]."""
+        """The known numbers of a record's setting, by name [SI]."""
         if not self.set:
             return {}
         return machine.numbers("set", self.set[index if len(self.set) > 1 else 0])
@@ -178,7 +178,7 @@ class IdentifyConfig:
         return scales
 
     def base(self, numbers: dict[str, float], duration: float) -> AnyScene:
-        """A scene with the paper's numbers, or a sorter's, but for some that are known."""
+        """A scene with the paper's numbers, or a sorter's, except for the known ones."""
         if self.sorter == machine.NONE:
             scene = getattr(fj.scenes, self.scene)(duration=duration)
         else:
@@ -190,21 +190,21 @@ class IdentifyConfig:
         return scene_numbers.replace(scene, tuple(numbers), list(numbers.values()))
 
     def titles(self) -> dict[str, str]:
-        """The titles of columns that have names of their own."""
+        """The titles of columns that differ from the signals' names."""
         return machine.pairs("columns", self.columns)
 
     def aligned(self, index: int, recording: Recording) -> Aligned:
         """A record on the clock of its scene.
 
-        Raises `ValueError` where its first touch cannot be found, and where it lasts too long for
-        an impact.
+        Raises `ValueError` where its first contact cannot be found, and where it lasts too long
+        for an impact.
         """
         length = None if self.length == ALL else amount("length", self.length, "s")
         text = self.delay[index if len(self.delay) > 1 else 0]
         delay = None if text == AUTO else amount("delay", text, "s")
         span = float(np.ptp(recording.time))
-        looked_at = min(_LOOKED_AT, span if length is None else length)
-        scene = self.base(self.numbers(index), looked_at)
+        duration = min(_SEARCH_DURATION, span if length is None else length)
+        scene = self.base(self.numbers(index), duration)
         return align(scene, recording, delay=delay, length=length, fidelity=self.knobs)
 
     def quick(self) -> "IdentifyConfig":

@@ -1,4 +1,4 @@
-"""A recording made from numbers that are known, with noise."""
+"""A recording with noise, made from known numbers."""
 
 import jax
 import jax.numpy as jnp
@@ -18,9 +18,9 @@ TRUTH = {
 }
 """The numbers that the demonstration hides [SI]: those of another fence and another parcel."""
 DURATION = 0.13
-"""Of the demonstration's impact [s]."""
+"""Duration of the demonstration's impact [s]."""
 DELAY = 0.0213
-"""When it begins, by the clock of its recording [s]."""
+"""Start of the impact on the recording's clock [s]."""
 
 
 def record(

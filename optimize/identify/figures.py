@@ -57,7 +57,7 @@ def fit(experiment: Experiment, fitted: np.ndarray, noise: dict[str, float]) -> 
                    label="recording less fit" if first else None)  # fmt: skip
         lower.axhline(0, color="black", linewidth=0.7)
         lower.set_ylabel(f"residual {label[label.rindex('['):]}")
-        lower.set_xlabel("time since the first touch [ms]")
+        lower.set_xlabel("time since the first contact [ms]")
     figure.legend(loc="outside upper left", ncols=4, frameon=False, fontsize="small")
     return figure
 

@@ -5,13 +5,13 @@
 
 fits Young's modulus, the damping ratio, the parcel's stiffness and damping, and friction to the
 recorded force or motion by nonlinear least squares, with derivatives through the simulation. It
-prints the numbers with their standard errors, says what the recordings cannot tell apart, and
-writes result.json and figures: recording and fit with residuals, and the correlation of the
-estimates.
+prints the numbers with their standard errors and warns of parameters that the recordings cannot
+distinguish. It writes result.json and figures: recording and fit with residuals, and the
+correlation of the estimates.
 
-`--demo` makes a recording with noise from numbers that it then finds again; it writes that file
-too, demo.csv, as an example of the format. Exit status 1 if the search did not converge or if the
-demonstration's own numbers lie further from the estimates than noise can explain.
+`--demo` makes a recording with noise from known numbers, which it then finds again; it also writes
+the recording, demo.csv, as an example of the format. The exit status is 1 if the search did not
+converge or if the known numbers lie further from the estimates than noise can explain.
 """
 
 import dataclasses
@@ -46,8 +46,8 @@ FURTHEST = 4.0
 
 
 class Delay(NamedTuple):
-    """Time of the first touch by a recording's clock [s], with its standard error, which is 0 where
-    the time was given."""
+    """Time of the first contact on a recording's clock [s], with its standard error, which is 0 for
+    a given time."""
 
     value: float
     standard_error: float
@@ -55,7 +55,7 @@ class Delay(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found. `delays`: one a record. `deviations`: distance of the demonstration's
+    """The results of the job. `delays`: one a record. `deviations`: distance of the demonstration's
     numbers from the estimates in standard errors, by name; empty for recordings."""
 
     fit: Fit
@@ -66,7 +66,7 @@ class Outcome:
 
     @property
     def succeeded(self) -> bool:
-        """Converged, and no contradiction to what the demonstration knows."""
+        """Whether the fit converged and agrees with the demonstration's numbers."""
         near = all(abs(value) <= FURTHEST for value in self.deviations.values())
         return self.fit.converged and near
 
@@ -82,7 +82,7 @@ def _made(config: IdentifyConfig) -> Path:
 
 
 def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it finds, and write its files into `config.out`."""
+    """Run the job, print its results, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     searched = config.searched()
@@ -142,11 +142,11 @@ def _name(parameter: str | fj.DesignVariable) -> str:
 
 
 def _used(recording: Recording, aligned: Aligned) -> str:
-    """What of a recording is used, and what of it is missing, a line."""
+    """The used rows and the missing samples of a recording, a line."""
     used = aligned.experiment.recording
     text = (
         f"{recording.source}: {len(used.time)} of {len(recording.time)} rows of "
-        f"{', '.join(recording.names)}, first touch at {shown(aligned.delay, 's')}"
+        f"{', '.join(recording.names)}, first contact at {shown(aligned.delay, 's')}"
     )
     text += "" if aligned.offset is None else " or so"
     gaps = [f"{count} samples of {name}" for name, count in used.missing.items()]
@@ -155,7 +155,7 @@ def _used(recording: Recording, aligned: Aligned) -> str:
 
 
 def _delays(found: Fit, aligned: list[Aligned]) -> list[Delay]:
-    """The time of the first touch in every recording: what was taken, less the offset found."""
+    """The time of the first contact in every recording: the estimate less the offset found."""
     places = [k for k, name in enumerate(found.names) if name.startswith(OFFSET)]
     delays = []
     for index, one in enumerate(aligned):
@@ -194,7 +194,7 @@ def _report(config: IdentifyConfig, outcome: Outcome, say) -> None:
     for delay, experiment in zip(outcome.delays, outcome.experiments, strict=True):
         if delay.standard_error:
             value, error = shown(delay.value, "s", 6), shown(delay.standard_error, "s", 2)
-            say(f"first touch by the clock of {experiment.recording.source}: {value}, standard "
+            say(f"first contact by the clock of {experiment.recording.source}: {value}, standard "
                 f"error {error}")  # fmt: skip
     for warning in found.warnings:
         say(f"warning: {warning}")

@@ -45,16 +45,16 @@ def write(
     many = len(experiments) > 1
     fits = [f"fit_{k + 1}" if many else "fit" for k in range(len(experiments))]
     captions = {name: "Recording and fit, with residuals." for name in fits}
-    captions["correlation"] = "Correlation of the estimates: what cannot be told apart."
-    told = ", ".join(
+    captions["correlation"] = "Correlation of the estimates: near ±1 they are indistinguishable."
+    numbers = ", ".join(
         f"{plain(n)} {v:.4g} {p.unit if p.unit != '1' else ''}".strip()
         for n, v, p in zip(found.names, found.values, found.parameters, strict=True)
     )
     Report(
         "Parameters from recordings",
-        f"Which {', '.join(plain(name) for name in found.names)} make the simulation do what was "
-        f"recorded in {len(records)} recording{'s' if len(records) > 1 else ''}?",
-        pages.sentences(told, "" if found.converged else "the search did NOT converge"),
+        f"Which {', '.join(plain(name) for name in found.names)} make the simulation reproduce "
+        f"{len(records)} recording{'s' if len(records) > 1 else ''}?",
+        pages.sentences(numbers, "" if found.converged else "the search did NOT converge"),
         succeeded,
         [
             Section("The recordings", [Table(["source", "rows", "signals"], records)]),

@@ -15,7 +15,7 @@ AGAINST = {
     "fence_mass": objectives.FENCE_MASS,
     "drive_torque": objectives.PEAK_TORQUE,
 }
-"""What the peak force is weighed against; of each, less is better."""
+"""Quantities that are traded off against the peak force; each is better if smaller."""
 
 _FENCE = ("thickness", "length_ratio", "youngs_modulus")
 _VARIABLES = {
@@ -37,12 +37,13 @@ class ParetoConfig:
         "out", "points", "starts", "together", "width", "tolerance", "budget", "feasibility",
         "verify", "agreement", "plots",
     })  # fmt: skip
-    """Fields that do not bear on the numbers of an evaluation: those kept hold for any."""
+    """Fields that do not affect the numbers of an evaluation; a journal is valid for any of
+    them."""
 
     out: Path = flags.field(
         Path("out"),
-        "folder for front.json, report.html, fence.dxf, evaluations.jsonl and the figures; a job "
-        "that was interrupted goes on from there",
+        "folder for front.json, report.html, fence.dxf, evaluations.jsonl and the figures; an "
+        "interrupted job resumes from there",
     )
     against: str = flags.field(
         "tip_deflection",
@@ -59,14 +60,14 @@ class ParetoConfig:
     )
     masses: tuple[float, ...] = flags.field((5.0, 10.0, 20.0), "parcel masses [kg]", above=0)
     distances: tuple[float, ...] = flags.field(
-        (0.85, 1.0), "of impacts: arc coordinates of the first touch [m]", least=0
+        (0.85, 1.0), "of impacts: arc coordinates of the first contact [m]", least=0
     )
-    drive_angle: float = flags.field(0.30, "of impacts: drive angle at the first touch [rad]")
+    drive_angle: float = flags.field(0.30, "of impacts: drive angle at the first contact [rad]")
     offsets: tuple[float, ...] = flags.field(
         (0.05, 0.20), "of sorts: Delta s, from the border to the parcel [m]", least=0
     )
     front: float = flags.field(
-        0.1, "of sorts: where the parcel's front is when the drive starts [m]"
+        0.1, "of sorts: place of the parcel's front when the drive starts [m]"
     )
     duration: float = flags.field(
         0.0, "length of each scene [s]; 0: 0.2 s (impacts), 1.5 s (sorts)", least=0
@@ -74,7 +75,8 @@ class ParetoConfig:
     drive: str = named.drive_field()
     taper: str = named.taper_field()
     variables: tuple[str, ...] = flags.field(
-        (), "what is designed; by default what bears on the two quantities", type=str, nargs="*"
+        (), "variables of the design; by default those that affect the two quantities", type=str,
+        nargs="*"
     )
     tip_limit: float = flags.field(0.10, "largest tip deflection [m]", above=0)
     stress_limit: float = flags.field(40e6, "largest bending stress [Pa]", above=0)
@@ -86,7 +88,7 @@ class ParetoConfig:
     )
     limit: tuple[str, ...] = named.limit_field()
     reserve: float = flags.field(
-        0.005, "kept in hand of every margin [1], for the difference to a finer fidelity", least=0
+        0.005, "reserve in every margin [1], for the difference from a finer fidelity", least=0
     )
     points: int = flags.field(12, "points on the front", least=3)
     starts: int = flags.field(4, "starts of the search for the front's first end", least=1)
@@ -103,7 +105,7 @@ class ParetoConfig:
     )
     verify: str = flags.field(
         "reference",
-        "fidelity at which every point is looked at again, or none",
+        "fidelity at which every point is measured again, or none",
         choices=("none", *flags.FIDELITIES),
     )
     agreement: float = flags.field(
@@ -126,7 +128,7 @@ class ParetoConfig:
 
     @property
     def kind(self) -> str:
-        """What a parcel goes through: drive and throughput are seen in whole sorts only."""
+        """The kind of encounters: quantities of drive and throughput need whole sorts."""
         if self.scenes != "auto":
             return self.scenes
         if self.machine is not None:
@@ -152,12 +154,12 @@ class ParetoConfig:
 
     @property
     def quantity(self) -> Quantity:
-        """What the peak force is weighed against."""
+        """The quantity traded off against the peak force."""
         return named.quantity("against", self.against, AGAINST)
 
     @property
     def limits(self) -> tuple[Limit, ...]:
-        """What every parcel must hold, all along the front."""
+        """The limits for every parcel, along the whole front."""
         limits = (
             objectives.tip_deflection_limit(self.tip_limit),
             objectives.stress_limit(self.stress_limit),

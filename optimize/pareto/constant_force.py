@@ -1,7 +1,7 @@
-"""The physical bound beside the front: the stop at a constant force.
+"""The physical bound of the front: the stop at a constant force.
 
-A mass m that comes in at v_n is stopped over the travel s by a force whose largest value is at
-least its mean over the travel, m v_n^2 / (2 s); a constant force attains it.
+The force that stops a mass m with the speed v_n over the travel s has at least the largest value
+m v_n^2 / (2 s), its mean over the travel; a constant force attains it.
 """
 
 import dataclasses
@@ -29,8 +29,8 @@ class Blow:
     mass: float
 
     def least_force(self, travel: float) -> float:
-        """m v_n^2 / (2 s) [N] over a travel s [m]: friction, the belt and what the drive adds
-        during the blow are left out."""
+        """m v_n^2 / (2 s) [N] over a travel s [m], without friction, belt and the work of
+        the drive during the blow."""
         return 0.5 * self.mass * self.speed**2 / travel
 
 

@@ -13,7 +13,7 @@ from .trace import Point
 
 
 def front(tradeoff: Tradeoff, points: list[Point], good, least, start, out: Path) -> None:
-    """Worst peak force over the other quantity: the front, what was left out, the bound."""
+    """Worst peak force over the other quantity: the front, the other points, the bound."""
     size, unit = multiple(max(p.other for p in points), tradeoff.quantity.unit)
     factor = 1 / size
     figure = new_figure(4.4)

@@ -2,17 +2,18 @@
 
     python -m optimize.pareto --against tip_deflection --out out
 
-A fence hits less hard if its tip may deflect further, if it is lighter, if the drive takes its
-time or if it gives less torque. For each of these the job steps a limit on it and minimises the
-worst peak force over several parcels, under the limits that hold in any case. The result is the
-front with the design of every point, each looked at again at the reference fidelity, and beside
-it the stop at a constant force, 1/2 m v_n^2 / travel, that no fence can better.
+The peak force trades off against the tip's deflection, the cycle time, the fence's mass or the
+drive's torque. The job steps a limit on one of these quantities and minimises the worst peak force
+over several parcels, under the other limits. The result is the front with the design of every
+point, each measured again at the reference fidelity, and a bound that no fence can beat: the stop
+at a constant force, 1/2 m v_n^2 / travel.
 
-The cycle time is the shortest from parcel to parcel: the parcels' spacing along the belt, front to
-front, is the belt's speed times it, and 3600 s over it are the parcels an hour.
+The cycle time is the shortest time from parcel to parcel. The spacing of the parcels along the
+belt, front to front, is the belt's speed times the cycle time, and 3600 s over it is the number of
+parcels an hour.
 
 Every evaluation is written to `evaluations.jsonl` at once: the same command with the same folder
-goes on where it was interrupted.
+resumes an interrupted job.
 """
 
 import dataclasses
@@ -42,8 +43,8 @@ def _good(points: list[Point]) -> np.ndarray:
 
 
 def _least_force(tradeoff: Tradeoff, point: Point) -> float:
-    """The largest over the encounters of 1/2 m v_n^2 / travel [N], the travel being the deflection
-    of the tip and the indentation of the parcel that the encounter itself shows."""
+    """The largest value over the encounters of 1/2 m v_n^2 / travel [N]; the travel is the tip's
+    deflection plus the parcel's indentation in the encounter itself."""
     lanes = point.found.lanes
     travel = lanes["tip_deflection"] + lanes["indentation"]
     every = blows(tradeoff, point.optimum.point)
@@ -79,7 +80,7 @@ def _row(tradeoff: Tradeoff, point: Point, good: bool, least: float | None) -> d
 
 
 def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = ParetoConfig() if config is None else config

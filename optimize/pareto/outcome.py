@@ -1,4 +1,4 @@
-"""What the job found."""
+"""The results of the job."""
 
 import dataclasses
 
@@ -11,9 +11,9 @@ from .trace import Point
 
 @dataclasses.dataclass(frozen=True)
 class Front:
-    """What the job found: the points, which of them are on the front, the bound of each [N], how
-    many evaluations it took, and the largest force [N] of a fence that does not bend, of the shape
-    at the front's knee, or `None` where there is none."""
+    """The results of the job: the points, which of them are on the front, the constant-force bound
+    of each [N], the number of evaluations, and `stiff`, the largest force [N] by a rigid fence of
+    the shape at the front's knee, `None` without a front."""
 
     config: ParetoConfig
     tradeoff: Tradeoff
@@ -26,8 +26,8 @@ class Front:
 
     @property
     def knee(self) -> int | None:
-        """The place of the point that is furthest on the good side of the line between the front's
-        ends, both axes taken over their ranges; `None` where there is no front."""
+        """The index of the point furthest on the good side of the line between the front's ends,
+        with both axes scaled by their ranges; `None` without a front."""
         kept = np.flatnonzero(self.on_front)
         if kept.size < 2:
             return None
@@ -39,7 +39,7 @@ class Front:
 
     @property
     def succeeded(self) -> bool:
-        """At least two points on the front, all of them feasible, sought to the end and
-        confirmed."""
+        """Whether the front has at least two points, all of them feasible, with a completed search
+        and confirmed."""
         kept = [p for p, good in zip(self.points, self.on_front, strict=True) if good]
         return len(kept) >= 2 and all(p.sound for p in kept)

@@ -36,7 +36,7 @@ def mine(front: Front) -> str:
 
 
 def rows(front: Front, point: Point, of_margin: float) -> list[nearby.Rows]:
-    """What the margins of the search for a point are, in their order."""
+    """The description of the margins of the search for a point, in their order."""
     tradeoff, lanes = front.tradeoff, front.tradeoff.encounters.lanes
     found = [nearby.Rows.of(limit, lanes) for limit in tradeoff.limits]
     left = point.optimum.margins.size - lanes * len(found)
@@ -47,8 +47,8 @@ def rows(front: Front, point: Point, of_margin: float) -> list[nearby.Rows]:
 
 
 def write(front: Front, verdict: str, unit_of_margin: float) -> None:
-    """Write the page and what belongs to it; `unit_of_margin`: what the search measured the other
-    quantity's margin in."""
+    """Write the page and its files; `unit_of_margin`: the unit of the other quantity's margin in
+    the search."""
     config, tradeoff, point = front.config, front.tradeoff, chosen(front)
     name, unit = plain(tradeoff.quantity.name), tradeoff.quantity.unit
     machine, space = config.machine, tradeoff.space
@@ -139,9 +139,11 @@ def _checks(front: Front) -> list[Part | str]:
     for point in front.points:
         for name, count in point.found.statuses.items():
             counts[name] = counts.get(name, 0) + count
-    told = [
+    contradicted = [
         f"- {shown(p.other, front.tradeoff.quantity.unit)}: {p.verified.text}"
         for p in front.points if p.verified is not None and not p.verified.confirmed
     ]  # fmt: skip
     parts: list[Part | str] = [pages.status_table(counts, "Encounters of all points")]
-    return [*parts, "Contradicted by the finer fidelity:", "\n".join(told)] if told else parts
+    if not contradicted:
+        return parts
+    return [*parts, "Contradicted by the finer fidelity:", "\n".join(contradicted)]

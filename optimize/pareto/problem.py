@@ -15,7 +15,7 @@ from ..common.encounters import Course, Encounter, inflexible
 from .configuration import ParetoConfig
 
 FORCE, OTHER = 0.0, 1.0
-"""What is minimised: the worst peak force, or the other quantity."""
+"""Codes of the objective: the worst peak force, or the other quantity."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,12 +70,12 @@ class Tradeoff:
         return fj.Belt() if self.config.machine is None else self.config.machine.belt
 
     def check(self) -> None:
-        """Raise `ValueError` for encounters that cannot be, before anything is compiled."""
+        """Raise `ValueError` for impossible encounters, before anything is compiled."""
         course = self.course(fj.Fidelity.fast())
         course.check(self.space.fence, self.space.drive, self.encounters)
 
     def course(self, fidelity: fj.Fidelity) -> Course:
-        """How the encounters are run at a fidelity."""
+        """The simulation of the encounters at a fidelity."""
         return Course(self.config.kind, self.config.length, fidelity, machine=self.config.machine)
 
     def _read(self, z: Array, encounters: Encounter, fidelity: fj.Fidelity, quantities):
@@ -94,8 +94,8 @@ class Tradeoff:
         return wanted, jnp.concatenate(margins)
 
     def measure(self, fidelity: str, z, least: np.ndarray | None = None) -> Measured:
-        """Everything there is to say about a design, at a fidelity, or at a finer one where that
-        is in doubt; each encounter from its rung `least` on."""
+        """All quantities of a design at a fidelity, or at a finer one for encounters in doubt; each
+        encounter from its rung `least` on."""
         if fidelity not in self._measure:
             self._measure[fidelity] = [
                 jax.jit(
@@ -114,7 +114,7 @@ class Tradeoff:
         )
 
     def stiff(self, z) -> float:
-        """The largest peak force [N] by a fence of the same shape that does not bend."""
+        """The largest peak force [N] by a rigid fence of the same shape."""
         fidelity = inflexible(fj.Fidelity.fast())
         found = jax.jit(
             lambda z, lanes: self._read(z, lanes, fidelity, (objectives.PEAK_FORCE,))[0]
@@ -122,7 +122,7 @@ class Tradeoff:
         return float(np.max(found["peak_force"]))
 
     def judged(self, measured: Measured, minimised: float, bound: float, unit: float):
-        """Objectives, margins with nothing kept in hand, and statuses from what was measured: for
+        """Objectives, margins without the reserve, and statuses of measured encounters: for
         `fencejax.verify`."""
         pair = self._combined(measured.lanes, minimised, bound, unit, 0.0)
         return *pair, measured.lanes["status"]

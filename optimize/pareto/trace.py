@@ -2,7 +2,7 @@
 
 The epsilon-constraint method (Haimes, Lasdon and Wismer, 1971): for each bound of the other
 quantity minimise the peak force. Each point starts from its neighbour's design and multipliers,
-and the bounds are put where the front has its widest gaps. One program serves all of it.
+and further bounds fill the widest gaps of the front. One compiled program serves all points.
 """
 
 import dataclasses
@@ -30,8 +30,8 @@ from .problem import FORCE, OTHER, Measured, Tradeoff
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """A point of the front: the bound it was found for, the optimum, what was measured there at
-    the optimiser's fidelity and, if asked for, at a finer one."""
+    """A point of the front: the bound, the optimum for it, and the measured numbers at the
+    optimiser's fidelity and, optionally, at a finer one."""
 
     bound: float
     optimum: Optimum
@@ -52,8 +52,8 @@ class Point:
 
     @property
     def sound(self) -> bool:
-        """Feasible, sought to the end (to the conditions of Karush, Kuhn and Tucker, or until
-        nothing lower was found) and not contradicted by the finer fidelity."""
+        """Whether it is feasible, its search ended (at the conditions of Karush, Kuhn and Tucker,
+        or without finding a lower point), and the finer fidelity does not contradict it."""
         confirmed = self.verified is None or self.verified.confirmed
         ended = self.optimum.stop in (Stop.OPTIMAL, Stop.STAGNATED)
         return self.optimum.feasible and ended and confirmed
@@ -86,7 +86,7 @@ class Tracer:
         self._add(high, first)
         if high - low <= 1e-3 * abs(high) or not (first.feasible and least.feasible):
             return self.points
-        # A little above its least value the other quantity leaves the force some choice.
+        # A little above the least value of the other quantity, so that the force can vary.
         low = low + 0.02 * (high - low)
         if self.config.together:
             self._together(_spaced(high, low, self.config.points)[1:], (first, least))
@@ -98,7 +98,7 @@ class Tracer:
         return self.points
 
     def _ends(self) -> tuple[Optimum, Optimum]:
-        """Where the force is least, from several starts, and where the other quantity is."""
+        """The optima of least force, from several starts, and of the least other quantity."""
         starts = spread(self.tradeoff.start, self.config.starts)
         self.say(f"least force, {len(starts)} starts; compiling (minutes, the first time) ...")
         if len(starts) == 1:
@@ -155,8 +155,8 @@ class Tracer:
         return self.tradeoff.measure(self.config.fidelity, optimum.point).other
 
     def _solve(self, bound: float, near: Optimum) -> None:
-        held = Multipliers(near.weights, near.multipliers)
-        self._add(bound, self._minimize(near.point, FORCE, bound, held))
+        multipliers = Multipliers(near.weights, near.multipliers)
+        self._add(bound, self._minimize(near.point, FORCE, bound, multipliers))
 
     def _together(self, bounds, ends) -> None:
         first, least = (o.point for o in ends)
@@ -173,18 +173,18 @@ class Tracer:
         spans = [max(np.ptp(x), 1e-12) for x in (force, bound)]
         wide = np.hypot(np.diff(force) / spans[0], np.diff(bound) / spans[1])
         at = int(np.argmax(wide))
-        # The design of the tighter bound holds the new one, too.
+        # The design of the tighter bound is feasible for the new one, too.
         self._solve(0.5 * (bound[at] + bound[at + 1]), self.points[at + 1].optimum)
 
     def _add(self, bound: float, optimum: Optimum) -> None:
         tradeoff, config = self.tradeoff, self.config
-        # As the search saw it, which computes finer from then on what was once in doubt.
+        # At the rungs of the search, which computes lanes once in doubt finer from then on.
         found = tradeoff.measure(config.fidelity, optimum.point, optimum.last.rungs)
         finer, verified = None, None
         if config.verify != "none":
             finer = tradeoff.measure(config.verify, optimum.point)
             own = finer
-            # The bound as measured: beyond it by what the fidelities differ is no violation.
+            # The measured bound: a difference between the fidelities is no violation.
             data = self._data(FORCE, max(bound, finer.other))
             verified = verify(
                 lambda z, encounters, *data: tradeoff.judged(own, *data),
@@ -195,10 +195,10 @@ class Tracer:
             )
         values = np.asarray(tradeoff.space.from_shares(optimum.point))
         self.points.append(Point(bound, optimum, values, found, verified, finer))
-        self.say(self._told(self.points[-1]))
+        self.say(self._point_line(self.points[-1]))
         self.keep(self.points)
 
-    def _told(self, point: Point) -> str:
+    def _point_line(self, point: Point) -> str:
         quantity = self.tradeoff.quantity
         text = (
             f"{len(self.points):3d}  {quantity.name.replace('_', ' ')} {point.other:9.5g} "

@@ -20,10 +20,10 @@ class PeakForceConfig:
     set: tuple[str, ...] = machine.set_field()
     free: tuple[str, ...] = machine.free_field()
     distances: tuple[float, ...] = flags.field(
-        (0.8, 0.9, 1.0), "arc coordinates of the first touch [m]", least=0
+        (0.8, 0.9, 1.0), "arc coordinates of the first contact [m]", least=0
     )
     masses: tuple[float, ...] = flags.field((10.0, 15.0, 20.0), "parcel masses [kg]", above=0)
-    drive_angle: float = flags.field(0.30, "drive angle at the first touch [rad]")
+    drive_angle: float = flags.field(0.30, "drive angle at the first contact [rad]")
     duration: float = flags.field(
         0.25, "length of each impact [s]; the parcel must be diverted within it", above=0
     )
@@ -49,7 +49,7 @@ class PeakForceConfig:
     limit: tuple[str, ...] = named.limit_field()
     reserve: float = flags.field(
         0.005,
-        "kept in hand of every margin [1], for the difference to the reference fidelity",
+        "reserve in every margin [1], for the difference from the reference fidelity",
         least=0,
     )
     method: str = flags.field(
@@ -80,7 +80,7 @@ class PeakForceConfig:
         nargs="*",
         above=0,
     )
-    sort_front: float = flags.field(0.1, "where the parcel's front is when such a sort starts [m]")
+    sort_front: float = flags.field(0.1, "place of the parcel's front when such a sort starts [m]")
     plots: bool = flags.field(True, "draw the figures")
 
     def __post_init__(self):
@@ -109,7 +109,7 @@ class PeakForceConfig:
 
     @property
     def limits(self) -> tuple[objectives.Limit, ...]:
-        """What every impact must hold."""
+        """The limits for every impact."""
         limits = (
             objectives.tip_deflection_limit(self.tip_limit),
             objectives.stress_limit(self.stress_limit),
@@ -120,7 +120,7 @@ class PeakForceConfig:
 
     @property
     def quantity(self) -> fj.Quantity:
-        """What is minimised."""
+        """The objective."""
         return named.quantity("objective", self.objective)
 
     @property

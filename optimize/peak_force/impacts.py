@@ -1,4 +1,4 @@
-"""The impacts a fence is designed for, all of them in one batch, and what is asked of them."""
+"""The impacts that a fence is designed for, in one batch, and their objective and limits."""
 
 import dataclasses
 
@@ -17,8 +17,8 @@ from fencejax.sorter import Machine
 class Impacts:
     """Oblique impacts at several distances [m], each by parcels of several masses [kg].
 
-    `duration` [s] of each is long enough to see whether the parcel is diverted. `machine`: whose
-    belt, frictions and parcels' sizes these are; `None` for the paper's.
+    Their `duration` [s] is long enough to see whether the parcel is diverted. `machine`: with belt,
+    frictions and sizes of the parcels; `None` for the paper's.
     """
 
     distances: tuple[float, ...]
@@ -38,7 +38,7 @@ class Impacts:
         return f"{shown(mass, 'kg')} at R = {shown(distance, 'm')}"
 
     def parcel(self, mass) -> fj.Parcel:
-        """The parcel of a mass [kg]: the machine's, if there is one, but for its mass."""
+        """The parcel of a mass [kg], otherwise the machine's, if there is one."""
         if self.machine is None:
             return fj.Parcel(mass=mass)
         family = self.machine.family(("mass",), kind="oblique_impact", duration=self.duration)
@@ -64,7 +64,7 @@ class Impacts:
 
 
     def check(self, fence: fj.Fence, drive: fj.AbstractDrive) -> None:
-        """Have the scene of every lane made on the host, which compiles nothing.
+        """Make the scene of every lane on the host, without compiling anything.
 
         Raises `ValueError` that names the lane and its number where there is no such scene.
         """
@@ -90,7 +90,7 @@ def measure(
     objective: Quantity = objectives.PEAK_FORCE,
     signals: bool = True,
 ) -> tuple[Measurement, Trace | None]:
-    """What the impacts do to a fence, and their signals and the fence's mass if asked for.
+    """The quantities of a fence's impacts and, with `signals`, their signals and the fence's mass.
     Differentiable."""
     quantities = (objective, objectives.PEAK_FORCE, *(limit.quantity for limit in limits))
     if signals:
@@ -163,8 +163,8 @@ def whole_sorts(
     duration: float,
     machine: Machine | None = None,
 ) -> Measurement:
-    """How far beyond the belt's edge whole sorts carry parcels [m], their peak forces [N] and
-    statuses, one a mass; a check without derivatives."""
+    """The distances beyond the belt's edge that parcels reach in whole sorts [m], their peak forces
+    [N] and statuses, one a mass; a check without derivatives."""
 
     def one(mass):
         scene = whole_sort(fence, drive, front, mass, duration, machine)

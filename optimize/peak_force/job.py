@@ -4,16 +4,16 @@
 
 starts from the paper's two-link fence and minimises the largest peak reaction force, or another
 quantity (`--objective`), over impacts at several distances with several masses, under limits on the
-tip deflection, the bending stress, the tip clearance and the sort itself. The limits are asked of
+tip deflection, the bending stress, the tip clearance and the sort itself. The limits apply to
 every impact.
 
-What is designed, by default: the thickness h_1 and the length ratio l_s / l_p at a fixed reach,
-and Young's modulus, the choice of the material. The damping ratio and the density can be added,
-but 1 % of theirs moves the worst peak force of the paper's fence by less than 0.1 %.
+By default the variables are the thickness h_1 and the length ratio l_s / l_p at a fixed reach, and
+Young's modulus for the choice of the material. The damping ratio and the density can be added, but
+a change of 1 % in them changes the worst peak force of the paper's fence by less than 0.1 %.
 
-Whether the parcel is diverted is asked of the impacts themselves: within `duration` its centre of
-gravity must pass the belt's far edge. The optimum is then put beside the paper's two-link and
-one-link fences at the reference fidelity, in the same impacts and in whole sorts.
+A limit ensures that the impacts divert the parcel: within `duration` its centre of gravity must
+pass the belt's far edge. The optimum is then compared with the paper's two-link and one-link fences
+at the reference fidelity, in the same impacts and in whole sorts.
 `--worst-case` does all this for the paper's worst case alone.
 """
 
@@ -60,14 +60,14 @@ def _measured(config: PeakForceConfig, optimum: Optimum, at: Evaluation) -> dict
     return found
 
 
-# The least of the compiler's effort: a program takes two thirds of the time to compile and twice
-# the time to run, which pays for less than a hundred calls.
+# Least optimisation by the compiler: a program takes two thirds of the time to compile and twice
+# the time to run, which pays off for less than a hundred calls.
 _SELDOM_RUN = {"xla_backend_optimization_level": 0}
 
 
 class _Checks:
-    """What is computed of the two-link fence, the optimum and the one-link fence: compiled beside
-    the optimisation, and of the two fences known before, computed there too."""
+    """The checks of the two-link fence, the optimum and the one-link fence. They are compiled while
+    the optimisation runs, and also computed then for the two given fences."""
 
     def __init__(self, config: PeakForceConfig, space: DesignSpace, impacts: batch.Impacts):
         name = "reference" if config.reference else config.fidelity
@@ -101,7 +101,7 @@ class _Checks:
         pool.shutdown(wait=False)
 
     def _three(self, computed, after):
-        """What was computed of all three, stacked."""
+        """The results of all three fences, stacked."""
         program, (two_link, one_link) = computed.result()
         optimum = jax.tree.map(jnp.asarray, self._space.apply(after))
         found = two_link, jax.device_get(program(*optimum)), one_link
@@ -112,12 +112,12 @@ class _Checks:
         return self._three(self._impacts, after)
 
     def sorts(self, after):
-        """Measurements of the whole sorts; `None` where none are asked for."""
+        """Measurements of the whole sorts; `None` without any."""
         return None if self._sorts is None else self._three(self._sorts, after)
 
 
 def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = PeakForceConfig() if config is None else config
@@ -145,7 +145,7 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
         f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling, the first "
         "time ..."
     )
-    # What takes longest goes first: Python traces one program at a time, and XLA compiles beside.
+    # The slowest one first: programs are traced one at a time, and compiled in parallel.
     program.trace(start)
     checks = _Checks(config, space, impacts)
     optimum = minimize(
@@ -164,7 +164,7 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
 
 
 def _confirm(config, optimum, space, impacts, checks, before, after, say, begin) -> Outcome:
-    """Re-run the two designs, say and write what came out."""
+    """Simulate the two designs again, print and write the results."""
     limits = config.limits
     if config.plots:
         # Takes a second, while the checks are computed.
@@ -243,7 +243,7 @@ def _sorted_out(config, sorts, say) -> bool | None:
 
 
 def _drop(outcome: Outcome, paper: str) -> str:
-    """How the optimum's worst objective compares with that of one of the paper's fences."""
+    """The optimum's worst objective compared with that of one of the paper's fences, in words."""
     name = outcome.objective.name
     ratio = np.max(outcome.measured["after"][name])
     change = 1 - float(ratio / np.max(outcome.measured[paper][name]))

@@ -1,4 +1,4 @@
-"""What the job found."""
+"""The results of the job."""
 
 import dataclasses
 from typing import Any
@@ -10,11 +10,11 @@ from fencejax.design import DesignSpace, Limit, Optimum, Quantity
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found: the optimum, the designs [SI], measurements, and whether it stands.
+    """The results of the job: the optimum, the designs [SI], measurements, and their verification.
 
-    `measured` holds, one number an impact, what the optimiser found (`found`) and what the finer
-    fidelity says of the paper's two-link fence (`before`), the optimum (`after`) and the paper's
-    one-link fence (`one_link`); `sorts` the whole sorts of these three.
+    `measured` has, one number an impact, the optimiser's own numbers (`found`) and those of the
+    finer fidelity for the paper's two-link fence (`before`), the optimum (`after`) and the paper's
+    one-link fence (`one_link`); `sorts` has the whole sorts of these three.
     """
 
     optimum: Optimum
@@ -32,6 +32,6 @@ class Outcome:
 
     @property
     def succeeded(self) -> bool:
-        """Converged, feasible, and not contradicted by the reference or by the whole sorts."""
+        """Whether it converged, is feasible, and agrees with the reference and the whole sorts."""
         stands = self.confirmed is not False and self.sorted_out is not False
         return self.optimum.converged and self.optimum.feasible and stands

@@ -30,7 +30,7 @@ def write(
     config: PeakForceConfig, outcome: Outcome, impacts: Impacts, verdict: str,
     side_by_side: dict[str, dict],
 ) -> None:  # fmt: skip
-    """Write the page and what belongs to it."""
+    """Write the page and its files."""
     space, optimum, measured = outcome.space, outcome.optimum, outcome.measured
     quantity, limits = outcome.objective, outcome.limits
     fence, drive = space.apply(outcome.after)
@@ -74,7 +74,7 @@ def write(
                 pages.search_text(optimum),
             ]),
             pages.assumptions(
-                f"The impacts start at the first touch, the drive at {config.drive_angle:g} rad; "
+                f"The impacts start at the first contact, the drive at {config.drive_angle:g} rad; "
                 "that they are diverted is asked of them, and of whole sorts afterwards.",
             ),
             pages.again(config, "peak_force"),
@@ -83,7 +83,7 @@ def write(
 
 
 def rows(outcome: Outcome, impacts: Impacts) -> list[nearby.Rows]:
-    """What the margins of the search are, in their order."""
+    """The description of the search's margins, in their order."""
     return [nearby.Rows.of(limit, len(impacts.lanes)) for limit in outcome.limits]
 
 
@@ -97,8 +97,8 @@ def mine(config: PeakForceConfig, outcome: Outcome, impacts: Impacts) -> str:
     of += " of the paper's fence and drive" if config.machine is None else ""
     force = float(outcome.stiff[lane]) if quantity.name == "peak_force" else None
     where = f"R = {distance:g} m, {mass:g} kg"
-    held = outcome.optimum.feasible
-    return report.mine(float(values[lane]), quantity, of, where, obstacle=force, held=held)
+    feasible = outcome.optimum.feasible
+    return report.mine(float(values[lane]), quantity, of, where, obstacle=force, feasible=feasible)
 
 
 def _comparison(side_by_side: dict[str, dict]) -> Table:

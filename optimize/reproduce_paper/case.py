@@ -1,4 +1,4 @@
-"""One lane of every program: a fence, a parcel, a drive, and how the two meet."""
+"""One lane of every program: a fence, a parcel, a drive, and the first contact."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ from .fences import FENCES
 
 
 class Case(eqx.Module):
-    """A parcel that a fence meets on the drive's way out.
+    """A parcel that a fence hits on the drive's way out.
 
     Built from plain numbers by `make`; lanes are stacked by `stack`, each leaf with the lane as its
     first axis.
@@ -27,15 +27,15 @@ class Case(eqx.Module):
     parcel: fj.Parcel
     drive: FittedDrive
     distance: Array
-    """R [m], arc coordinate of the first touch."""
+    """R [m], arc coordinate of the first contact."""
     drive_angle: Array
-    """alpha_w [rad] at the first touch."""
+    """alpha_w [rad] at the first contact."""
     turn: Array
-    """How far the parcel is turned when it is met [1]: 0, its sides along the belt; 1, its centre
-    of gravity on the fence's normal through the corner."""
+    """The parcel's rotation at the first contact [1]: 0, its sides along the belt; 1, its centre of
+    gravity on the fence's normal through the corner."""
 
     def impact(self, duration: float, fidelity: fj.Fidelity) -> Scene:
-        """The oblique impact, from its first touch on, for `duration` [s]."""
+        """The oblique impact, from its first contact on, for `duration` [s]."""
         central = self._touching(None, duration)
         angle = self.turn * _pose(central, fidelity)[1].angle
         return self._touching(angle, duration)
@@ -53,7 +53,7 @@ class Case(eqx.Module):
 
     def approach_speed(self, distance: Array) -> Array:
         """v_n = v sin(alpha_w) + R alphadot_w [m/s], the normal approach speed at R = `distance`
-        [m] at the instant of the first touch."""
+        [m] at the instant of the first contact."""
         rate = self.drive.motion(self.drive.time_at(self.drive_angle)).speed
         return fj.Belt().speed * jnp.sin(self.drive_angle) + distance * rate
 
@@ -65,8 +65,8 @@ class Case(eqx.Module):
 
 
 class Start(eqx.Module):
-    """Where the parcel is when the drive starts, as `fencejax.scenes.whole_sort` takes it [m, m,
-    rad]; each of shape () or (lanes,)."""
+    """The parcel's place when the drive starts, as in `fencejax.scenes.whole_sort` [m, m, rad];
+    each of shape () or (lanes,)."""
 
     front: Array
     offset: Array
@@ -74,14 +74,15 @@ class Start(eqx.Module):
 
 
 def _pose(scene: Scene, fidelity: fj.Fidelity) -> tuple[Array, Body]:
-    """The drive's clock [s] and the parcel's motion at the first touch."""
+    """The drive's clock [s] and the parcel's motion at the first contact."""
     _, clock, memory = prepared(scene, fidelity)
     return clock.start, memory.body
 
 
 @eqx.filter_jit
 def starts(cases: Case, fidelity: fj.Fidelity) -> Start:
-    """Where parcels must be at t = 0 to ride with the belt into the impacts of `cases`."""
+    """The places of parcels at t = 0 from which the belt carries them into the impacts of
+    `cases`."""
 
     def one(case: Case) -> Start:
         time, body = _pose(case.impact(1.0, fidelity), fidelity)
@@ -119,7 +120,7 @@ def make(
 
 
 def undeformable(case: Case) -> Case:
-    """The case with a fence so stiff that it does not bend: a billion times the modulus."""
+    """The case with an undeformable fence: a billion times the modulus."""
     return eqx.tree_at(
         lambda c: c.fence.material.youngs_modulus,
         case,

@@ -17,9 +17,9 @@ class PaperConfig:
 
     out: Path = flags.field(Path("out"), "folder for result.json and the figures")
     distance: float = flags.field(
-        1.08, "R_s, arc coordinate of the first touch in the impact [m]", least=0
+        1.08, "R_s, arc coordinate of the first contact in the impact [m]", least=0
     )
-    drive_angle: float = flags.field(0.30, "drive angle at the first touch in the impact [rad]")
+    drive_angle: float = flags.field(0.30, "drive angle at the first contact in the impact [rad]")
     front: float = flags.field(0.1, "where the parcel's front is at t = 0 in the slide [m]")
     grid: int = flags.field(40, "points of the maps in each direction, for each fence", least=2)
     coarse_grid: int = flags.field(
@@ -32,7 +32,7 @@ class PaperConfig:
         (1.0, 30.0), "span of the parcel mass in the maps [kg]", above=0, **_SPAN
     )
     distances: tuple[float, float] = flags.field(
-        (0.3, 1.19), "span of the place of the first touch in the maps [m]", above=0, **_SPAN
+        (0.3, 1.19), "span of the place of the first contact in the maps [m]", above=0, **_SPAN
     )
     chunk: int = flags.field(400, "impacts computed at a time", least=1)
     fidelity: str = flags.field("standard", "fidelity of the simulations", choices=flags.FIDELITIES)

@@ -1,4 +1,4 @@
-"""Whole sorts over the drive's cycle: what Figs. 8 and 11 draw."""
+"""Whole sorts over the drive's cycle, as in Figs. 8 and 11."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from .case import Case, Start
 from .drives import CYCLE_TIME
 
 _PRESSES = 0.01
-"""Least normal force [N] of a contact, far below what matters and far above round-off."""
+"""Least normal force [N] that counts as a contact: negligible, but far above rounding."""
 
 
 class Cycle(NamedTuple):
@@ -35,10 +35,10 @@ class Cycle(NamedTuple):
     belt_force: Array
     """|F_1| [N], friction of the belt on the parcel."""
     load: Array
-    """What everything but the belt asks of the belt's friction [N]: sqrt(|F|^2 + (T / c)^2), with F
-    the force, T the moment about C_s and c the mean distance of (2.20)."""
+    """The load of everything but the belt on the belt's friction [N]: sqrt(|F|^2 + (T / c)^2), with
+    F the force, T the moment about C_s and c the mean distance of (2.20)."""
     hold: Array
-    """mu_1s m_p g [N], the most that static friction can hold of it."""
+    """mu_1s m_p g [N], the largest load that static friction can carry."""
     peak_force: Array
     """N_max [N]."""
     first_contact: Array
@@ -117,8 +117,8 @@ def run(cases: Case, starts: Start, fidelity: fj.Fidelity) -> Cycle:
 
 class Stiff(NamedTuple):
     """A parcel against the rigid obstacle: time [s], force [N], each of shape (lanes, T), the
-    largest force N_stiff [N], the normal approach speed [m/s] and what it is at the fence's tip,
-    each of shape (lanes,)."""
+    largest force N_stiff [N], and the normal approach speed [m/s] at the corner and at the fence's
+    tip, each of shape (lanes,)."""
 
     time: Array
     force: Array
@@ -129,8 +129,8 @@ class Stiff(NamedTuple):
 
 @eqx.filter_jit
 def restitutions(speed: Array, masses: Array, fidelity: fj.Fidelity) -> Array:
-    """Speeds at which parcels of some `masses` [kg] leave a rigid obstacle over the `speed` [m/s]
-    at which they met it [1], of shape (M,)."""
+    """Coefficients of restitution [1] of parcels of some `masses` [kg] that hit a rigid obstacle at
+    a `speed` [m/s], of shape (M,)."""
 
     def one(mass: Array) -> Array:
         wall = fj.scenes.rigid_wall(speed=speed, parcel=fj.Parcel(mass=mass))

@@ -1,4 +1,4 @@
-"""Drive laws that fit what the paper gives, cycle time and top speed, in one program."""
+"""Drive laws with the paper's cycle time and top speed, in one program."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
@@ -15,9 +15,8 @@ _SHARPER = 1.3
 class FittedDrive(AbstractDrive):
     """alpha_w(t) = sum_k share_k alpha_k(t) over the harmonic law, the trapezoid and the S-curve.
 
-    All three have the same top speed, cycle time and stroke and turn back in the middle of the
-    cycle; a share of 1 is the law itself. As the shares are numbers, one compiled program serves
-    every law.
+    All three have the same top speed, cycle time and stroke and reverse in the middle of the cycle.
+    A share of 1 selects a law. As the shares are numbers, one compiled program serves every law.
     """
 
     laws: tuple[AbstractDrive, ...]

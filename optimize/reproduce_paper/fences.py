@@ -3,8 +3,8 @@
 import fencejax as fj
 
 FENCES = {"two-link": fj.Fence, "one-link": fj.Fence.one_link}
-"""How each fence is made, by the name that tables and figures give it; `material` is the only
-number that the paper leaves open."""
+"""The functions that make the fences, by their names in tables and figures; `material` is the only
+argument that the paper leaves open."""
 
 NAMES = tuple(FENCES)
 JOINT = 0.45

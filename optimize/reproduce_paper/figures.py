@@ -154,7 +154,7 @@ def map_figure(maps: Maps, quantity: str) -> "Figure":
     panels = figure.subplots(1, len(fences.NAMES), sharey=True)
     for index, (axes, name) in enumerate(zip(panels, fences.NAMES, strict=True)):
         mass = "" if index else r"parcel mass $m_p$ [kg]"
-        panel(axes, "place of the first touch R [m]", mass, f"({'ab'[index]})")
+        panel(axes, "place of the first contact R [m]", mass, f"({'ab'[index]})")
         axes.set_title(name, fontsize="small")
         filled = axes.contourf(
             maps.distances, maps.masses, shown[index], levels=levels, cmap=style.MAP
@@ -192,7 +192,7 @@ def sensitivity_figure(found: Sensitivities) -> "Figure":
     d ln N_max / d(l_s / l_p) at constant reach."""
     figure = _figure(6.2)
     panels = figure.subplots(3, 2, sharex=True).ravel()
-    place = "place of the first touch R [m]"
+    place = "place of the first contact R [m]"
     across = np.broadcast_to(found.distances, found.force.shape)
     first = panel(panels[0], "", r"$N_{max}$ [N]", "(a)")
     _lines(first, across, found.force)

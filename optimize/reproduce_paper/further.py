@@ -1,4 +1,4 @@
-"""Statements of the paper in passing, judged at the default numbers alone."""
+"""Further statements of the paper, judged at the default numbers only."""
 
 import dataclasses
 
@@ -15,8 +15,8 @@ _MASS, _PLACE, _FALL = 15.0, 0.8, 2.426
 
 @dataclasses.dataclass(frozen=True)
 class FurtherEvidence:
-    """What these are judged by: cycles and `stiff` hold one lane a fence; `restitution` [1] is that
-    of `MASSES` at a rigid obstacle."""
+    """The evidence for these statements: cycles and `stiff` have one lane a fence; `restitution`
+    [1] is that of `MASSES` at a rigid obstacle."""
 
     impact: Cycle
     slide: Cycle
@@ -126,6 +126,6 @@ def _fall(evidence: FurtherEvidence) -> Finding:
 
 
 def judge_further(evidence: FurtherEvidence) -> list[Finding]:
-    """All of them."""
+    """Judge all of these statements."""
     rows = _free_end, _rigid_third, _paths, _restitution, _fall
     return [row(evidence) for row in rows]

@@ -43,7 +43,7 @@ def _joined(parts: list):
 
 
 class _Clock:
-    """Says what is being done and remembers how long it took [s]."""
+    """Prints and records the time [s] of each part of the job."""
 
     def __init__(self, say):
         self._say, self._begin = say, time.perf_counter()
@@ -82,7 +82,7 @@ def _sorts(
 
 
 def main(config: PaperConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it finds, and write its files into `config.out`."""
+    """Run the job, print its results, and write its files into `config.out`."""
     say = command.begin(quiet)
     config = PaperConfig() if config is None else config
     config.out.mkdir(parents=True, exist_ok=True)
@@ -96,7 +96,7 @@ def main(config: PaperConfig | None = None, *, quiet: bool = False) -> Outcome:
 
     places = np.linspace(0.5, 1.1, config.sensitivity_points)
     with concurrent.futures.ThreadPoolExecutor(max_workers=1) as pool:
-        # The longest compilation of all, beside the others.
+        # The longest compilation, in parallel with the others.
         slopes = pool.submit(sensitivity.along, cases[0], places, fidelity)
         say(f"whole sorts, {2 * len(NAMES) * len(settings) + 2} lanes in one program:")
         impacts, slides, rigid = _sorts(settings, cases, fidelity)

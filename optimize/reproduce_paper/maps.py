@@ -1,4 +1,4 @@
-"""Impacts over parcel mass and place of the first touch: what Figs. 9 and 10 draw."""
+"""Impacts over parcel mass and place of the first contact, as in Figs. 9 and 10."""
 
 import time
 from collections.abc import Callable
@@ -41,8 +41,8 @@ class Maps(NamedTuple):
 
     @property
     def sound(self) -> np.ndarray:
-        """Where the corner stays on the fence and the beam within small deflections. Numbers in
-        doubt are those of the finest fidelity, and stand."""
+        """Where the corner stays on the fence and the beam's deflections are small. Numbers in
+        doubt are those of the finest fidelity and count as sound."""
         return (self.status < fj.Status.LEFT_OVER_TIP) | np.isin(self.status, sorted(NUMERICAL))
 
     def counts(self) -> dict[str, int]:
@@ -95,17 +95,17 @@ def sweep(
 ) -> list[Maps]:
     """Maps of every batch of `fences` (its lanes: the fences) over the same grid.
 
-    All lanes of all batches go through one compiled program, `chunk` at a time, and those that it
-    doubts through that of the next finer fidelity. `progress` is called after each chunk with lanes
-    done, lanes in all and seconds left.
+    One compiled program computes all lanes of all batches, `chunk` at a time, and those in doubt
+    are computed again at the next finer fidelity. `progress` is called after each chunk with the
+    number of lanes done, of all lanes, and the seconds left.
     """
     masses, distances = np.asarray(masses, dtype=float), np.asarray(distances, dtype=float)
     parts = [_grid(batch, masses, distances) for batch in fences]
     lanes = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
     begin = None
 
-    def said(done, total):
-        # The first chunk compiles, so that it says nothing about the speed.
+    def report(done, total):
+        # The first chunk includes compilation and does not count for the speed.
         nonlocal begin
         begin = time.perf_counter() if begin is None else begin
         rate = (time.perf_counter() - begin) / max(1, done - chunk)
@@ -116,7 +116,7 @@ def sweep(
 
     def compute(rung: int, some: Case) -> tuple[_Outcome, np.ndarray]:
         size = min(chunk, some.distance.shape[0])
-        tell = said if rung == 0 else None
+        tell = report if rung == 0 else None
         found = in_chunks(lambda part: _impacts(part, ladder[rung]), some, size, progress=tell)
         return found, found.status
 

@@ -1,4 +1,4 @@
-"""What the paper leaves open, and the range over which its statements are repeated."""
+"""Numbers that the paper leaves open, and their ranges over which its statements are repeated."""
 
 import dataclasses
 from typing import Any
@@ -13,16 +13,16 @@ from .fences import NAMES
 
 @dataclasses.dataclass(frozen=True)
 class Setting:
-    """A choice of everything that the paper leaves open; the defaults are those of the project.
+    """A choice of all numbers that the paper leaves open; the defaults are the project's own.
 
     **Fields:**
 
     - `length`, `breadth`: A and B [m].
     - `damping_ratio`: zeta [1]. `youngs_modulus`: E [Pa].
     - `law`: the drive's.
-    - `distance`: R_s [m], where the parcel is met; `drive_angle` [rad], when.
-    - `turn` [1]: how far the parcel is turned then (see `Case`).
-    - `front` [m]: where the sliding parcel's front is when the drive starts.
+    - `distance`, `drive_angle`: R_s [m] and the drive's angle [rad] at the first contact.
+    - `turn` [1]: the parcel's rotation then (see `Case`).
+    - `front` [m]: the place of the sliding parcel's front when the drive starts.
     """
 
     length: float = 0.4
@@ -60,7 +60,7 @@ class Setting:
         )
 
     def sliding(self) -> Start:
-        """Where the parcel of the slide, Delta s = 0, is when the drive starts."""
+        """The place of the parcel of the slide, Delta s = 0, when the drive starts."""
         zero = jnp.zeros(len(NAMES))
         return Start(zero + self.front, zero, zero)
 
@@ -99,6 +99,6 @@ VARIANTS = (
     Variant("front, slide", "0.0 m", {"front": 0.0}),
     Variant("front, slide", "0.2 m", {"front": 0.2}),
 )
-"""One number at a time, its low and its high value (or the other ones, where it is a choice; PA6
-that has taken up moisture has 1.0 to 1.5 GPa); and place and angle together, so that the corner
-itself is met at the paper's 2.42 m/s, which at the default is the speed at the tip."""
+"""One number at a time at its low and its high value (or at its other values, for a choice; moist
+PA6 has 1.0 to 1.5 GPa), and place and angle together, so that the corner itself is hit at the
+paper's 2.42 m/s, which by default is the speed at the tip."""

@@ -1,4 +1,4 @@
-"""What the job found."""
+"""The results of the job."""
 
 import dataclasses
 
@@ -11,8 +11,8 @@ from .statements import Finding
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found. Cycles, `stiff` and maps hold a lane a fence; `rigid` is the impact and
-    the slide, one lane each, by an undeformable fence; `elapsed` [s] by part of the job."""
+    """The results of the job. Cycles, `stiff` and maps have a lane a fence; `rigid` is the impact
+    and the slide, one lane each, by an undeformable fence; `elapsed` [s] by part of the job."""
 
     impact: Cycle
     slide: Cycle
@@ -27,5 +27,5 @@ class Outcome:
 
     @property
     def agrees(self) -> bool:
-        """Whether no statement of the paper is contradicted but those that are known to be."""
+        """Whether the model contradicts only those statements of the paper that it is known to."""
         return all(f.verdict != "no" or f.contradicted for f in self.findings)

@@ -1,4 +1,5 @@
-"""Derivatives of the peak force over the place of the first touch, by automatic differentiation."""
+"""Derivatives of the peak force over the place of the first contact, by automatic
+differentiation."""
 
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ VARIABLES = {
     "density": ("density", r"\rho"),
     "damping_ratio": ("damping ratio", r"\zeta"),
 }
-"""What is varied: words and symbol. The length ratio is varied at constant reach R_z."""
+"""The variables with words and symbols. The length ratio varies at constant reach R_z."""
 
 _DURATION = 0.15
 

@@ -1,4 +1,4 @@
-"""The paper's statements, each with the number it stands on and what is found for it."""
+"""The paper's statements, each with the number that decides it and the verdict."""
 
 import dataclasses
 from collections.abc import Callable
@@ -16,7 +16,7 @@ VERDICTS = ("yes", "partly", "no")
 
 @dataclasses.dataclass(frozen=True)
 class Evidence:
-    """What the statements are judged by. Cycles hold one lane a fence, in the order of
+    """The evidence for the statements. Cycles have one lane a fence, in the order of
     `fences.NAMES`; `stiff` is N_stiff [N] of the impact, of shape (fences,)."""
 
     impact: Cycle
@@ -27,9 +27,9 @@ class Evidence:
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """One statement judged: `key` and `says`, the paper's words in short; `found`, what comes out
-    here; `verdict`, one of `VERDICTS`; `main`, the number that decides, with `unit`; `numbers`,
-    all of them [SI]; `remark`, why, where the answer is not a plain yes."""
+    """One statement judged: `key` and `says`, the paper's statement in short; `found`, the result
+    here; `verdict`, one of `VERDICTS`; `main`, the number that decides, with `unit`; `numbers`, all
+    results [SI]; `remark`, the explanation where the verdict is not a plain yes."""
 
     key: str
     says: str
@@ -40,7 +40,7 @@ class Finding:
     numbers: dict[str, float]
     remark: str
     contradicted: bool = False
-    """Whether the model is known to say otherwise: a "no" is then no surprise."""
+    """Whether the model is known to contradict the statement, so that a "no" is expected."""
 
 
 def pair(values, form: str, factor: float = 1.0) -> str:
@@ -57,7 +57,7 @@ def verdict(holds: bool, nearly: bool = False) -> str:
 
 def _drop(evidence: Evidence) -> Finding:
     ratio = evidence.stiff / evidence.impact.peak_force
-    # "Almost threefold" is what rounds to 3; a drop of more than that is the statement and more.
+    # "Almost threefold" is a factor that rounds to 3; a larger drop exceeds the statement.
     holds = bool(np.all((ratio >= 2.5) & (ratio < 3.5)))
     return Finding(
         "drop",
@@ -144,7 +144,7 @@ def largest_dip(values: np.ndarray, sound: np.ndarray, axis: int) -> float:
 
 def _grows(evidence: Evidence, axis: int, key: str, says: str, remark: str) -> Finding:
     maps = evidence.maps
-    # Away from the joint: what happens near it is a statement of its own.
+    # Away from the joint, about which there is another statement.
     away = maps.distances >= fences.JOINT + 0.2 * fences.FLEXIBLE - 1e-9
     sound = maps.sound[..., away]
     read = {"force": maps.ratio[..., away], "tip": maps.tip[..., away]}

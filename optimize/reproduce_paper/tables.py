@@ -1,4 +1,4 @@
-"""The tables that are printed: statements one by one, and how each depends on open numbers."""
+"""The printed tables: the statements, and their dependence on open numbers."""
 
 import textwrap
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ CHOSEN = (
     "The paper gives neither E nor R_s. E = 3.0 GPa and R_s = 1.08 m are chosen so that the drop\n"
     "of the force and the deflection of the tip agree: these two rows are no proof of the model."
 )
-"""What of the agreement was chosen."""
+"""The part of the agreement that is due to a choice."""
 
 
 def statement_table(findings: Sequence[Finding]) -> str:
@@ -52,8 +52,8 @@ def dependence_table(
 ) -> str:
     """The number that decides each statement, for every open number at its low and high value.
 
-    A star marks a verdict that differs from the one at the default; the lines below say how, and
-    why for each statement that does not hold throughout.
+    A star marks a verdict that differs from the one at the default; the lines below explain the
+    difference, and every statement that does not hold throughout.
     """
     title = max(len(f"{v.title}: {v.label}") for v, _ in others) + 2
     heads = [f"{f.key} [{f.unit}]" for f in base]

@@ -1,4 +1,4 @@
-"""What a fresh sample of parcels says, and how sure it is."""
+"""Statistics of a fresh sample of parcels with confidence intervals."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ from scipy.special import betaincinv
 
 
 class Interval(NamedTuple):
-    """An estimate and the bounds that hold it with the stated confidence."""
+    """An estimate and the bounds of its confidence interval."""
 
     value: float
     lower: float
@@ -33,8 +33,8 @@ def bootstrap(
     """A measure of a sample with its percentile bootstrap interval (Efron, 1979).
 
     With `values` of shape (n, 2) the interval is that of the second column's measure over the
-    first's, both drawn together. A worst case is not a thing the bootstrap bounds from above: it
-    never draws more than the sample's largest.
+    first's, both drawn together. The bootstrap does not bound a worst case from above, as it never
+    draws more than the sample's largest value.
     """
     generator = np.random.default_rng(seed)
     table = values if values.ndim == 2 else values[:, None]
@@ -50,9 +50,9 @@ def bootstrap(
     return Interval(float(np.ravel(whole)[0]), float(low), float(high))
 
 
-def share(held: np.ndarray, confidence: float) -> Interval:
+def share(holds: np.ndarray, confidence: float) -> Interval:
     """The share of parcels that hold a limit, with Clopper and Pearson's exact interval (1934)."""
-    count, good = held.size, int(np.sum(held))
+    count, good = holds.size, int(np.sum(holds))
     half = 0.5 * (1 - confidence)
     low = 0.0 if good == 0 else float(betaincinv(good, count - good + 1, half))
     high = 1.0 if good == count else float(betaincinv(good + 1, count - good, 1 - half))

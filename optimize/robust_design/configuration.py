@@ -11,19 +11,19 @@ from ..common import flags, machine, named
 from ..common.encounters import KINDS
 
 SEVERITIES = {"force": "N", "g_load": "1", "drop_height": "m"}
-"""Units of what a blow is measured by: the peak force, F / (m g), the equivalent drop height."""
+"""Measures of a blow with their units: peak force, F / (m g), equivalent drop height."""
 METHODS = ("sample", "stochastic")
 _DURATIONS = {"impacts": 0.20, "sorts": 1.4}
 Span = tuple[float, float]
 _SPAN: dict[str, Any] = {"nargs": 2, "metavar": ("FROM", "TO")}
 
 LOGARITHMIC = ("mass", "stiffness")
-"""Spans drawn evenly in the logarithm."""
+"""Numbers drawn uniformly in the logarithm."""
 LINEAR = (
     "length", "breadth", "offset", "angle", "front", "belt_friction", "fence_friction",
     "distance", "drive_angle",
 )  # fmt: skip
-"""Spans drawn evenly."""
+"""Numbers drawn uniformly."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,13 +35,13 @@ class RobustConfig:
         "fresh", "resamples", "confidence", "excluded_most", "chunk", "check_fidelity", "seed",
         "plots", *LOGARITHMIC, *LINEAR,
     })  # fmt: skip
-    """Fields that do not bear on the numbers of an evaluation: those kept hold for any.
-    Parcels are addressed by themselves."""
+    """Fields that do not affect the numbers of an evaluation; a journal is valid for any of them.
+    The parcels are part of an evaluation's address."""
 
     out: Path = flags.field(
         Path("out"),
         "folder for robust.json, report.html, fence.dxf, evaluations.jsonl, fresh.npz and the "
-        "figures; a job that was interrupted goes on from there",
+        "figures; an interrupted job resumes from there",
     )
     sorter: str = machine.sorter_field()
     set: tuple[str, ...] = machine.set_field()
@@ -49,8 +49,8 @@ class RobustConfig:
     scenes: str = flags.field("sorts", "whole sorts, or single impacts", choices=KINDS)
     severity: str = flags.field(
         "force",
-        "what a blow is measured by: peak force, g-load F / (m g), or the height of the "
-        "drop on a corner that hits as hard",
+        "measure of a blow: peak force, g-load F / (m g), or the height of the equivalent drop "
+        "on a corner",
         choices=tuple(SEVERITIES),
     )
     measure: str = flags.field(
@@ -59,7 +59,7 @@ class RobustConfig:
         choices=risk.MEASURES,
     )
     level: float = flags.field(
-        0.95, "of the CVaR: the share of parcels that are not among the worst [1]", between=(0, 1)
+        0.95, "level of the CVaR: share of parcels that are not among the worst [1]", between=(0, 1)
     )
     fraction: float = flags.field(
         0.95, "share of parcels for which each limit must hold [1]", between=(0, 1)
@@ -71,7 +71,7 @@ class RobustConfig:
     )
     limit: tuple[str, ...] = named.limit_field()
     mass: Span = flags.field(
-        (0.2, 30.0), "span of the parcel mass [kg], even in its logarithm", above=0, **_SPAN
+        (0.2, 30.0), "span of the parcel mass [kg], uniform in its logarithm", above=0, **_SPAN
     )
     length: Span = flags.field(
         (0.20, 0.60), "span of the parcel's side along the belt [m]", above=0, **_SPAN
@@ -81,8 +81,8 @@ class RobustConfig:
     )
     stiffness: Span = flags.field(
         (0.6e9, 5.0e9),
-        "span of k_p [N/m^4], even in its logarithm; b_p goes with its power 0.6, so that "
-        "the restitution stays",
+        "span of k_p [N/m^4], uniform in its logarithm; b_p is proportional to k_p^0.6, so "
+        "that the restitution is constant",
         above=0,
         **_SPAN,
     )
@@ -105,10 +105,10 @@ class RobustConfig:
         (0.25, 0.45), "span of the kinetic friction on the fence [1]", least=0, **_SPAN
     )
     distance: Span = flags.field(
-        (0.75, 1.05), "of impacts: span of the first touch's arc coordinate [m]", least=0, **_SPAN
+        (0.75, 1.05), "of impacts: span of the first contact's arc coordinate [m]", least=0, **_SPAN
     )
     drive_angle: Span = flags.field(
-        (0.2, 0.4), "of impacts: span of the drive angle at the first touch [rad]", **_SPAN
+        (0.2, 0.4), "of impacts: span of the drive angle at the first contact [rad]", **_SPAN
     )
     drive: str = named.drive_field()
     taper: str = named.taper_field()
@@ -138,7 +138,7 @@ class RobustConfig:
     resamples: int = flags.field(1000, "of the bootstrap", least=50)
     confidence: float = flags.field(0.95, "of the intervals [1]", between=(0, 1))
     excluded_most: float = flags.field(
-        0.01, "largest share of fresh parcels whose numbers are bad [1]", least=0
+        0.01, "largest share of fresh parcels without good numbers [1]", least=0
     )
     chunk: int = flags.field(64, "parcels in one vectorised call", least=1)
     duration: float = flags.field(
@@ -189,7 +189,7 @@ class RobustConfig:
 
     @property
     def limits(self) -> tuple[Limit, ...]:
-        """What the stated fraction of parcels must hold."""
+        """The limits for the stated fraction of parcels."""
         limits = (
             objectives.tip_deflection_limit(self.tip_limit),
             objectives.stress_limit(self.stress_limit),

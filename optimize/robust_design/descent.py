@@ -1,4 +1,4 @@
-"""The two ways to the robust design: a fixed sample, or fresh parcels at every step."""
+"""The two methods of robust design: a fixed sample, or fresh parcels at every step."""
 
 import functools
 from collections.abc import Callable
@@ -34,8 +34,9 @@ class Step(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A design's shares, why the search ended, whether that was what it looks for, its steps, the
-    measure of its own sample (NaN where there is none), and the optimum where there is one."""
+    """The result of a search: the design's shares, why the search ended, whether it ended as
+    intended, its steps, the measure of its own sample (NaN without one), and the optimum, if
+    any."""
 
     point: np.ndarray
     stop: str
@@ -48,8 +49,8 @@ class Found(NamedTuple):
 def by_sample(population: Population, journal: Journal, say: Callable[..., None]) -> Found:
     """Sample-average approximation: the statistics of one sample, by quadratic programming.
 
-    The statistics have kinks where parcels change ranks, finer the larger the sample; the search
-    ends where nothing lower is found, if the kinks keep the residual above the tolerance.
+    The statistics have kinks where parcels change ranks, smaller ones for larger samples. Where
+    they keep the residual above the tolerance, the search ends when it finds no lower design.
     """
     config = population.config
     encounters = jax.tree.map(np.asarray, draw(config, config.sample, 0))
@@ -92,8 +93,8 @@ def by_batches(population: Population, journal: Journal, say: Callable[..., None
         numbers, _ = journal.numbers(point, (encounters,), compute)
         if descent is None:
             scale = float(np.max(np.abs(numbers.objectives))) or 1.0
-            held = Multipliers(np.ones(1), np.zeros(numbers.margins.size))
-            descent = FirstOrder(transform, held, share=0.1)
+            multipliers = Multipliers(np.ones(1), np.zeros(numbers.margins.size))
+            descent = FirstOrder(transform, multipliers, share=0.1)
         at = Evaluation(
             point, numbers.objectives / scale, numbers.margins, numbers.objective_rows / scale,
             numbers.margin_rows, numbers.status, False,

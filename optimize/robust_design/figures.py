@@ -1,4 +1,4 @@
-"""The blows before and after, and how the search went."""
+"""Figures of the blows before and after, and of the search."""
 
 from pathlib import Path
 

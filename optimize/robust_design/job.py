@@ -2,20 +2,20 @@
 
     python -m optimize.robust_design --severity drop_height --out out
 
-Mass, size, stiffness, place, turn, timing and friction of the parcels are drawn from spans that a
-flag each sets. What is minimised is the mean, the CVaR (the mean of the worst 5 %) or the worst of
+Mass, size, stiffness, place, angle, timing and friction of the parcels are drawn from spans, each
+set by a flag. The objective is the mean, the CVaR (the mean of the worst 5 %) or the worst case of
 the peak force, of the g-load or of the equivalent drop height; each limit must hold for a stated
-fraction of the parcels. Thousands of whole sorts go through one compiled step.
+fraction of the parcels. One compiled program simulates thousands of whole sorts.
 
-Two ways lead there: one sample of parcels throughout, whose statistics are a plain design problem,
-or a fresh batch at every step. Either way the paper's fence and the design found are judged on a
-fresh sample that the search has not seen, with intervals: bootstrap for the measure, exact ones
-for the shares of parcels that hold the limits.
+There are two methods: one sample of parcels throughout, whose statistics are an ordinary design
+problem, or a fresh batch at every step. Both the paper's fence and the final design are then judged
+on a fresh sample that the search has not used, with confidence intervals: bootstrap for the
+measure, exact ones for the shares of parcels that hold the limits.
 
-Parcels whose numbers are in doubt at the chosen fidelity are computed again at a finer one. Those
-without numbers are left out, counted and reported, and count as breaking the limits.
+Parcels in numerical doubt at the chosen fidelity are computed again at a finer one. Those without
+numbers are left out of the measure, reported, and count as breaking the limits.
 Every evaluation is written to `evaluations.jsonl` at once: the same command with the same folder
-goes on where it was interrupted.
+resumes an interrupted job.
 """
 
 import dataclasses
@@ -59,7 +59,7 @@ def _judgement(population: Population, read: dict[str, np.ndarray], fresh: Encou
 
 
 def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, print what it does, and write its files into `config.out`."""
+    """Run the job, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = RobustConfig() if config is None else config
@@ -99,8 +99,8 @@ def main(config: RobustConfig | None = None, *, quiet: bool = False) -> Outcome:
     say("\n" + _table(population, outcome) + "\n\n" + _verdict(outcome))
     if found.optimum is not None:
         rows = page.rows(population)
-        said = nearby.price_text(population.space, found.optimum, rows, config.unit)
-        say("\n" + said)
+        prices = nearby.price_text(population.space, found.optimum, rows, config.unit)
+        say("\n" + prices)
     say("\n" + page.mine(outcome))
     say(f"wrote {config.out} ({outcome.elapsed:.1f} s in all)")
     return outcome
@@ -166,7 +166,7 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
     config, found = outcome.config, outcome.found
     space = population.space
 
-    def told(judgement: Judgement) -> dict[str, Any]:
+    def content_of(judgement: Judgement) -> dict[str, Any]:
         return {
             "measures": {k: v._asdict() for k, v in judgement.measures.items()},
             "limits_held": {k: v._asdict() for k, v in judgement.shares.items()},
@@ -181,7 +181,7 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
         "design": {"before": space.named(outcome.before), "after": space.named(outcome.after)},
         "on_bounds": designs.on_bounds(space, outcome.after),
         "unit": config.unit,
-        "fresh": {when: told(judgement) for when, judgement in outcome.judged.items()},
+        "fresh": {when: content_of(judgement) for when, judgement in outcome.judged.items()},
         "ratio": outcome.ratio._asdict(),
         "own_sample": found.objective,
         "does_not_bend": outcome.stiff,

@@ -1,4 +1,4 @@
-"""What the job found."""
+"""The results of the job."""
 
 import dataclasses
 
@@ -23,9 +23,9 @@ class Judgement:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found: the designs [SI], their judgements, and the ratio of the measure after
-    to that before, on the same fresh parcels; and the measure after of a fence of that shape that
-    does not bend."""
+    """The results of the job: the designs [SI], their judgements, the ratio of the measure after to
+    that before on the same fresh parcels, and `stiff`, the measure of a rigid fence of the shape
+    after."""
 
     config: RobustConfig
     found: Found
@@ -37,13 +37,14 @@ class Outcome:
     elapsed: float
 
     @property
-    def held(self) -> bool:
-        """Whether the fresh sample does not contradict that each limit holds for the fraction."""
+    def limits_hold(self) -> bool:
+        """Whether the fresh sample is consistent with each limit holding for the stated
+        fraction."""
         shares = self.judged["after"].shares.values()
         return all(s.upper >= self.config.fraction for s in shares)
 
     @property
     def succeeded(self) -> bool:
-        """The search ended as it should, the limits hold, few parcels had to be left out."""
+        """Whether the search ended as intended, the limits hold, and few parcels were left out."""
         few = self.judged["after"].excluded <= self.config.excluded_most
-        return self.found.ended and self.held and few
+        return self.found.ended and self.limits_hold and few

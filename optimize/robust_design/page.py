@@ -23,7 +23,7 @@ _MEASURES = {"mean": "mean", "cvar": "CVaR", "worst": "worst"}
 
 
 def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: str) -> None:
-    """Write the page and what belongs to it."""
+    """Write the page and its files."""
     config, space = outcome.config, population.space
     severity = plain(config.severity)
     fence, _ = space.apply(outcome.after)
@@ -36,7 +36,7 @@ def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: s
     Report(
         f"A robust fence: {title}",
         f"Which fence makes the {_MEASURES[config.measure]} of the {severity} least over parcels "
-        f"as they come, each limit held for {100 * config.fraction:g} % of them?",
+        f"as they come, with each limit met for {100 * config.fraction:g} % of them?",
         pages.sentences(
             mine(outcome), f"the {_MEASURES[config.measure]}{verdict.removeprefix(config.measure)}"
         ),
@@ -64,8 +64,8 @@ def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: s
 
 
 def rows(population: Population) -> list[nearby.Rows]:
-    """What the margins of the search are, in their order: of each limit that which the stated
-    fraction of parcels has at least."""
+    """The description of the search's margins, in their order: for each limit the margin that the
+    stated fraction of parcels reaches."""
     return [nearby.Rows.of(limit, 1) for limit in population.limits]
 
 
@@ -74,7 +74,7 @@ def mine(outcome: Outcome) -> str:
     config = outcome.config
     own = outcome.judged["after"].measures[config.measure].value
     text = (
-        f"{report.result_of(outcome.held)} {own:.4g} {config.unit}, the "
+        f"{report.result_of(outcome.limits_hold)} {own:.4g} {config.unit}, the "
         f"{_MEASURES[config.measure]} of the {plain(config.severity)} over {config.fresh} parcels"
     )
     if config.machine is not None and config.machine.title:
@@ -94,7 +94,7 @@ def _decides(population: Population, outcome: Outcome) -> list[Part | str]:
 
 
 def _parcels(fresh: Encounter) -> Table:
-    """What the numbers of the fresh parcels span."""
+    """The ranges of the fresh parcels' numbers."""
     units = {
         "mass": "kg", "length": "m", "breadth": "m", "stiffness": "N/m^4", "offset": "m",
         "front": "m", "angle": "rad", "distance": "m", "drive_angle": "rad",

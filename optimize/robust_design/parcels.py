@@ -1,4 +1,4 @@
-"""Parcels as they come: a sample of encounters."""
+"""Random samples of parcels and their encounters."""
 
 import numpy as np
 from scipy.stats import qmc
@@ -9,12 +9,13 @@ from .configuration import LINEAR, LOGARITHMIC, RobustConfig
 
 _STIFFNESS, _DAMPING = 1.72e9, 3.3e5
 FRESH = 1
-"""The stream of the fresh sample; 0 is the sample's own, from 2 on come the batches."""
+"""The random stream of the fresh sample; 0 is that of the search's sample, those from 2 on are of
+the batches."""
 
 
 def draw(config: RobustConfig, count: int, stream: int) -> Encounter:
-    """`count` encounters with independent numbers, each even over its span (of its logarithm for
-    mass and stiffness).
+    """`count` encounters with independent numbers, each uniform over its span (in the logarithm
+    for mass and stiffness).
 
     The sample and the batches are scrambled Sobol points, which cover the spans more evenly; the
     fresh sample is drawn at random, so that its intervals are those of independent parcels.

@@ -1,4 +1,4 @@
-"""What parcels as they come make of a design, as numbers of the whole sample."""
+"""The robust design problem: statistics over a sample of parcels."""
 
 from collections.abc import Mapping
 
@@ -17,7 +17,8 @@ from .parcels import ends
 
 
 class Population:
-    """The design problem over a sample of parcels, which is data: any sample of a size serves."""
+    """The design problem over a sample of parcels. The sample is data: any of the same size
+    fits."""
 
     def __init__(self, config: RobustConfig):
         self.config, self.space, self.limits = config, config.space, config.limits
@@ -36,8 +37,8 @@ class Population:
         self._stiff = jax.jit(lambda z, encounters: self._lanes(z, encounters, stiff))
 
     def check(self) -> None:
-        """Raise `ValueError` where there is no encounter at an end of the spans, or none of the
-        sorter's first parcel, before anything is compiled."""
+        """Raise `ValueError` where an encounter at an end of the spans, or of the sorter's first
+        parcel, is impossible, before anything is compiled."""
         config = self.config
         course = Course(config.scenes, config.seconds, fj.Fidelity.fast(), machine=config.machine)
         course.check(self.space.fence, self.space.drive, ends(config))
@@ -52,7 +53,7 @@ class Population:
 
     @staticmethod
     def valid(read: Mapping[str, ArrayLike], statuses: ArrayLike) -> Array:
-        """Which parcels have numbers: finite ones, of a scene that is consistent."""
+        """Which parcels have finite numbers of a consistent scene."""
         valid = jnp.asarray(statuses) < fj.Status.INCONSISTENT
         for values in read.values():
             valid = valid & jnp.isfinite(values)
@@ -69,8 +70,8 @@ class Population:
     def statistics(
         self, z: Array, read: dict[str, Array], statuses: Array, encounters: Encounter
     ):
-        """The measure of the severity; of each limit the margin that the stated fraction of
-        parcels has at least.
+        """The measure of the severity, and for each limit the margin that the stated fraction of
+        parcels reaches.
 
         Parcels without numbers are left out of the measure and count as breaking every limit.
         """
@@ -83,7 +84,7 @@ class Population:
         return measure, jnp.stack(margins)
 
     def stiff(self, z, encounters: Encounter) -> float:
-        """The measure of the severity by a fence of the same shape that does not bend."""
+        """The measure of the severity by a rigid fence of the same shape."""
         read, statuses = self._stiff(jnp.asarray(z), encounters)
         harm, config = self.harm(read["peak_force"], encounters), self.config
         return float(risk.risk(harm, config.measure, config.level, self.valid(read, statuses)))

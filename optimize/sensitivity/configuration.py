@@ -15,8 +15,8 @@ SCENES = (
     "rigid_wall",
 )  # fmt: skip
 
-# name, lower, upper, unit, scaling: what PA6, the parcels of a sorter and its settings span around
-# the paper's numbers, such that the corner stays on the fence.
+# name, lower, upper, unit, scaling: ranges of PA6, of a sorter's parcels and of its settings around
+# the paper's numbers, in which the corner stays on the fence.
 _RANGES = (
     fj.DesignVariable("thickness", 0.040, 0.050, "m", "linear"),
     fj.DesignVariable("length_ratio", 0.4, 0.8, "1", "linear"),
@@ -136,7 +136,7 @@ class SensitivityConfig:
         return tuple(named.quantity("outputs", text) for text in self.outputs)
 
     def inputs(self, scene: AnyScene) -> tuple[fj.DesignVariable, ...]:
-        """What varies, with its ranges.
+        """The inputs that vary, with their ranges.
 
         Raises `ValueError` for a name or a range that cannot be.
         """

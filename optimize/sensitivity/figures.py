@@ -48,8 +48,8 @@ def bars(titles: Sequence[str], outputs, names, found: Local) -> "Figure":
 
 
 def along(label: str, at: np.ndarray, outputs, names, found: Local, most: int = 8) -> "Figure":
-    """Elasticities along a line, one panel an output, of the inputs that count most; shaded where
-    the status says that the model does not answer for it."""
+    """Elasticities along a line, one panel an output, of the most important inputs; shaded
+    where the status says that the model is not valid."""
     rows = (len(outputs) + 1) // 2
     figure = style.figure(0.8 + 2.9 * rows, 9.2)
     panels = figure.subplots(rows, 2, sharex=True, squeeze=False)

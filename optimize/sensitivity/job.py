@@ -5,13 +5,14 @@
 takes a scene with the paper's numbers and prints, for each output,
 
 - local: the elasticities d ln Q / d ln p in every input, at chosen points and along the distance R
-  of the first touch, by automatic differentiation. The derivatives in *all* numbers of the scene
-  must obey three sum rules, since a law of mechanics does not know the units of mass, length and
-  time: how far they do is printed below each table. No knob of the fidelity carries mass, so that
-  what its rule leaves over is the error of the derivatives themselves; length and time show besides
-  how much of the result hangs on the step and on the smoothing of friction, which carry units too;
+  of the first contact, by automatic differentiation. The derivatives in *all* numbers of the scene
+  must obey three sum rules, since laws of mechanics do not depend on the units of mass, length and
+  time; the residuals of these rules are printed below each table. No setting of the fidelity has a
+  unit with mass, so that the residual of its rule is the error of the derivatives. The residuals of
+  length and time also contain the influence of the step and of the smoothing of friction, which
+  have such units;
 - global: the shares of the output's variance due to each input, as all of them vary over their
-  ranges: indices of Sobol' by sampling, and above them the bounds that sampled derivatives give.
+  ranges: indices of Sobol' by sampling, and upper bounds on them from sampled derivatives.
 
 It writes result.json, samples.npz (every point and value of the global study) and three figures.
 Exit status 1 if a value is not finite, the rule of mass is off by more than 0.01, or a bound lies
@@ -37,7 +38,7 @@ from .study import Global, Local, Samples
 
 
 class _Clock:
-    """Says how far a part is, with rate and time left, once a second."""
+    """Prints the progress of a part, with rate and time left, once a second."""
 
     def __init__(self, say):
         self._say, self.elapsed = say, {}
@@ -60,7 +61,7 @@ class _Clock:
 
 
 def main(config: SensitivityConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the study, print what it finds, and write its files into `config.out`."""
+    """Run the study, print its results, and write its files into `config.out`."""
     say = command.begin(quiet)
     config = SensitivityConfig() if config is None else config
     config.check()
@@ -118,7 +119,7 @@ def _titles(outcome: Outcome) -> list[str]:
 
 
 def _write_samples(config: SensitivityConfig, names, samples: Samples) -> None:
-    """Every point u and value of the global study, before anything is made of them."""
+    """Write every point u and value of the global study, before they are evaluated."""
     np.savez_compressed(
         config.out / "samples.npz",
         names=np.array(names),
@@ -136,7 +137,7 @@ def _write_samples(config: SensitivityConfig, names, samples: Samples) -> None:
 def _axis(response: Response, name: str) -> str:
     """The label of an axis over one of the scene's numbers."""
     path = scene_numbers.resolve(response.scene, name)
-    words = "place of the first touch R" if name == "distance" else name.replace("_", " ")
+    words = "place of the first contact R" if name == "distance" else name.replace("_", " ")
     return f"{words} [{scene_numbers.number(response.scene, path).unit}]"
 
 

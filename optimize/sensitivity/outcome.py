@@ -1,4 +1,4 @@
-"""What the job found."""
+"""The results of the job."""
 
 import dataclasses
 
@@ -7,14 +7,15 @@ import numpy as np
 from .study import Global, Local, Samples
 
 MASS_TOLERANCE = 0.01
-"""What the rule of mass may leave over [1]. A step's implicit equations are differentiated with a
-matrix close to their own: at the fast fidelity this costs an elasticity up to a few thousandths."""
+"""The largest residual of the rule of mass [1]. A step's implicit equations are differentiated with
+an approximate matrix: at the fast fidelity this causes errors of elasticities up to a few
+thousandths."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the study found: `points` and `line` hold a row for each place; `shares` is `None`, and
-    `refused` says why, where the sample was no use."""
+    """The results of the study: `points` and `line` have a row for each place; where the sample is
+    unusable, `shares` is `None` and `refused` the reason."""
 
     names: tuple[str, ...]
     points: dict[str, Local]
@@ -33,5 +34,6 @@ class Outcome:
 
     @property
     def succeeded(self) -> bool:
-        """Every number finite, the rule of mass obeyed, no index above its bound."""
+        """Whether all numbers are finite, the rule of mass holds, and no index is above its
+        bound."""
         return self.balanced and self.shares is not None and self.shares.consistent

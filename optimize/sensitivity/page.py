@@ -63,19 +63,19 @@ def _answer(outcome: Outcome, response: Response) -> list[str]:
     for row, quantity in enumerate(response.quantities):
         sizes = np.nan_to_num(first.elasticity[0, row])
         order = np.argsort(-np.abs(sizes), kind="stable")[:3]
-        told = ", ".join(f"{plain(outcome.names[j])} {sizes[j]:+.2f}" for j in order)
-        text = f"{plain(quantity.name)}: elasticities at the first point {told}"
+        largest = ", ".join(f"{plain(outcome.names[j])} {sizes[j]:+.2f}" for j in order)
+        text = f"{plain(quantity.name)}: elasticities at the first point {largest}"
         if outcome.shares is not None:
             total = outcome.shares.indices.total.value[row]
             most = np.argsort(-total, kind="stable")[:3]
-            told = ", ".join(f"{plain(outcome.names[j])} {100 * total[j]:.0f} %" for j in most)
-            text += f"; of its variance over the ranges {told}"
+            largest = ", ".join(f"{plain(outcome.names[j])} {100 * total[j]:.0f} %" for j in most)
+            text += f"; of its variance over the ranges {largest}"
         lines.append(text + ".")
     return lines
 
 
 def _elasticities(title: str, outputs, names, found: Local) -> Table:
-    """Elasticities at a point, the largest first, and what the rules of units leave over."""
+    """Elasticities at a point, the largest first, and the residuals of the unit rules."""
     elasticity = found.elasticity[0]
     order = np.argsort(-np.max(np.abs(np.nan_to_num(elasticity)), axis=0), kind="stable")
     values = (shown(float(v), q.unit) for v, q in zip(found.values[0], outputs, strict=True))

@@ -1,4 +1,4 @@
-"""What is computed: elasticities at points and along a line, and shares of variance."""
+"""The computation of elasticities at points and along a line, and of shares of variance."""
 
 from typing import NamedTuple
 
@@ -17,8 +17,8 @@ from fencejax.study import (
 
 
 class Local(NamedTuple):
-    """At P points: `values` (P, m) and `elasticity` in the n inputs, (P, m, n) [1]; what the unit
-    rules leave over, (P, m, 3) [1]; statuses (P,)."""
+    """A local study at P points: `values` (P, m) and `elasticity` in the n inputs, (P, m, n) [1];
+    the residuals of the unit rules, (P, m, 3) [1]; statuses (P,)."""
 
     values: np.ndarray
     elasticity: np.ndarray
@@ -39,7 +39,7 @@ class Samples(NamedTuple):
 
 
 class Global(NamedTuple):
-    """Sobol' indices, bounds on the total ones, and whether none is contradicted: no bound below
+    """Sobol' indices, bounds on the total ones, and whether they are consistent: no bound is below
     its index by more than both intervals allow."""
 
     indices: SobolIndices

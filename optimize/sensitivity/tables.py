@@ -1,4 +1,4 @@
-"""The study in words."""
+"""Tables of the study."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ _WIDE = 30
 
 
 def elasticity_table(place: str, outputs, names, found: Local, index: int) -> str:
-    """Elasticities at one point, the largest first, and what the unit rules leave over."""
+    """Elasticities at one point, the largest first, and the residuals of the unit rules."""
     elasticity = found.elasticity[index]
     lines = [f"elasticities at {place} [% per %]"]
     lines.append(" " * _WIDE + "".join(f"{q.name.replace('_', ' '):>16}" for q in outputs))

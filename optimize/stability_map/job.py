@@ -2,13 +2,13 @@
 
     python -m optimize.stability_map --out out
 
-moves every number of one oblique impact from end to end of what a sweep may ask for, by itself and
-in pairs, and compares the peak force with `Fidelity.reference` along arcs; where its steps of 25 us
-do not suffice, with steps of 12.5 us. A point is
+varies every number of one oblique impact over the whole range of a sweep, by itself and in pairs,
+and compares the peak force with `Fidelity.reference` along arcs; where its steps of 25 us do not
+suffice, with steps of 12.5 us. A point is
 
-- right: a good status, and the peak within the fidelity's promise;
-- off: a good status, and the peak beyond the promise. This is what must not be;
-- warned: a status from `PEAK_AT_END` on, which says what to change, or no reference to judge by;
+- right: a good status, and the error of the peak within the fidelity's promise;
+- off: a good status, and an error beyond the promise, which must not occur;
+- warned: a status from `PEAK_AT_END` on, which says what to change, or no reliable reference;
 - refused: out of bounds, or not a number.
 
 Writes `stability_axes.png`, `stability_pairs.png` and `stability_map.json`. The exit status is 0
@@ -92,12 +92,12 @@ def _run(
         result = fj.simulate(scene, fidelity=fidelity, only=("peak_force",))
         return result.status, result.peak_force
 
-    def said(done, total):
+    def report(done, total):
         if done % (8 * config.lanes) == 0:
             say(f"  {done} of {total}")
 
     numbers = {name: np.array([row[name] for row in rows]) for name in ORDINARY}
-    return in_chunks(run, numbers, config.lanes, progress=said)
+    return in_chunks(run, numbers, config.lanes, progress=report)
 
 
 RIGHT, OFF, WARNED, REFUSED = range(4)
@@ -113,10 +113,10 @@ def verdicts(status, peak, true, promise: float) -> np.ndarray:
 
 def main(config: StabilityConfig, quiet: bool = False) -> bool:
     """Run the job; whether no point is off."""
-    said, began = command.begin(quiet), time.perf_counter()
+    printed, began = command.begin(quiet), time.perf_counter()
 
     def say(text):
-        said(f"{time.perf_counter() - began:6.1f} s  {text}")
+        printed(f"{time.perf_counter() - began:6.1f} s  {text}")
 
     config.out.mkdir(parents=True, exist_ok=True)
     rows = _rows(config)
@@ -151,8 +151,8 @@ def main(config: StabilityConfig, quiet: bool = False) -> bool:
                 for i in np.flatnonzero(kind == OFF)
             ],
         }
-        told = {k: v for k, v in report["fidelities"][name].items() if k != "off at"}
-        say(f"{name}: {json.dumps(told)}")
+        counts = {k: v for k, v in report["fidelities"][name].items() if k != "off at"}
+        say(f"{name}: {json.dumps(counts)}")
     axes = {name: _along(name, config.points) for name in AXES}
     draw_axes(config.out / "stability_axes.png", axes, kinds)
     begin = len(AXES) * config.points

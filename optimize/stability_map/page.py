@@ -15,7 +15,7 @@ _FIGURES = {
 
 
 def write(config: Any, found: dict[str, Any], fine: bool) -> None:
-    """Write the page of what the job has counted by fidelity."""
+    """Write the page with the counts by fidelity."""
     rungs: dict[str, dict[str, Any]] = found["fidelities"]
     kinds = ("right", "off", "warned", "refused")
     rows = [

@@ -13,7 +13,7 @@ from fencejax.plot import style
 from .scenes import AXES, ORDINARY, TITLES
 
 _NAMES = ("right", "off: good status, beyond the promise", "warned", "refused")
-# Told apart by the colour-blind, and in grey.
+# Distinguishable for colour-blind readers, and in grey.
 _COLORS = (style.BLUE, style.RED, style.CAUTION, style.GRAY)
 _MAP = ListedColormap(_COLORS)
 _COLUMNS = 2

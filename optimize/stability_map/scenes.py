@@ -1,4 +1,4 @@
-"""One oblique impact as plain numbers: the ordinary one, and every axis that leads away from it."""
+"""One oblique impact as plain numbers: the ordinary one, and the ranges of the varied numbers."""
 
 import jax.numpy as jnp
 
@@ -14,7 +14,7 @@ ORDINARY = dict(
     kinetic=0.35, static=0.5, top_speed=1.53, place=0.83, angle=0.45, approach=0.0, ride=2.0,
 )
 
-# From end to end of what a sweep may ask for; what an axis moves, others stay as they are.
+# The whole ranges of a sweep; the other numbers have their ordinary values.
 AXES = dict(
     thickness=(1e-3, 0.3, "m"), reach=(0.1, 5.0, "m"), flexible=(0.02, 1.0, "1"),
     modulus=(1e6, 2.1e11, "Pa"), density=(50.0, 8000.0, "kg/m^3"),
@@ -34,7 +34,7 @@ TITLES = dict(
     belt_static="belt's static friction", kinetic="fence's kinetic friction", gravity="gravity",
     place="R / reach",
 )
-"""What the axes are called for a reader."""
+"""The titles of the axes."""
 
 
 def impact(x, duration=0.12, **parts):

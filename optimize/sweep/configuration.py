@@ -22,8 +22,8 @@ class SweepConfig:
 
     out: Path = flags.field(
         Path("out"),
-        "folder for sweep.zarr, result.json and the figures; the same command goes on where it "
-        "was stopped",
+        "folder for sweep.zarr, result.json and the figures; the same command resumes "
+        "where it stopped",
     )
     scene: str = flags.field(
         "oblique_impact", f"kind of scene: {', '.join(KINDS)}", choices=tuple(KINDS)
@@ -36,7 +36,7 @@ class SweepConfig:
         metavar="NAME=LOWER:UPPER",
     )
     sampling: str = flags.field(
-        "grid", "how the points are laid: grid, latin_hypercube or sobol", choices=_SAMPLINGS
+        "grid", "kind of sample: grid, latin_hypercube or sobol", choices=_SAMPLINGS
     )
     points: int = flags.field(48, "points of a grid along each variable", least=2)
     count: int = flags.field(
@@ -61,12 +61,12 @@ class SweepConfig:
     duration: float = flags.field(0.0, "length of each scene [s]; 0: the scene's own", least=0)
     fidelity: str = flags.field("standard", "fidelity of the simulations", choices=flags.FIDELITIES)
     refine: bool = flags.field(
-        True, "compute lanes whose status doubts the numbers again, at finer fidelities"
+        True, "compute lanes in numerical doubt again, at finer fidelities"
     )
     chunk: int = flags.field(
-        0, "lanes that a device or worker computes at a time, kept together; 0: chosen", least=0
+        0, "lanes that a device or worker computes and stores at a time; 0: chosen", least=0
     )
-    group: int = flags.field(0, "lanes that go through their loops together; 0: chosen", least=0)
+    group: int = flags.field(0, "lanes that run through their loops together; 0: chosen", least=0)
     devices: int = flags.field(0, "devices that JAX makes of this CPU; 0: one a core", least=0)
     workers: int = flags.field(
         0,
@@ -106,7 +106,7 @@ class SweepConfig:
     def samples(self) -> Samples:
         """The points.
 
-        Raises `ValueError` where `vary` cannot be read, or names what has no bounds.
+        Raises `ValueError` where `vary` cannot be read, or names a number without bounds.
         """
         read = [_variable(text) for text in self.vary]
         variables = [variable for variable, _ in read]

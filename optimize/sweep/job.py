@@ -2,8 +2,8 @@
 
     python -m optimize.sweep --out out --vary mass=1:30:64 distance=0.5:1.1:64
 
-computes the points chunk by chunk on every core (or GPU) of the machine, says how far it is, and
-keeps every finished chunk: the same command goes on after a kill. It counts the statuses and
+computes the points chunk by chunk on every core (or GPU) of the machine, prints its progress, and
+stores every finished chunk: the same command resumes after a kill. It counts the statuses and
 writes sweep.zarr (an `xarray.Dataset` with variables, outputs, units, statuses:
 `fencejax.SweepTable.load(out)`, or `xarray.open_zarr(path, consolidated=False)`), result.json and
 figures. It needs `pip install -e '.[sweep]'`.
@@ -17,9 +17,9 @@ Larger ones run on a Dask cluster, whose scheduler and workers have the same pac
 
 On Slurm, `dask_jobqueue.SLURMCluster(cores=64, processes=64, memory="64GB").scale(jobs=4)`, on
 Kubernetes `dask_kubernetes.operator.KubeCluster`, give the scheduler's address, or the `Client` for
-`fencejax.run_sweep(..., client=client)`. Chunks go to whom is free. Where a worker dies another one
-does its chunk again; where the scheduler or this process dies, what was computed is kept, and the
-same command goes on. Only this process writes.
+`fencejax.run_sweep(..., client=client)`. Chunks go to free workers. Where a worker dies, another
+one computes its chunk again; where the scheduler or this process dies, finished chunks are kept,
+and the same command resumes the sweep. Only this process writes.
 """
 
 import contextlib
@@ -44,12 +44,12 @@ from . import page
 from .configuration import SweepConfig, configure
 from .outcome import Outcome
 
-# For an answer of the scheduler [s].
+# Timeout for an answer of the scheduler [s].
 _PATIENCE = 15
 
 
 class _Reporter:
-    """Says how far the sweep is, at most once in `every` seconds."""
+    """Prints the progress of the sweep, at most once in `every` seconds."""
 
     def __init__(self, say, every: float = 1.0):
         self._say, self._every, self._last = say, every, -np.inf
@@ -71,11 +71,11 @@ def _clock(seconds: float) -> str:
 
 
 def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
-    """Run the job, or what is missing of it, and write its files into `config.out`."""
+    """Run the job, or the missing part of it, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = SweepConfig() if config is None else config
-    # Said before anything is compiled.
+    # Missing libraries are reported before anything is compiled.
     for library in ("xarray", "zarr", "dask"):
         sweep_library(library)
     sweep = config.sweep()
@@ -146,12 +146,12 @@ def _quantiles(table: SweepTable) -> dict[str, dict[str, float]]:
 
 @contextlib.contextmanager
 def _client(config: SweepConfig) -> Iterator[Any]:
-    """A client of the Dask cluster that is asked for, `None` where it is none."""
+    """A client of the Dask cluster in the configuration, `None` without one."""
     if not config.workers and config.scheduler == "none":
         yield None
         return
     distributed = sweep_library("distributed")
-    # What it logs of its own is said in one line here.
+    # Its own log is replaced by one line here.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with contextlib.ExitStack() as stack:
         place: Any = config.scheduler
@@ -169,8 +169,9 @@ def _client(config: SweepConfig) -> Iterator[Any]:
 
 def _local_cluster(distributed: Any, workers: int) -> Any:
     """Workers on this machine, which leave an interrupt to this process and end with it."""
-    # Python's own helper of such processes: an interrupt ends this one before it has been told, and
-    # it would say so. It lifts the signal mask of the thread that starts it.
+    # Python's resource tracker: an interrupt ends this process before it has deregistered its
+    # resources, and the tracker would warn of that. It unblocks the signals of the thread that
+    # starts it.
     os.environ.setdefault("PYTHONWARNINGS", "ignore::UserWarning:multiprocessing.resource_tracker")
     blocks = hasattr(signal, "pthread_sigmask")
     if blocks:
@@ -178,7 +179,7 @@ def _local_cluster(distributed: Any, workers: int) -> Any:
         # Inherited by the cluster's thread and processes.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        # Nothing here spills: the memory's limit is the machine's.
+        # No spilling to disk: the memory limit is that of the machine.
         return distributed.LocalCluster(
             n_workers=workers, threads_per_worker=1, memory_limit=0, dashboard_address=None,
             silence_logs=logging.CRITICAL,

@@ -1,4 +1,4 @@
-"""What the job found."""
+"""The results of the job."""
 
 import dataclasses
 
@@ -7,8 +7,7 @@ from fencejax.study import SweepTable
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the job found: the table, whether few enough lanes are bad, and the time it took
-    [s]."""
+    """The results of the job: the table, whether few enough lanes are bad, and the time [s]."""
 
     table: SweepTable
     succeeded: bool

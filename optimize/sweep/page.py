@@ -42,7 +42,7 @@ def write(
             Section("What varied", [
                 Table(["number", "from", "to", "scaling"], rows, f"{config.sampling} points"),
             ]),
-            Section("What was held", _held(sweep, outcome)),
+            Section("What was constant", _fixed(sweep, outcome)),
             Section("Results", [
                 Table(["output", "least", "5 %", "median", "95 %", "most"], outputs,
                       "Outputs over the points with good numbers"),
@@ -55,8 +55,8 @@ def write(
     ).write(config.out)  # fmt: skip
 
 
-def _held(sweep: Sweep, outcome: Outcome) -> list[Part | str]:
-    """The numbers of a point that has a scene."""
+def _fixed(sweep: Sweep, outcome: Outcome) -> list[Part | str]:
+    """The numbers of a point with a scene."""
     good = np.flatnonzero(outcome.table.good)
     if not good.size:
         return ["No point has good numbers."]

@@ -1,4 +1,4 @@
-"""The scenes that are measured, as rows of numbers: the paper's own and a random set around it."""
+"""The measured scenes as rows of numbers: the paper's own and a random set around it."""
 
 import dataclasses
 
@@ -12,7 +12,7 @@ VARIABLES = (
     "thickness", "rigid_length", "flexible_length", "youngs_modulus", "density", "damping_ratio",
     "mass", "distance",
 )  # fmt: skip
-"""What is differentiated in: h_1, l_s, l_p, E, rho, zeta, m_p and R. In the whole sort `distance`
+"""Variables of the gradients: h_1, l_s, l_p, E, rho, zeta, m_p and R. In the whole sort `distance`
 is x of the parcel's front when the drive starts."""
 SYMBOLS = ("$h_1$", "$l_s$", "$l_p$", "$E$", r"$\rho$", r"$\zeta$", "$m_p$", "$R$")
 QUANTITIES = ("peak_force", "tip_deflection", "impulse")
@@ -39,7 +39,7 @@ RANGES = {
     "fence_friction": (0.20, 0.50, False),
     "belt_friction": (0.40, 0.80, False),
 }
-"""Ranges of the random impacts, in SI units; what is not named is the paper's."""
+"""Ranges of the random impacts, in SI units; other numbers are the paper's."""
 
 # Static over kinetic coefficients of the paper.
 _FENCE_STATIC, _BELT_STATIC = 0.5 / 0.35, 0.85 / 0.65

@@ -1,4 +1,4 @@
-"""What one impact costs in a fresh process: compile times, run times, memory.
+"""The cost of one impact in a fresh process: compile times, run times, memory.
 
     python -m optimize.work_precision.cold '{"modes": 4}'
 
@@ -25,7 +25,7 @@ from .measure import Times, memory
 
 def _rss() -> int:
     """Peak resident memory of this process so far [bytes]."""
-    # Linux says what this program took; ru_maxrss may be what the one before it had taken.
+    # Linux reports the memory of this program; ru_maxrss may include that of its parent.
     status = pathlib.Path("/proc/self/status")
     if status.exists():
         (line,) = (row for row in status.read_text().splitlines() if row.startswith("VmHWM:"))
@@ -64,7 +64,7 @@ def elsewhere(fidelity: fj.Fidelity, duration: float, repeats: int) -> dict:
     """The same in a process of its own, and again in one that finds the programs in the
     compilation cache ("cached compile [s]").
 
-    Raises `RuntimeError` with what the process said where it fails.
+    Raises `RuntimeError` with the output of the process where it fails.
     """
     with tempfile.TemporaryDirectory() as cache:
         settings = {"duration": duration, "repeats": repeats, "cache": cache}

@@ -11,7 +11,7 @@ from .cases import QUANTITIES, VARIABLES
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a fidelity gave over a family of n scenes.
+    """The results of a fidelity over a family of n scenes.
 
     `values` (n, 3) [SI], by `QUANTITIES`; `slopes` (n, 3, 8), elasticities d ln Q / d ln p [1] by
     `QUANTITIES` and `VARIABLES`, or `None` where only values were asked for; `status` (n,).
@@ -72,8 +72,8 @@ def compare(found: Outcome, truth: Outcome) -> Errors:
 
 
 def spread(errors: np.ndarray) -> dict[str, float]:
-    """Median, 95 % quantile and largest over scenes, errors of shape (n,); what is not finite
-    counts as infinite."""
+    """Median, 95 % quantile and largest over scenes, errors of shape (n,); errors that are
+    not finite count as infinite."""
     given = np.where(np.isfinite(errors), errors, np.inf)
     quantile = np.quantile(given, 0.95, method="higher")
     return {

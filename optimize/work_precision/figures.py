@@ -155,7 +155,7 @@ def knob_figure(report: "Report") -> "Figure | None":
 
 
 def tolerance_figure(report: "Report") -> "Figure | None":
-    """Steps that follow their error: the tolerance asked for over the error got, of value and
+    """Error-controlled steps: the tolerance over the resulting error, of value and
     gradient; lines are medians, bands reach to 95 % of the impacts."""
     points = [(p, e) for p, e in report.knobs.get("step_tolerance", []) if p.size > 0]
     if not points:
@@ -230,7 +230,7 @@ def random_figure(report: "Report") -> "Figure":
 
 
 def _costs(report: "Report") -> dict[str, list[tuple["Rung", float, float, float]]]:
-    """What each rung costs, by title: the rung, median, 10 and 90 % quantile."""
+    """The costs of the rungs, by title: the rung, median, 10 and 90 % quantile."""
     found: dict = {}
     for rung in report.rungs:
         for lanes, t in sorted(rung.value_times.items()):

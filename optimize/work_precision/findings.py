@@ -1,4 +1,4 @@
-"""What the job found, of each fidelity and in all."""
+"""The results of the job, for each fidelity and in total."""
 
 import dataclasses
 
@@ -16,8 +16,8 @@ from .measure import Times
 @dataclasses.dataclass(frozen=True, eq=False)
 class Rung:
     """A fidelity measured over all impacts: its outcome and errors, run times of one lane in a
-    batch [s] by number of lanes, bytes of intermediate arrays of the batched gradient, and what it
-    costs in a process of its own, if that was asked for. `named`: one of the named rungs."""
+    batch [s] by number of lanes, bytes of intermediate arrays of the batched gradient, and
+    optionally its costs in a separate process. `named`: one of the named rungs."""
 
     name: str
     named: bool
@@ -36,7 +36,7 @@ class Rung:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Report:
-    """What the job found.
+    """The results of the job.
 
     `rungs` and `grid` are measured over all impacts, `knobs` over the first ones: each point with
     its errors against the finest of its knob. `split` holds, by rung, errors of (discretisation,
@@ -60,7 +60,7 @@ class Report:
     elapsed: float
 
     def front(self, kind: str) -> list[Rung]:
-        """The measured points that none beats in both time a lane and error, of `"value"` or
+        """The measured points that no other dominates in time a lane and error, of `"value"` or
         `"gradient"`, the fastest first."""
         points = [*self.rungs, *self.grid]
         lanes = len(self.truth.values)

@@ -1,4 +1,4 @@
-"""The front of what cannot be had both faster and more exact, and points likely to lie on it."""
+"""The Pareto front of cost and error, and points likely to lie on it."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,9 +10,9 @@ from .errors import Outcome
 
 
 def pareto(cost: Sequence[float], error: Sequence[float]) -> list[int]:
-    """Indices of the points on the front, from the cheapest on: no other point is at most as
-    costly and at most as wrong, and better in one of the two. Points that are not finite are left
-    out; of points equal in both the first one stays.
+    """Indices of the points on the front, from the cheapest on: no other point has at most the same
+    cost and error, and a smaller value of one. Points that are not finite are left out; of equal
+    points the first one stays.
 
     Raises `ValueError` where the two are not of one length.
     """
@@ -34,7 +34,7 @@ def superposed(base: Outcome, effects: Sequence[Outcome]) -> Outcome:
     """The outcome that several knobs together would have if their effects added up, scene by
     scene: logarithms of the values, and elasticities.
 
-    `effects` hold the outcomes of one knob moved from the base each.
+    `effects` are the outcomes with one knob changed from the base each.
     """
     values, slopes = np.log(np.abs(base.values)), base.slopes
     assert slopes is not None
@@ -47,8 +47,8 @@ def superposed(base: Outcome, effects: Sequence[Outcome]) -> Outcome:
 
 
 def work(fidelity: fj.Fidelity) -> float:
-    """A rough cost of a lane in a large batch, for ordering alone: steps a second of motion times
-    operations a step. A run by itself waits for other things, and chords cost it far less (see
+    """An estimated cost of a lane in a large batch, for ordering only: steps a second of motion
+    times operations a step. A single run has other bottlenecks, and chords cost it far less (see
     `fencejax.study.expected_cost`)."""
     turn = {"small": 0.9, "arc": 1.0, "chord": 1.0 + 0.5 * fidelity.mode_count}[fidelity.geometry]
     return (4.0 + fidelity.mode_count) * turn / fidelity.step
@@ -60,8 +60,9 @@ def likely(
     """At most `count` fidelities likely to be on a front, the cheapest first.
 
     `predicted` holds errors of value and gradient [1] by fidelity. Fronts of work against either
-    error, and against the larger share of 1 % and 5 %, are peeled off one after another until there
-    are enough; of the last ones the most even choice is taken.
+    error, and against the larger of the value's error over 1 % and the gradient's over 5 %, are
+    removed one after another until there are enough points; of the last front points are taken at
+    even spacing.
     """
     left, chosen = dict(predicted), []
     while left and len(chosen) < count:

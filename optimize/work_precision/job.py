@@ -2,14 +2,14 @@
 
     python -m optimize.work_precision --out out
 
-runs a ladder of fidelities over the paper's impact, the slide, the whole sort and random impacts
-against a converged reference, moves every knob by itself, screens a product grid for points that
-may lie on the front and measures these, times what is of use, and writes work_precision.md,
+compares a ladder of fidelities with a converged reference over the paper's impact, the slide, the
+whole sort and random impacts. It also varies every setting by itself, screens a product grid for
+points that may lie on the front, measures these and the run times, and writes work_precision.md,
 work_precision.json and work-precision diagrams.
 
 Errors are those of the peak force, the tip deflection and the impulse, and of their elasticities in
-eight variables. The smoothing of dry friction changes the physics: its error is told apart from
-that of the discretisation by a converged run with the same smoothing.
+eight variables. The smoothing of dry friction changes the physics: a converged run with the same
+smoothing separates its error from that of the discretisation.
 """
 
 import functools
@@ -39,7 +39,8 @@ def _stages(config: WorkPrecisionConfig) -> dict[str, Family]:
 
 
 class _Job:
-    """The measurement in its parts; each asks the bench for what it needs and reads it after."""
+    """The parts of the measurement; each queues its runs at the bench and reads the results
+    later."""
 
     def __init__(self, config: WorkPrecisionConfig, bench: Bench):
         self.config, self.bench = config, bench
@@ -60,14 +61,14 @@ class _Job:
         return None if run is None else run.outcome
 
     def need(self, name) -> Outcome:
-        """The outcome of a run that others are measured against."""
+        """The outcome of a run that serves as a reference for others."""
         found = self._read(name)
         if found is None:
             raise RuntimeError(f"The run {name} failed, and the others are measured against it.")
         return found
 
     def ask_errors(self) -> None:
-        """Queue all that the errors need, the longest runs first."""
+        """Queue all runs for the errors, the longest first."""
         plan = self.ladder
         self._ask("truth", self.impacts, plan.truth, "converged reference, all impacts")
         if plan.check != plan.truth:
@@ -114,7 +115,7 @@ class _Job:
         return found
 
     def ask_candidates(self, predicted) -> list[fj.Fidelity]:
-        """Queue the grid's likely points, and values alone of all that is to be timed."""
+        """Queue the grid's likely points, and runs without gradients of all points to be timed."""
         rungs = self.ladder.rungs
         open_ones = {f: e for f, e in predicted.items() if f not in rungs.values()}
         chosen = front.likely(open_ones, self.config.candidates)
@@ -209,7 +210,7 @@ class _Job:
         return {segment: rows for segment, rows in found.items() if rows is not None}
 
     def general(self) -> dict[str, Errors]:
-        """Errors of the integrators against the most exact of them, value alone."""
+        """Errors of the values by the integrators against the most exact one."""
         if not self.integrators:
             return {}
         rows = {name: self._read(("integrator", name)) for name in self.integrators}
@@ -221,7 +222,7 @@ class _Job:
 
 
 def main(config: WorkPrecisionConfig | None = None, *, quiet: bool = False) -> Report:
-    """Run the measurement, print how far it is, and write its files into `config.out`."""
+    """Run the measurement, print its progress, and write its files into `config.out`."""
     say = command.begin(quiet)
     begin = time.perf_counter()
     config = WorkPrecisionConfig() if config is None else config
@@ -244,7 +245,7 @@ def main(config: WorkPrecisionConfig | None = None, *, quiet: bool = False) -> R
 
 
 def _timed(config, job: _Job, predicted, chosen, say, begin) -> Report:
-    """Times, one at a time now that nothing else runs, and all that was found."""
+    """Measure the times one by one, when nothing else runs, and collect all results."""
     say("times:")
     rungs = []
     for name, fidelity in job.ladder.rungs.items():

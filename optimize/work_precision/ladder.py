@@ -9,7 +9,8 @@ import fencejax as fj
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """One knob moved from the base: `label` says to what, `size` is what it is drawn over."""
+    """One knob changed from the base: `label` is its value in words, `size` the abscissa in
+    figures."""
 
     knob: str
     label: str
@@ -19,15 +20,15 @@ class Point:
 
 @dataclasses.dataclass(frozen=True)
 class Ladder:
-    """All that is run.
+    """All fidelities that are run.
 
     **Fields:**
 
-    - `truth`: what every total error is against; `check` the same with half its step.
-    - `base`: the finely converged setting in which one knob at a time is moved.
+    - `truth`: the reference of all total errors; `check` the same with half its step.
+    - `base`: the finely converged setting in which one knob at a time is changed.
     - `rungs`: by name.
-    - `knobs`: by name; the last point of each is the finest, against which its effect is counted.
-    - `grid`: the product grid, each with the points of the knobs that it consists of.
+    - `knobs`: by name; the last point of each is the finest, the reference of its effect.
+    - `grid`: the product grid, each point with those points of the knobs that it combines.
     """
 
     truth: fj.Fidelity
@@ -59,8 +60,8 @@ def _slips(base: fj.Fidelity, slips) -> tuple[Point, ...]:
 
 
 def _tolerances(base: fj.Fidelity, tolerances) -> tuple[Point, ...]:
-    """Steps that follow their error, of 1 ms and shorter ones, each twice as long where it may be;
-    the finest is fixed steps of a quarter of the base's."""
+    """Points with a step tolerance: error-controlled steps of 1 ms, doubled or shortened as the
+    error allows; the finest point has fixed steps of a quarter of the base's."""
     points = [
         (f"{t:g}", t, {"step": 1e-3, "longest_stride": 2, "step_tolerance": t}) for t in tolerances
     ]
@@ -134,7 +135,7 @@ def _ladder(modes, bare_modes, elements, slips, steps, fades, tolerances) -> Lad
             "tip_fade", base,
             [(f"{1e3 * d:g} mm", d, {"tip_fade": d}) for d in fades],
         ),
-        # Single precision refuses steps as short as the other knobs'.
+        # Single precision does not allow the short steps of the other knobs.
         "precision": _knob(
             "precision", base.replace(step=2.5e-4),
             [("float32", 32, {"precision": "float32"}), ("float64", 64, {})],

@@ -99,17 +99,17 @@ def run(family: Family, fidelity: fj.Fidelity, *, gradient: bool, keep: bool) ->
 
 
 class Bench:
-    """Runs programs in a few threads, each (family, fidelity, lanes) once however often asked for,
-    and says how far it is.
+    """Runs programs in a few threads, each (family, fidelity, lanes) only once, and prints its
+    progress.
 
-    A program that fails stands as `None` in the results, with its error in `failures`.
+    The result of a program that fails is `None`, with its error in `failures`.
     """
 
     def __init__(self, threads: int, say: Callable[[str], None]):
         self._pool = concurrent.futures.ThreadPoolExecutor(max_workers=threads)
         self._say, self._begin = say, time.perf_counter()
         self._runs: dict[Any, tuple[concurrent.futures.Future, str]] = {}
-        self._told: set = set()
+        self._reported: set = set()
         self.failures: dict[str, str] = {}
 
     def ask(self, family: Family, fidelity: fj.Fidelity, label: str, *, gradient=True, keep=False):
@@ -126,13 +126,13 @@ class Bench:
         return key
 
     def wait(self) -> None:
-        """Wait for all that was asked for; one line each."""
+        """Wait for all queued runs and print a line for each."""
         pending = {future: (key, label) for key, (future, label) in self._runs.items()
-                   if key not in self._told}  # fmt: skip
+                   if key not in self._reported}  # fmt: skip
         total, done, begin = len(pending), 0, time.perf_counter()
         for future in concurrent.futures.as_completed(pending):
             key, label = pending[future]
-            self._told.add(key)
+            self._reported.add(key)
             done += 1
             now = time.perf_counter()
             left = (now - begin) / done * (total - done)

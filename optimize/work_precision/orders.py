@@ -15,7 +15,7 @@ SEGMENTS = {
     "normal impact, through the contact (0.2 s)": 0.2,
     "fence ringing freely (0.2 s)": 0.2,
 }
-"""What is followed, and for how long [s]."""
+"""The segments, with their durations [s]."""
 
 
 def observed(steps: Sequence[float], errors: Sequence[float]) -> np.ndarray:

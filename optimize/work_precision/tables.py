@@ -89,7 +89,7 @@ def component_table(report: "Report") -> str:
 
 
 def cost_table(report: "Report") -> str:
-    """What the named rungs cost: median (10-90 %)."""
+    """The costs of the named rungs: median (10-90 %)."""
     rows: list[list[str]] = []
     for lanes in sorted({n for rung in report.rungs for n in rung.value_times}):
         row = [f"value, per lane of {lanes}"]
@@ -248,7 +248,7 @@ def document(report: "Report") -> str:
         parts += ["## Slide and whole sorts", stage_table(report)]
     parts += [
         "## Each knob by itself",
-        f"All else held at {describe(report.ladder.base)}; over {config.lanes} impacts, against "
+        f"All else fixed at {describe(report.ladder.base)}; over {config.lanes} impacts, against "
         "the finest point of the knob; median / 95 %.",
         knob_table(report),
     ]

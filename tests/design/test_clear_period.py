@@ -1,4 +1,4 @@
-"""The returning fence out of the next parcel's way, against a search over positions."""
+"""The shortest period without contact of the next parcel, against a search over positions."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,4 @@
-"""The steady push of a point mass across the belt, against its motion step by step."""
+"""The constant push of a point mass across the belt, against its motion step by step."""
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +19,7 @@ def sort(mass, kinetic, static, rubbing, front=0.1, offset=0.05):
 
 
 def way(force, mass, kinetic, rubbing, time):
-    """How far across the belt a constant push leads, by 20,000 steps of its motion."""
+    """The distance across the belt by a constant push, by 20,000 steps of the motion."""
     step, place, speed, now = time / 10_000, np.zeros(2), np.zeros(2), 0.0
     grip = kinetic * mass * 9.81
     push = force * np.array([-rubbing, 1.0])

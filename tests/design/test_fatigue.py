@@ -1,4 +1,4 @@
-"""Rainflow counting against the package `rainflow`, and the harm of a sort by NumPy."""
+"""Rainflow counting against the package `rainflow`, and the damage of a sort by NumPy."""
 
 import jax
 import jax.numpy as jnp
@@ -64,7 +64,7 @@ def test_the_standards_own_example():
 
 
 def numpy_equivalent(time, stress, exponent=10.0):
-    """sigma_eq of a signal that comes again and again, by NumPy and the package: each inner extreme
+    """sigma_eq of a periodic signal, by NumPy and the package: each inner extreme
     is the vertex of the parabola through three samples."""
     fine = stress.copy()
     for i in range(1, len(stress) - 1):
@@ -99,7 +99,7 @@ def test_equivalent_amplitude_and_its_gradient():
 
     value, slope = jax.jit(jax.value_and_grad(ours))(z)
     exact = numpy_equivalent(time, blow(time, z))
-    # The gate leaves out cycles of 2 % of the range: 1e-17 of the harm of each.
+    # The gate leaves out cycles of 2 % of the range: 1e-17 of the damage of each.
     assert float(value) == pytest.approx(exact, rel=1e-10)
     for i in range(3):
         step = 1e-5 * z[i] * np.eye(3)[i]

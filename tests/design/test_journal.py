@@ -1,4 +1,4 @@
-"""Journals: what is torn costs itself alone, what is not a journal is refused in one line."""
+"""Journals: damaged lines are ignored, and files that are no journals are refused in one line."""
 
 import copy
 import errno
@@ -158,7 +158,7 @@ def test_evaluations_at_other_data_are_not_known(path, data, other):
     assert Journal(path, "a").find([0.0, 0.0], copy.deepcopy(data)) is not None
 
 
-def test_what_cannot_be_opened_is_said_in_one_line(tmp_path, path):
+def test_a_file_that_cannot_be_opened_is_reported_in_one_line(tmp_path, path):
     (tmp_path / "file").write_text("")
     for place in (tmp_path / "file" / "j.jsonl", tmp_path):
         with pytest.raises(OSError, match="cannot be read or written .*name another folder") as no:
@@ -168,7 +168,7 @@ def test_what_cannot_be_opened_is_said_in_one_line(tmp_path, path):
 
 @pytest.mark.parametrize("half", [True, False])
 def test_a_full_disk_loses_nothing(written, monkeypatch, half):
-    """The disk takes half of the line, or fails when it is forced there."""
+    """A disk that takes half of the line, or fails in the sync."""
     journal, before = Journal(written, "a"), written.read_bytes()
     with monkeypatch.context() as patch:
         if half:

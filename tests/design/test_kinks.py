@@ -1,4 +1,4 @@
-"""Steps over kinks: one number that is the largest of several, which it does not tell apart."""
+"""Steps over kinks: one number that is the largest of several, which it does not distinguish."""
 
 import dataclasses
 
@@ -24,8 +24,8 @@ def _limited(z):
 @pytest.mark.parametrize("start", [[-1.0, 1.5], [2.0, -1.0], [0.0, 0.3]])
 def test_kinked_valley_is_followed_to_its_end(start):
     found = minimize(_valley, start, scale=1.0, bounded=False, tolerance=1e-4, budget=250)
-    # Steps that know one side of the kink alone end between 0.4 and 4.6. Along the valley a step's
-    # gain falls below the tolerance where |1 - x| is some hundredths.
+    # Steps with the slopes of one side of the kink alone end between 0.4 and 4.6. Along the valley
+    # a step's gain falls below the tolerance where |1 - x| is some hundredths.
     assert found.objective < 0.03**2
     np.testing.assert_allclose(found.point, [1, 1], atol=0.1)
     # With the slope of one side alone 20 are left.
@@ -37,16 +37,17 @@ def test_run_starts_again_while_that_lowers_the_worst_case(monkeypatch):
     # and so do four more, from points sampled all around.
     ends, radii = iter([4.0, 3.0, 2.9999, 2.9998, 2.9997, 2.9996, 2.9995, 1.0]), []
 
-    def descend(self, evaluate, at, held, latest, radius, near):
+    def descend(self, evaluate, at, multipliers, latest, radius, near):
         radii.append(radius)
         value = np.array([next(ends)])
-        return dataclasses.replace(at, objectives=value), held, "stalled"
+        return dataclasses.replace(at, objectives=value), multipliers, "stalled"
 
     monkeypatch.setattr(Sequence, "_descend", descend)
     none, one = np.zeros(0), np.ones(1)
     at = Evaluation(one, 5 * one, none, np.ones((1, 1)), np.zeros((0, 1)), 0, False)
-    held = Multipliers(one, none)
-    found, _, end = Sequence(True, 1e-3, 1e-4, 10.0).run(lambda point: None, at, held, [held])
+    multipliers = Multipliers(one, none)
+    sequence = Sequence(True, 1e-3, 1e-4, 10.0)
+    found, _, end = sequence.run(lambda point: None, at, multipliers, [multipliers])
     assert (found.worst, end) == (2.9995, "stalled")
     assert len(radii) == 7
     assert set(radii[1:]) == {radii[1]}

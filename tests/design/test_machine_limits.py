@@ -1,4 +1,4 @@
-"""What a designer limits in a sort, against NumPy's reading of its history, values and slopes."""
+"""Limited quantities of a sort, values and slopes, against NumPy from its history."""
 
 import functools
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Quantities and limits: what they read, their margins, and the end of a load."""
+"""Quantities and limits: their values, their margins, and the end of a load."""
 
 import types
 

@@ -184,7 +184,7 @@ def test_failed_evaluations_shorten_the_step_and_are_recorded():
     assert [record.evaluation for record in seen] == [r.evaluation for r in found.history]
 
 
-def test_failed_start_is_said():
+def test_failed_start_is_reported():
     found = minimize(lambda z: (jnp.log(z[0]), jnp.ones(1), 0), [-1.0], bounded=False)
     assert found.stop is Stop.FAILED_START
     assert not found.feasible
@@ -195,7 +195,7 @@ def test_gradient_of_the_augmented_lagrangian():
     # Against central differences of its value, with objectives and margins active and not.
     rng = np.random.default_rng(0)
     rows, more = rng.normal(size=(3, 2)), rng.normal(size=(4, 2))
-    held = Multipliers(np.array([0.2, 0.5, 0.3]), np.array([0.4, 0.0, 0.1, 0.3]))
+    multipliers = Multipliers(np.array([0.2, 0.5, 0.3]), np.array([0.4, 0.0, 0.1, 0.3]))
 
     def at(z):
         objectives = rows @ z + np.array([0.1, 0.0, -0.05]) + z @ z
@@ -203,9 +203,9 @@ def test_gradient_of_the_augmented_lagrangian():
         return Evaluation(z, objectives, more @ z + 0.05, bent, more, 0, False)
 
     z, step = np.array([0.1, -0.2]), 1e-6
-    _, gradient = augmented(at(z), held, 4.0)
+    _, gradient = augmented(at(z), multipliers, 4.0)
     for axis, unit in enumerate(np.eye(2)):
-        ahead, behind = (augmented(at(z + s * step * unit), held, 4.0)[0] for s in (1, -1))
+        ahead, behind = (augmented(at(z + s * step * unit), multipliers, 4.0)[0] for s in (1, -1))
         # Round-off 1e-16 / 1e-6 and the next order 1e-12.
         assert gradient[axis] == pytest.approx((ahead - behind) / (2 * step), abs=1e-8)
 
@@ -238,7 +238,7 @@ def test_refusals(settings, error, message):
 
 
 def test_a_bound_is_met_exactly():
-    """What a step leaves beside it by rounding is not told as a design."""
+    """A design next to a step by rounding alone does not count."""
 
     def problem(z):
         return (z[0] + 0.1) ** 2 - z[1] + (z[2] - 0.5) ** 2, jnp.ones(1), 0

@@ -1,7 +1,7 @@
 """The optimiser against others, with and without derivatives, on the package's own problems.
 
-What it costs to come within 20, 5, 1 and 0.1 % of the best feasible value that anything has found,
-in simulation-equivalents. `pytest tests/design/test_optimizer_comparison.py --bench DIR` measures
+The cost, in simulation-equivalents, to come within 20, 5, 1 and 0.1 % of the best feasible value
+found by any method. `pytest tests/design/test_optimizer_comparison.py --bench DIR` measures
 it and writes `optimizers.md`, `optimizers.json` and `optimizers.png` into DIR.
 """
 
@@ -16,12 +16,12 @@ from peers.optimizers.ledger import Ledger, SpentError
 from fencejax.plot import style
 
 WITHIN = (0.2, 0.05, 0.01, 0.001)
-# Simulation-equivalents; what is not there by then is not counted as there.
+# The budget in simulation-equivalents; later successes do not count.
 WITH_GRADIENTS, WITHOUT_GRADIENTS = {"fence": 600, "motion": 900}, {"fence": 5000, "motion": 6000}
 
 
 class _Quadratic:
-    """A task in closed form: (s - 0.3)^2, s >= 0.5, which cannot be told above 0.9."""
+    """A task in closed form: (s - 0.3)^2, s >= 0.5, which cannot be evaluated above 0.9."""
 
     scale, price = 1.0, 4.0
 
@@ -96,8 +96,8 @@ def _compare(name):
 
 
 def _cell(cost, reached, base, spent, budget):
-    """A cost, how many starts came there, and its multiple of `base`; where most did not, what was
-    spent in vain, or that the method ended by itself."""
+    """A cost, the number of successful starts, and its multiple of `base`; where most starts
+    failed, the cost spent, or that the method ended by itself."""
     came = f"({reached}/{tasks.STARTS})"
     sign = "" if np.isfinite(cost) else "> "
     if not np.isfinite(cost):

@@ -1,7 +1,7 @@
-"""The optimiser against others on problems with known optima that nobody here wrote.
+"""The optimiser against others on published problems with known optima.
 
-How many of the problems of Hock and Schittkowski with inequalities, and of the min-max ones of
-`sif2jax`, each method solves over the number of its evaluations.
+The share of the problems of Hock and Schittkowski with inequalities, and of the min-max problems of
+`sif2jax`, that each method solves, over the number of its evaluations.
 `pytest tests/design/test_optimizer_problems.py --bench DIR` measures it and writes `problems.json`
 and `optimizer_problems.png` into DIR.
 """
@@ -122,7 +122,7 @@ def report(trails, known, directory):
             count = Count(problem, BUDGET, trails[name, problem.name])
             after[name] = count.solved_after(least, WITHIN)
             costs[problem.group][name].append(after[name])
-            # Whoever finds a lower value that is feasible has found that the record is wrong.
+            # A lower feasible value shows that the recorded optimum is wrong.
             low = [value for value, missing in count.trail if missing == 0]
             assert min(low, default=np.inf) >= least - 1e-5 * max(1, abs(least)), problem.name
         by_problem[problem.name] = dict(optimum=least, evaluations=after)

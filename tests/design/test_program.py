@@ -13,8 +13,8 @@ _SIZES: list[tuple[int, int]] = []
 
 
 def _read(z, lanes, fidelity):
-    """Forces x (1 + z_0^2) + z_1, off by 1 at rung 0 and by 0.1 at rung 1, which doubt lanes above
-    2 and above 4; rung 2 still doubts what is above 8, and there is a wall below 0."""
+    """Forces x (1 + z_0^2) + z_1, with errors of 1 at rung 0 and 0.1 at rung 1. Lanes above 2, 4
+    and 8 are in doubt at rungs 0, 1 and 2, and evaluations below 0 fail."""
     _SIZES.append((fidelity, lanes.shape[0]))
     error = (1.0, 0.1, 0.0)[fidelity]
     force = lanes * (1 + z[0] ** 2) + z[1] + error
@@ -55,7 +55,7 @@ def test_lanes_in_doubt_alone_are_computed_again():
 
 
 def test_a_rung_is_compiled_once_however_many_lanes_are_in_doubt():
-    """One program serves them one by one while they are few, and one more groups of many."""
+    """One program serves single lanes while they are few, and another one groups of many."""
     z, bound = np.array([0.3, -0.2]), np.asarray(2.0)
     program = LaneProgram(_read, _combine, (0, 1))
     for doubtful in (1, 7, 16, 17, 64, 65, 200, 600):

@@ -1,4 +1,4 @@
-"""How far the tip swings by what a fence still holds, in closed form."""
+"""The amplitude of the tip from the fence's remaining energy, in closed form."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +13,7 @@ def test_on_a_torque_drive_the_fence_swings_on_its_spring():
     fence, stiffness, energy = fj.Fence(thickness=0.09), 2.0, jnp.asarray(0.01)
     drive = fj.TorqueDrive([0.0], stiffness=stiffness)
     reach = float(fence.reach)
-    # Of a force at the tip that holds k phi the tip bends by this share of R phi.
+    # A force at the tip that balances k phi bends the tip by this share of R phi.
     bent = stiffness * 0.75**3 / (1.5 * 3e9 * 0.132 * 0.09**3 / 12) / reach**2
     assert bent < 1e-3
     found = float(ring_amplitude(energy, fence, drive))

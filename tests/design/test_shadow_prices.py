@@ -1,4 +1,4 @@
-"""What limits and bounds cost, and a weighted risk, against closed forms."""
+"""Shadow prices of limits and bounds, and a weighted risk, against closed forms."""
 
 import jax.numpy as jnp
 import numpy as np

@@ -90,7 +90,7 @@ FREQUENCIES = np.array([1.0, 7.3, 21.0, 60.0, 133.0, 300.0])
 
 
 def course(time, width):
-    """A half-sine, and a rough one behind it."""
+    """A half-sine, and an irregular pulse after it."""
     return half_sine(time, 300.0, width) + 40 * jnp.sin(900 * time) * jnp.exp(-time / 0.01)
 
 
@@ -117,7 +117,7 @@ def test_shock_spectrum_against_recursive_filters():
 
 
 @pytest.mark.parametrize(
-    ("frequencies", "damping", "said"),
+    ("frequencies", "damping", "message"),
     [
         ([5.0], 1.2, r"`damping_ratio` must be below 1 \[1\], but is 1.2"),
         ([5.0], 1.0, r"`damping_ratio` must be below 1 \[1\], but is 1"),
@@ -125,8 +125,8 @@ def test_shock_spectrum_against_recursive_filters():
         ([5.0, 0.0], 0.05, r"`frequencies` must be above 0 \[Hz\], but is 0"),
     ],
 )
-def test_a_shock_spectrum_of_what_does_not_ring_is_refused(frequencies, damping, said):
-    with pytest.raises(ValueError, match=said):
+def test_a_shock_spectrum_of_what_does_not_ring_is_refused(frequencies, damping, message):
+    with pytest.raises(ValueError, match=message):
         shock.pseudo_velocity_spectrum([0.0, 0.1], [1.0, 1.0], frequencies, damping)
 
 

@@ -1,4 +1,4 @@
-"""Quadratic programming and what runs on it: steps, several starts at once, journals, checks."""
+"""Quadratic programming and SQP: steps, several starts at once, journals, checks."""
 
 import json
 
@@ -127,8 +127,8 @@ def test_optimum_with_its_multipliers_is_seen_at_once(circle, method):
     settings = dict(data=data, scale=1.0, bounded=False, method=method)
     cold = minimize(circle, [3.0, 0.0], tolerance=1e-4, budget=400, **settings)
     assert cold.converged
-    held = Multipliers(cold.weights, cold.multipliers)
-    warm = minimize(circle, cold.point, multipliers=held, tolerance=1e-3, **settings)
+    multipliers = Multipliers(cold.weights, cold.multipliers)
+    warm = minimize(circle, cold.point, multipliers=multipliers, tolerance=1e-3, **settings)
     assert warm.converged
     assert len(warm.history) == 1
     with pytest.raises(ValueError, match="`multipliers` must have the shapes"):

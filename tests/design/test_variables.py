@@ -1,4 +1,4 @@
-"""Design variables: the map to shares, what they change, and what is refused."""
+"""Design variables: the map to shares, the parts that they change, and refusals."""
 
 import equinox as eqx
 import jax

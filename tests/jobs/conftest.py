@@ -1,4 +1,4 @@
-"""What tests of jobs and of notebooks share."""
+"""Fixtures for tests of jobs and notebooks."""
 
 import matplotlib
 import pytest

@@ -136,8 +136,8 @@ def test_the_most_promising_start_is_gone_on_with():
     assert [len(one.history) for one in tried] == [4, 4]
     assert starts.lowest(tried[1]) < 1.1 < 1.9 < starts.lowest(tried[0])
     assert starts.best(tried) is tried[1]
-    assert starts.told(tried).startswith("After 4 evaluations from each of 2 starts")
-    assert starts.told(tried[:1]) == ""
+    assert starts.summary(tried).startswith("After 4 evaluations from each of 2 starts")
+    assert starts.summary(tried[:1]) == ""
 
 
 def test_start_is_near_the_papers_drive():

@@ -54,29 +54,29 @@ def failing(error):
     return main
 
 
-def test_what_is_refused_is_said_and_the_rest_raised():
+def test_refusals_are_printed_and_other_errors_raised():
     assert left(failing(ValueError("no"))) == "job: no"
     assert left(failing(KeyError("none")), refused=(KeyError,)) == "job: 'none'"
     with pytest.raises(KeyError):
         command.run("job", Config, failing(KeyError("none")), tune=False)
 
 
-def test_what_the_system_refuses_is_said_with_its_remedy(tmp_path):
+def test_errors_of_the_system_are_printed_with_a_remedy(tmp_path):
     def write(place):
         return lambda config: place.mkdir(parents=True)
 
     (tmp_path / "file").write_text("")
-    said = left(write(tmp_path / "file"))
-    assert said == f"job: {tmp_path}/file: File exists. Name another folder: this is a file."
-    said = left(write(tmp_path / "file" / "out"))
-    assert said.endswith("Not a directory. Name another folder: there is a file in the way.")
+    message = left(write(tmp_path / "file"))
+    assert message == f"job: {tmp_path}/file: File exists. Name another folder: this is a file."
+    message = left(write(tmp_path / "file" / "out"))
+    assert message.endswith("Not a directory. Name another folder: there is a file in the way.")
     full = OSError(errno.ENOSPC, "No space left on device", tmp_path / "history.json")
     assert left(failing(full)).endswith(
         "history.json: No space left on device. Make room, and run the same command again."
     )
     assert left(failing(OSError("Make room."))) == "job: Make room."
-    said = left(failing(MemoryError("8 PiB")))
-    assert said == "job: there is not enough memory (8 PiB). Ask for less."
+    message = left(failing(MemoryError("8 PiB")))
+    assert message == "job: there is not enough memory (8 PiB). Ask for less."
 
 
 @pytest.mark.parametrize("there", [True, False])
@@ -102,7 +102,7 @@ def test_a_full_disk_leaves_what_was_written_before(there, tmp_path, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--cuont", "3"], "there is no flag --cuont. Did you mean --count?"),
         (["--shape=2"], "there is no flag --shape. Did you mean --share?"),
@@ -112,14 +112,14 @@ def test_a_full_disk_leaves_what_was_written_before(there, tmp_path, monkeypatch
         (["--kind", "c"], "argument --kind: invalid choice: 'c' (choose from"),
     ],
 )
-def test_a_wrong_flag_is_said_in_one_line(arguments, said, capsys):
+def test_a_wrong_flag_is_reported_in_one_line(arguments, message, capsys):
     with pytest.raises(SystemExit) as leaving:
         flags.reader(Config, "optimize.job", "A job.")(arguments)
     assert leaving.value.code == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.startswith(f"python -m optimize.job: {said}")
-    assert told.err.count("\n") == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith(f"python -m optimize.job: {message}")
+    assert printed.err.count("\n") == 1
 
 
 # ---- interrupts
@@ -184,10 +184,10 @@ def test_an_interrupt_ends_a_job_with_one_line(stage, tmp_path):
         stderr=subprocess.STDOUT, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
     )  # fmt: skip
     assert process.stdout is not None
-    said = []
-    for said_now in process.stdout:
-        said.append(said_now.rstrip())
-        if awaited in said_now:
+    lines = []
+    for line_now in process.stdout:
+        lines.append(line_now.rstrip())
+        if awaited in line_now:
             break
     # Into what comes behind that line.
     time.sleep(0.3)
@@ -196,13 +196,13 @@ def test_an_interrupt_ends_a_job_with_one_line(stage, tmp_path):
         rest, _ = process.communicate(timeout=60)
     finally:
         process.kill()
-    assert process.returncode == 130, "\n".join(said) + rest
+    assert process.returncode == 130, "\n".join(lines) + rest
     after = [row for row in rest.splitlines() if not row.startswith("import time:")]
     assert after == [line]
 
 
 def test_a_job_that_is_done_leaves_at_once(tmp_path):
-    """Python takes no modules apart, where no signal would be heard; what is registered is done."""
+    """Python's shutdown, which handles no signal, is skipped; registered functions are called."""
     done = subprocess.run(
         [sys.executable, "-c", RUNNING.format(work=ENDING.format(last=None))], cwd=tmp_path,
         text=True, capture_output=True, check=False, timeout=50,
@@ -286,8 +286,8 @@ def test_flags_of_every_job_win_over_its_switch(job, switch):
     assert small == getattr(plain, switch)()
     changed = [f for f, value in vars(plain).items() if getattr(small, f) != value]
     assert len(changed) > 1
-    said = [text for name in changed for text in as_flags(name, getattr(plain, name))]
-    assert configure([*needed, f"--{switch.replace('_', '-')}", *said]) == plain
+    words = [text for name in changed for text in as_flags(name, getattr(plain, name))]
+    assert configure([*needed, f"--{switch.replace('_', '-')}", *words]) == plain
 
 
 def test_names_with_numbers():
@@ -309,8 +309,8 @@ def test_names_with_numbers():
     ],
 )
 def test_texts_that_cannot_be_read(read, text):
-    said = re.escape(f"Argument `field` must be so, but holds {text!r}.")
-    with pytest.raises(ValueError, match=said):
+    message = re.escape(f"Argument `field` must be so, but holds {text!r}.")
+    with pytest.raises(ValueError, match=message):
         read("field", text, "be so")
 
 

@@ -87,12 +87,12 @@ def test_concepts_of_one_program_differ_in_data_alone(groups):
     assert [[c.name for c in g.concepts] for g in groups] == [
         ["rigid", "rigid+pad"], ["one_link"], ["two_link+motion"],
     ]  # fmt: skip
-    # What no concept of a group has, its scenes do not hold; what all have is not held.
+    # Scenes lack the parts that no concept of the group has; parts that all have are not fixed.
     assert rigid.problem.machine.fence.pad is not None
     assert rigid.problem.machine.fence.shaft is None
     assert bends.problem.machine.fence.pad is None
-    assert rigid.held == ("fence.pad.thickness", "fence.pad.modulus")
-    assert free.held == ()
+    assert rigid.fixed == ("fence.pad.thickness", "fence.pad.modulus")
+    assert free.fixed == ()
     assert rigid.fidelity("reference").modes == 0
     z, rate = rigid.problem.start, 3600.0
     alone, padded = (rigid.candidate(c, rate) for c in rigid.concepts)
@@ -116,8 +116,8 @@ def test_what_a_problem_does_not_have_is_refused(groups):
     problem, candidate = rigid.problem, rigid.candidate(rigid.concepts[0], 2400.0)
     with pytest.raises(ValueError, match="`bounds` must name limits of the sorter, .*holds life"):
         problem.limits(candidate._replace(bounds={"life": 1.0}))
-    with pytest.raises(ValueError, match="`held` must name free numbers"):
-        SorterProblem(bends.problem.machine, held=("fence.pad.thickness",))
+    with pytest.raises(ValueError, match="`fixed` must name free numbers"):
+        SorterProblem(bends.problem.machine, fixed=("fence.pad.thickness",))
     with pytest.raises(ValueError, match="`objective` must be of a quantity that is read"):
         problem.with_objective(Objective(objectives.IMPULSE))
 
@@ -167,7 +167,7 @@ def test_torques_that_swing_a_fence_as_a_drive_does(groups):
 
 def test_the_problem_of_a_torque_drive(config):
     (group,) = grouped(config, [Concept.read("rigid+torque")])
-    assert (group.name, group.held) == ("rigid-torque", ())
+    assert (group.name, group.fixed) == ("rigid-torque", ())
     problem, candidate = group.problem, group.candidate(group.concepts[0], 3600.0)
     drive = problem.scene(problem.start, candidate, 0).drive
     assert isinstance(drive, fj.TorqueDrive)
@@ -195,20 +195,20 @@ def _step(before, now, cycle=1.0, **fields):
     return SimpleNamespace(before=sample(before, fields), now=sample(now, fields), scene=scene)
 
 
-def test_what_all_concepts_are_held_to():
+def test_limits_that_all_concepts_share():
     give = quantities.TIP_GIVE.measures[0].accumulator.update
     # w - R theta: behind by the bending and by the turn of the shaft.
     assert float(give(0.0, _step(0.0, 0.1, tip_deflection=0.02, twist=-0.01))) == pytest.approx(
         0.02 + 1.2 * 0.01
     )
     assert float(give(0.05, _step(0.0, 0.1, tip_deflection=0.02, twist=None))) == 0.05
-    held = quantities.HOME_RING.measures[0].accumulator.update
+    update = quantities.HOME_RING.measures[0].accumulator.update
     # 5 t along the line through both samples, at the cycle's end; later samples change nothing.
-    state = held(0.0, _step(0.5, 0.9))
+    state = update(0.0, _step(0.5, 0.9))
     assert float(state) == pytest.approx(4.5)
-    state = held(state, _step(0.9, 1.2))
+    state = update(state, _step(0.9, 1.2))
     assert float(state) == pytest.approx(5.0)
-    assert float(held(state, _step(1.2, 1.3))) == pytest.approx(5.0)
+    assert float(update(state, _step(1.2, 1.3))) == pytest.approx(5.0)
 
 
 @pytest.fixture(scope="module")
@@ -254,12 +254,12 @@ def test_the_front_and_who_wins(stubbed, config):
     assert [p.concept.name for p in last] == ["rigid+pad", "rigid"]
     assert not last[-1].feasible
     # The way back: from the design of 3600/h on, 300 N were found at 2400/h.
-    said = " ".join(json.loads((config.out / "concepts.json").read_text())["wins"])
-    assert "At 2400/h one-link has the least peak force, 300 N" in said
-    assert "At 3600/h one-link has the least peak force, 400 N" in said
-    assert "a constant push would need " in said
+    wins = " ".join(json.loads((config.out / "concepts.json").read_text())["wins"])
+    assert "At 2400/h one-link has the least peak force, 300 N" in wins
+    assert "At 3600/h one-link has the least peak force, 400 N" in wins
+    assert "a constant push would need " in wins
     # No way back for a rigid fence, whose design of 3600/h breaks a limit.
-    assert "rigid 1200 N" in said
+    assert "rigid 1200 N" in wins
     assert "breaks a limit by 20 %" in words.table(outcome, "peak_force")
     assert outcome.succeeded
 

@@ -63,7 +63,7 @@ def test_every_material_is_designed_and_ranked(outcome):
     assert found[0].rank <= found[1].rank
     for one in found:
         assert one.feasible
-        # Less than at a start that held the limits, or that they are held.
+        # Less than at a feasible start, or feasible.
         assert one.after.objective < one.before.objective or one.before.violation > 0.1
         # The optimiser's feasibility.
         assert one.after.violation <= 1e-3
@@ -126,15 +126,15 @@ def test_what_decides_is_near(outcome):
         least[name] = min(least[name], margin)
     assert all(least.get(price.name, 0.0) <= RELAXED and price.gain > 0 for price in best.prices)
     price = Price("tip_deflection", 0.17, 0.187, "m", ("5 kg",), 3.0)
-    said = words.decides(problem, dataclasses.replace(best, prices=(price,)))
-    assert "tip deflection (5 kg): 187 mm instead of 170 mm, 3 N less" in said
-    for stop, said in (
+    report = words.decides(problem, dataclasses.replace(best, prices=(price,)))
+    assert "tip deflection (5 kg): 187 mm instead of 170 mm, 3 N less" in report
+    for stop, report in (
         (fj.Stop.BUDGET, "No limit and no bound decides where the search ended: the budget"),
         (fj.Stop.OPTIMAL, "No limit decides, and no bound that could give way."),
     ):
         optimum = dataclasses.replace(best.optimum, stop=stop)
         other = dataclasses.replace(best, prices=(), optimum=optimum)
-        assert words.decides(problem, other).startswith(said)
+        assert words.decides(problem, other).startswith(report)
 
 
 def test_the_page_and_the_drawing(outcome):
@@ -145,10 +145,10 @@ def test_the_page_and_the_drawing(outcome):
         "Figures", "What decides", "Tolerances", "Statuses and checks", "Assumptions",
         "How to make this page again",
     ]  # fmt: skip
-    said = report_pages.text(out / "report.html")
-    assert words.mine(outcome.problem, outcome.best, outcome.stiff, outcome.push) in said
+    report = report_pages.text(out / "report.html")
+    assert words.mine(outcome.problem, outcome.best, outcome.stiff, outcome.push) in report
     for name in outcome.problem.limit_names:
-        assert words.plain(name) in said
+        assert words.plain(name) in report
     assert configure(report_pages.arguments(out / "report.html", "design")) == outcome.config
     # Drawing, search, elasticities.
     assert reader.pictures == 3
@@ -191,8 +191,8 @@ def test_a_conflict_is_named(outcome, tmp_path):
     assert not found.succeeded
     assert all(not one.feasible for one in found.solutions)
     assert "torque" in [price.name for one in found.solutions for price in one.prices]
-    said = words.decides(found.problem, found.best)
-    assert "these fight" in said.lower()
+    report = words.decides(found.problem, found.best)
+    assert "these fight" in report.lower()
     assert words.mine(found.problem, found.best, None).startswith("No design holds all limits. The")
     assert "the violation falls by " in words.decides(found.problem, found.best)
     # Nothing worse than the start is shown as found.

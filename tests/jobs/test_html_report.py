@@ -1,4 +1,4 @@
-"""The page of a job, and what its sections are made of."""
+"""The page of a job, and the parts of its sections."""
 
 import importlib
 import re
@@ -52,7 +52,7 @@ def test_figures_are_within_the_page(tmp_path):
     assert Figure.of_axes(axes, "as vectors") == one
 
 
-def test_numbers_are_told_from_words():
+def test_numbers_are_distinguished_from_words():
     table = Table(["", ""], [["5 kg", ""], ["≤ 80 mm", "a 5"], ["-0.2 m/s^2", "kg^-0.4 m^-3"]])
     assert table.cells == [
         [("5 kg", True), ("", False)],
@@ -85,20 +85,20 @@ def test_the_command_gives_the_configuration(job, tmp_path):
     if job == "design":
         given += ["--set", "belt.speed=2 m/s", "--picture"]
     config = configure(given)
-    said = flags.command(config, f"optimize.{job}")
-    assert said.startswith(f"python -m optimize.{job} --out ")
-    assert configure(shlex.split(said)[3:]) == config
+    command = flags.command(config, f"optimize.{job}")
+    assert command.startswith(f"python -m optimize.{job} --out ")
+    assert configure(shlex.split(command)[3:]) == config
 
 
 def test_a_sorters_numbers_with_their_units():
     sorter = machine.load("paper").machine
     parts, materials, parcels = pages.machine_tables(sorter)
-    said = {row[0]: tuple(row[1:]) for row in parts.rows}
-    assert said["belt: speed"] == ("2 m/s", "")
-    assert said["fence: thickness"] == ("45 mm", "free, 10 mm ... 90 mm")
-    assert said["fence: length ratio"] == ("", "free, 0 ... 2")
-    assert said["motor: torque"] == ("1000 N m", "at the hinge")
-    assert said["drive: law"] == ("HarmonicDrive", "")
+    rows = {row[0]: tuple(row[1:]) for row in parts.rows}
+    assert rows["belt: speed"] == ("2 m/s", "")
+    assert rows["fence: thickness"] == ("45 mm", "free, 10 mm ... 90 mm")
+    assert rows["fence: length ratio"] == ("", "free, 0 ... 2")
+    assert rows["motor: torque"] == ("1000 N m", "at the hinge")
+    assert rows["drive: law"] == ("HarmonicDrive", "")
     assert materials.rows[0][:2] == ["PA6 dry", "3 GPa"]
     assert len(parcels.rows) == sorter.parcels.count == 6
     spans = pages.parcel_table(sorter.parcels, 3)

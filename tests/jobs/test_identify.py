@@ -1,4 +1,4 @@
-"""The identification's script: its demonstration, what it wrote read again, its flags."""
+"""The identification's script: its demonstration, its files read again, its flags."""
 
 import json
 
@@ -25,7 +25,7 @@ def test_demonstration(demonstration):
     assert set(outcome.deviations) == {named.get(name, name) for name in outcome.fit.names}
     # The chance that one of six normal numbers is further away is 4e-4.
     assert max(abs(v) for v in outcome.deviations.values()) < 4
-    # All are told: friction and material too, from force and tip deflection.
+    # Force and tip deflection determine all of them, friction and material, too.
     assert np.all(outcome.fit.standard_errors < 0.2)
     content = json.loads((out / "result.json").read_text())
     assert content["parameters"]["youngs_modulus"]["unit"] == "Pa"

@@ -1,4 +1,4 @@
-"""What the figures of jobs say: the limits that are in force, and titles for a reader."""
+"""The figures of jobs: the limits that apply, and readable titles."""
 
 import types
 

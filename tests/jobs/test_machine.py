@@ -22,8 +22,8 @@ def read(scene, *names):
 
 
 def test_a_sorter_that_is_none_is_refused():
-    said = "must be a file or one of honest, paper, parcel_hub, but is 'nosuch'"
-    with pytest.raises(ValueError, match=said):
+    message = "must be a file or one of honest, paper, parcel_hub, but is 'nosuch'"
+    with pytest.raises(ValueError, match=message):
         machine.load("nosuch")
 
 
@@ -107,9 +107,9 @@ def test_limits_that_a_sorter_names_hold_in_the_jobs_too():
 
 def test_a_job_for_one_material_says_which():
     sorter = machine.load("parcel_hub", ("fence.thickness=30 mm",))
-    (said,) = machine.notes(sorter.machine)
-    assert said.startswith("the fence is of PA6 dry, the first of the sorter's 4 materials")
-    assert "--set fence.material='POM'" in said
+    (message,) = machine.notes(sorter.machine)
+    assert message.startswith("the fence is of PA6 dry, the first of the sorter's 4 materials")
+    assert "--set fence.material='POM'" in message
     sold = fj.Sorter(fence={"material": "POM", "thickness": ["20 mm", "30 mm"]}).machine
     assert machine.notes(sold) == [
         "the fence is of POM",

@@ -86,7 +86,7 @@ def machine(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("nowhere:Swing", "name a module that Python can import, but 'nowhere:Swing' does"),
         ("{m}:Sing", "'{m}:Sing' does not. It has "),
@@ -96,8 +96,8 @@ def machine(tmp_path, monkeypatch):
         (":Swing", "name a module"),
     ],
 )
-def test_what_is_none_is_refused(machine, text, said):
-    with pytest.raises(ValueError, match="Argument `drive` must .*" + said.format(m=machine)):
+def test_what_is_none_is_refused(machine, text, message):
+    with pytest.raises(ValueError, match="Argument `drive` must .*" + message.format(m=machine)):
         named.drive(text.format(m=machine))
 
 

@@ -187,7 +187,7 @@ def test_sweep_keeps_its_lanes_apart(monkeypatch):
     seen = []
 
     def known(cases, fidelity):
-        # A stand-in for the impacts, from which every lane can be told.
+        # A stand-in for the impacts that identifies every lane.
         seen.append(cases.distance.size)
         mass, place, reach = cases.parcel.mass, cases.distance, cases.fence.rigid_length
         return maps._Outcome(mass, 2 * mass, place, reach)
@@ -197,15 +197,15 @@ def test_sweep_keeps_its_lanes_apart(monkeypatch):
         stack([make(name, distance=1.0, drive_angle=angle) for name in NAMES])
         for angle in (0.3, 0.2)
     ]
-    said = []
+    reported = []
     found = maps.sweep(
         pairs, [5.0, 15.0], [0.7, 0.9, 1.0], fj.Fidelity.fast(), chunk=5,
-        progress=lambda *now: said.append(now),
+        progress=lambda *now: reported.append(now),
     )  # fmt: skip
     # 24 lanes, five at a time, every chunk of the same shape.
     assert seen == [5] * 5
-    assert [(done, total) for done, total, _ in said] == [(n, 24) for n in (5, 10, 15, 20, 24)]
-    assert said[-1][2] == 0.0
+    assert [(done, total) for done, total, _ in reported] == [(n, 24) for n in (5, 10, 15, 20, 24)]
+    assert reported[-1][2] == 0.0
     for drawn in found:
         shape = (2, 2, 3)
         np.testing.assert_array_equal(

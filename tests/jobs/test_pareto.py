@@ -1,4 +1,4 @@
-"""The front of peak force against what it costs, in a small version."""
+"""The front of peak force against another quantity, in a small version."""
 
 import json
 
@@ -43,7 +43,7 @@ def test_front_falls_and_holds_its_limits(small):
     for point in points:
         for limit in front.tradeoff.limits:
             margins = limit.margin_of(point.found.lanes[limit.name])
-            # What is kept in hand covers the optimiser's own tolerance of 1e-4.
+            # The reserve covers the optimiser's own tolerance of 1e-4.
             assert np.min(margins) >= _SMALL.reserve - 2e-4
         unit = front.tradeoff.measure("fast", front.tradeoff.start).other
         assert point.other <= point.bound + 2e-4 * unit
@@ -145,7 +145,7 @@ def test_files(small):
     assert (out / "fence.dxf").exists()
 
 
-def test_no_feasible_design_is_said(small, tmp_path, capsys):
+def test_no_feasible_design_is_reported(small, tmp_path, capsys):
     found = main(_with(out=tmp_path, tip_limit=1e-4, plots=False, budget=25))
     assert not found.succeeded
     assert "no feasible design found" in capsys.readouterr().out

@@ -140,9 +140,9 @@ def test_no_feasible_design(tmp_path, capsys):
     assert not outcome.succeeded
     least = min(record.violation for record in outcome.optimum.history)
     assert outcome.optimum.residual.violation == least
-    said = capsys.readouterr().out
-    assert "no feasible design found" in said
-    assert "least-violating" in said
+    printed = capsys.readouterr().out
+    assert "no feasible design found" in printed
+    assert "least-violating" in printed
     result = json.loads((tmp_path / "result.json").read_text())
     assert result["feasible"] is False
 
@@ -185,17 +185,17 @@ def test_what_is_freed_is_designed():
         assert PeakForceConfig(free=("thickness=0.08:0.02",)).space
 
 
-def test_a_start_that_cannot_be_evaluated_is_said_lane_by_lane():
+def test_a_start_that_cannot_be_evaluated_is_reported_lane_by_lane():
     encounters = Encounter.grid(offset=(0.05, 0.2), mass=(2.0, 30.0))
     statuses = np.array([fj.Status.SUCCESSFUL, fj.Status.LARGE_DEFLECTION,
                          fj.Status.STEP_TOO_COARSE, fj.Status.LARGE_DEFLECTION])  # fmt: skip
-    said = report.failed_start(encounters.text, statuses).splitlines()
-    assert "cannot be evaluated" in said[0]
+    lines = report.failed_start(encounters.text, statuses).splitlines()
+    assert "cannot be evaluated" in lines[0]
     meaning = fj.Status.LARGE_DEFLECTION.text
-    assert said[1] == f"  30 kg, offset 50 mm; 30 kg, offset 200 mm: LARGE_DEFLECTION, {meaning}"
+    assert lines[1] == f"  30 kg, offset 50 mm; 30 kg, offset 200 mm: LARGE_DEFLECTION, {meaning}"
     # What is in numerical doubt is no reason.
-    assert len(said) == 3
-    assert "--set" in said[2]
+    assert len(lines) == 3
+    assert "--set" in lines[2]
 
 
 def test_trace_without_history_is_refused():

@@ -1,4 +1,4 @@
-"""Numbers that a job cannot be done with are refused before anything is compiled or written."""
+"""Impossible numbers for a job are refused before anything is compiled or written."""
 
 import importlib
 
@@ -40,15 +40,15 @@ REFUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("job", "given", "said"), REFUSED)
-def test_a_number_out_of_its_bound_is_refused_as_it_is_given(job, given, said):
+@pytest.mark.parametrize(("job", "given", "message"), REFUSED)
+def test_a_number_out_of_its_bound_is_refused_as_it_is_given(job, given, message):
     configure = importlib.import_module(f"optimize.{job}.configuration").configure
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         configure(given)
 
 
 @pytest.mark.parametrize(
-    ("job", "given", "said"),
+    ("job", "given", "message"),
     [
         (
             "peak_force", ["--distances", "0.9", "1.5"],
@@ -63,10 +63,10 @@ def test_a_number_out_of_its_bound_is_refused_as_it_is_given(job, given, said):
         ("co_design", ["--front", "1e13"], r"`front` must be 0 ... 1e\+12 \[m\] in size"),
     ],
 )  # fmt: skip
-def test_what_the_machine_does_not_reach_is_refused_before_a_search(job, given, said, tmp_path):
+def test_what_the_machine_does_not_reach_is_refused_before_a_search(job, given, message, tmp_path):
     module = importlib.import_module(f"optimize.{job}.configuration")
     main = importlib.import_module(f"optimize.{job}").main
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         main(module.configure([*given, "--out", str(tmp_path / "out")]), quiet=True)
     # Nothing was written, and nothing simulated that would have been.
     assert not (tmp_path / "out").exists()

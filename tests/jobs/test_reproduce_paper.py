@@ -238,8 +238,8 @@ def test_files(quick):
     ):  # fmt: skip
         assert shows_data(out / f"{name}.png")
     assert report_pages.read(out / "report.html").pictures == 5
-    said = report_pages.text(out / "report.html")
-    assert all(" ".join(finding.says.split()) in said for finding in outcome.findings)
+    page = report_pages.text(out / "report.html")
+    assert all(" ".join(finding.says.split()) in page for finding in outcome.findings)
     content = json.loads((out / "result.json").read_text())
     assert content["agrees"] is True
     assert len(content["statements"]) == 17

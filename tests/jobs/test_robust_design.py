@@ -100,9 +100,9 @@ def test_wall_force_and_drop_height():
 
 def test_intervals():
     for good, count in ((0, 30), (17, 30), (30, 30)):
-        held = np.arange(count) < good
+        holds = np.arange(count) < good
         exact = binomtest(good, count).proportion_ci(0.9, "exact")
-        found = confidence.share(held, 0.9)
+        found = confidence.share(holds, 0.9)
         np.testing.assert_allclose(found, [good / count, exact.low, exact.high], atol=1e-12)
     values = np.random.default_rng(3).normal(10.0, 2.0, 400)
     found = confidence.bootstrap(values, "mean", 0.95, 4000, 0.95, 0)
@@ -144,7 +144,7 @@ def test_measure_falls_and_the_limits_hold(small):
     after = outcome.judged["after"]
     assert after.excluded == 0.0
     assert sum(after.statuses.values()) == _SMALL.fresh
-    assert outcome.held
+    assert outcome.limits_hold
     for name in ("mean", "cvar", "worst"):
         interval = after.measures[name]
         assert interval.lower <= interval.value <= interval.upper + 1e-12

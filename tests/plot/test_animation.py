@@ -1,4 +1,4 @@
-"""Moving pictures: the frames asked for, each of them right."""
+"""Animations: the right frames at the given times."""
 
 import numpy as np
 import pytest

@@ -68,9 +68,9 @@ def test_layers_and_dimensions_of_the_dxf(tmp_path):
     measured = sorted(round(d.get_measurement(), 6) for d in space.query("DIMENSION"))
     assert measured == [33.3, 450.1, 750.0, 1200.1]
     # And so they are written.
-    said = [e.text for d in space.query("DIMENSION") for e in d.virtual_entities()
+    texts = [e.text for d in space.query("DIMENSION") for e in d.virtual_entities()
             if e.dxftype() == "MTEXT"]  # fmt: skip
-    assert sorted(said) == ["1200.1", "33.3", "450.1", "750"]
+    assert sorted(texts) == ["1200.1", "33.3", "450.1", "750"]
     (joint,) = space.query('LINE[layer=="JOINT"]')
     assert tuple(joint.dxf.start)[:2] == pytest.approx((450.1, 0.0))
     (hinge,) = space.query("POINT")
@@ -111,15 +111,15 @@ def written(axes):
 def test_the_sheets_dimensions_are_the_fences():
     fence = fj.Fence(0.31234, 0.75, 0.132, 0.04567)
     axes = fence_drawing(fence, title="a fence", material="POM (23 C)")
-    said = written(axes)
+    texts = written(axes)
     # Rounded to a tenth of a millimetre, thicknesses to a hundredth.
     names = ("rigid_length", "flexible_length", "reach", "width", "thickness")
-    assert [said[name] for name in names] == ["312.3", "750", "1062.3", "132", "45.67"]
+    assert [texts[name] for name in names] == ["312.3", "750", "1062.3", "132", "45.67"]
     for k, share in enumerate(np.linspace(0, 1, 9)):
-        assert float(said[f"h[{k}]"]) == pytest.approx(45.67 * np.sqrt(1 - share), abs=0.006)
-        assert float(said[f"x[{k}]"]) == pytest.approx(312.34 + 750 * share, abs=0.051)
-    assert (said["title"], said["material"], said["scale"]) == ("a fence", "POM (23 C)", "1:5")
-    assert float(said["mass"].split()[0]) == pytest.approx(mass_of(fence), rel=1e-3)
+        assert float(texts[f"h[{k}]"]) == pytest.approx(45.67 * np.sqrt(1 - share), abs=0.006)
+        assert float(texts[f"x[{k}]"]) == pytest.approx(312.34 + 750 * share, abs=0.051)
+    assert (texts["title"], texts["material"], texts["scale"]) == ("a fence", "POM (23 C)", "1:5")
+    assert float(texts["mass"].split()[0]) == pytest.approx(mass_of(fence), rel=1e-3)
     figure = axes.get_figure(root=True)
     # A sheet of its own size, with the fence to scale on it.
     assert 25.4 * figure.get_size_inches() == pytest.approx((297, 210))

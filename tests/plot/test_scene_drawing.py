@@ -1,4 +1,4 @@
-"""Pictures of a scene: what is drawn is where the simulation has it."""
+"""Pictures of a scene: everything is drawn at its place in the simulation."""
 
 import dataclasses
 import types

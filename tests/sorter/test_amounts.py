@@ -1,4 +1,4 @@
-"""Numbers with units, names that are none, and numbers that no machine has."""
+"""Numbers with units, unknown names, and implausible numbers."""
 
 import math
 
@@ -38,7 +38,7 @@ def test_numbers_with_units(given, unit, si):
 
 
 @pytest.mark.parametrize(
-    ("given", "unit", "said"),
+    ("given", "unit", "message"),
     [
         ("2.5 kg", "m/s", "`belt.speed` must be in m/s .* '2.5 kg', of another dimension"),
         ("2.5 m", "m/s", "another dimension"),
@@ -51,8 +51,8 @@ def test_numbers_with_units(given, unit, si):
         (math.nan, "m", "must be finite"),
     ],
 )
-def test_what_is_no_such_number_is_refused(given, unit, said):
-    with pytest.raises(ValueError, match=said):
+def test_what_is_no_such_number_is_refused(given, unit, message):
+    with pytest.raises(ValueError, match=message):
         amount("belt.speed", given, unit)
 
 
@@ -74,7 +74,7 @@ def test_texts_of_flags():
 
 
 @pytest.mark.parametrize(
-    ("tables", "said"),
+    ("tables", "message"),
     [
         ({"fence": {"thickness": 45}}, "`fence.thickness` is 45 .* Is it 45 mm"),
         ({"fence": {"thickness": [0.03, 45]}}, "`fence.thickness` is 45"),
@@ -97,8 +97,8 @@ def test_texts_of_flags():
         ({"parcels": {"mass": [5, 5000]}}, "mass` is 5000 .* Is it 5000 g"),
     ],
 )
-def test_numbers_that_no_machine_has_are_told_with_the_likely_unit(tables, said):
-    with pytest.warns(fj.sorter.ImplausibleNumberWarning, match=said):
+def test_implausible_numbers_are_reported_with_the_likely_unit(tables, message):
+    with pytest.warns(fj.sorter.ImplausibleNumberWarning, match=message):
         fj.Sorter(**tables)
 
 

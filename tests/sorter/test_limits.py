@@ -1,4 +1,4 @@
-"""The rows of a sorter's table of limits: bounds, settings, and what is asked for alone."""
+"""The rows of a sorter's table of limits: bounds, settings, and limits only on request."""
 
 import numpy as np
 import pytest
@@ -126,7 +126,7 @@ def test_height_and_fragility_of_each_parcel():
 
 
 @pytest.mark.parametrize(
-    ("table", "said"),
+    ("table", "message"),
     [
         ({"damage": 1.0}, "`limits.damage` must be a table with critical_load"),
         ({"damage": {"critical_load": 3}}, "must be a table with critical_load, critical_vel"),
@@ -139,12 +139,12 @@ def test_height_and_fragility_of_each_parcel():
         ({"impulse": True}, "`limits.impulse` must be a number"),
     ],
 )
-def test_refusals(table, said):
-    with pytest.raises(ValueError, match=said):
+def test_refusals(table, message):
+    with pytest.raises(ValueError, match=message):
         limits(limits=table)
 
 
-def test_machines_that_differ_in_a_setting_are_told_apart():
+def test_machines_that_differ_in_a_setting_are_distinguished():
     one, other = (
         fj.Sorter(limits={"tipping": {"center_height": h, "contact_height": 0.1}}).machine
         for h in (0.2, 0.3)

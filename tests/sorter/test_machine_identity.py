@@ -1,4 +1,4 @@
-"""What makes a sorter's design problem another one, of which no evaluation is taken over."""
+"""The identity of a sorter's design problem: evaluations of another one are not reused."""
 
 import copy
 import dataclasses
@@ -15,7 +15,7 @@ NUMBERS = [0.0] * 6
 
 @pytest.fixture(scope="module")
 def machine():
-    """A sorter that gives much of what can be given, with free and chosen numbers."""
+    """A sorter with many of the possible numbers, some of them free or chosen."""
     return fj.Sorter(
         title="one", period="1.5 s",
         belt={"speed": 2.0, "edge": True},
@@ -40,7 +40,7 @@ def taken_over(folder, one, other):
 
 
 def of(machine):
-    """What is known of a machine's problem: its key, and its parcels."""
+    """The identity of a machine's problem: its key, and its parcels."""
     return machine.signature, {**machine.parcels.columns, "weight": machine.parcels.weights}
 
 

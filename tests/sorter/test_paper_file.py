@@ -119,7 +119,7 @@ def test_every_limit_is_shown_with_its_settings():
 
 @pytest.mark.parametrize(("section", "table"), EXAMPLES)
 def test_every_example_is_read(section, table, tmp_path):
-    """In place of the lines with the same keys, and of those that it says it is in place of."""
+    """The example instead of the lines with the same keys, and of those that it names."""
     (tmp_path / "parcels.csv").write_text("mass [kg],length [m],weight\n2,0.3,5\n20,0.6,1\n")
     instead = {"list": ("mass", "length"), "file": ("mass", "length"),
                "rigid_length": ("reach", "length_ratio")}  # fmt: skip

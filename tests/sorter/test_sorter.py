@@ -1,4 +1,4 @@
-"""What a sorter file says, is refused for, and is changed to."""
+"""Sorter files: their contents, refusals and changes."""
 
 import equinox as eqx
 import jax
@@ -263,9 +263,9 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("tables", "said"), REFUSED)
-def test_what_cannot_be_is_refused_where_it_is_given(tables, said):
-    with pytest.raises((ValueError, TypeError), match=said):
+@pytest.mark.parametrize(("tables", "message"), REFUSED)
+def test_what_cannot_be_is_refused_where_it_is_given(tables, message):
+    with pytest.raises((ValueError, TypeError), match=message):
         fj.Sorter(**tables)
 
 
@@ -277,9 +277,9 @@ def test_a_file_names_itself_in_its_refusals(tmp_path):
     file.write_text("[bolt]\nspeed = 2\n")
     with pytest.raises(ValueError, match="unknown key `bolt`. Did you mean `belt`"):
         fj.Sorter.load(file)
-    for content, said in ((b"", "is empty"), (b"\n \n", "is empty"), (b"\x89PNG\xff", "UTF-8")):
+    for content, message in ((b"", "is empty"), (b"\n \n", "is empty"), (b"\x89PNG\xff", "UTF-8")):
         file.write_bytes(content)
-        with pytest.raises(ValueError, match=f"mine.toml: must .*{said}"):
+        with pytest.raises(ValueError, match=f"mine.toml: must .*{message}"):
             fj.Sorter.load(file)
     with pytest.raises(ValueError, match="names 'belt_sped'. Did you mean `belt_speed`"):
         fj.Sorter().replace({"belt_sped": 2})
@@ -322,7 +322,7 @@ def test_parcels_from_a_file(tmp_path, text):
     np.testing.assert_allclose(parcels.weights, [0.75, 0.25])
 
 
-def test_a_files_defects_are_told_with_their_line(tmp_path):
+def test_a_files_defects_are_reported_with_their_line(tmp_path):
     (tmp_path / "parcels.csv").write_text("mass [kg]\n1\nheavy\n")
     with pytest.raises(ValueError, match=r"parcels.csv:3.mass` \[kg\] must be a number"):
         fj.Sorter(parcels={"file": "parcels.csv"}, folder=tmp_path)
@@ -344,8 +344,8 @@ def test_a_file_of_parcels_is_read_as_a_spreadsheet_saves_it(tmp_path, encoding)
 def test_a_file_of_parcels_that_is_no_text_is_refused_with_its_byte(tmp_path):
     (tmp_path / "parcels.csv").write_bytes(b"mass [kg]\n\x00\xff\n")
     (tmp_path / "mine.toml").write_text('[parcels]\nfile = "parcels.csv"\n')
-    said = "mine.toml: .*parcels.csv: must be text in UTF-8, but byte 11 is not"
-    with pytest.raises(ValueError, match=said):
+    message = "mine.toml: .*parcels.csv: must be text in UTF-8, but byte 11 is not"
+    with pytest.raises(ValueError, match=message):
         fj.Sorter.load(tmp_path / "mine.toml")
 
 
@@ -406,7 +406,7 @@ def test_jobs_refuse_numbers_that_no_machine_has():
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda: fj.Fence(material="POM"), "`material` must be an instance of Material, but is 'P"),
         (lambda: fj.Fence(taper=fj.Uniform), "`taper` .* the class Uniform, not made yet"),
@@ -423,8 +423,8 @@ def test_jobs_refuse_numbers_that_no_machine_has():
         (lambda: fj.scenes.whole_sort(fence_friction=0.3), "`fence_friction` must be an instance"),
     ],
 )
-def test_parts_of_a_wrong_kind_are_refused_where_they_are_given(make, said):
-    with pytest.raises(TypeError, match=said):
+def test_parts_of_a_wrong_kind_are_refused_where_they_are_given(make, message):
+    with pytest.raises(TypeError, match=message):
         make()
 
 

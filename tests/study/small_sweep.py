@@ -1,4 +1,4 @@
-"""Small sweeps that serve many tests, and what two tables have in common."""
+"""Small sweeps for many tests, and the comparison of two tables."""
 
 import dataclasses
 
@@ -38,7 +38,7 @@ def tiny():
 
 
 class PlainLane(Lane):
-    """A formula and a loop that takes its time instead of a simulation, for tests of what keeps the
+    """A formula and a slow loop instead of a simulation, for tests of what keeps the
     numbers, whatever they are."""
 
     def __call__(self, values):

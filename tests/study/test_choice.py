@@ -20,7 +20,7 @@ DEARER = fj.Fidelity(step=1.25e-4, step_tolerance=None, modes=4)
 
 
 def normal_impacts(seed, count):
-    """Impacts on the fence held still: the scenes whose programs compile the fastest."""
+    """Impacts on a fence at rest: the scenes whose programs compile the fastest."""
     rng = np.random.default_rng(seed)
     return stack([
         fj.scenes.normal_impact(

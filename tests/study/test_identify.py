@@ -56,11 +56,11 @@ def noisy(signals, seed, share=1.0):
 def test_what_is_in_doubt_is_fitted_finer():
     # Steps of 4 ms are too long for a blow of 20 ms: its force is that of other parameters.
     given = Experiment(impact(), Recording(_TIME, clean(impact(stiffness=1.2e9))))
-    rough = fj.Fidelity.coarse(step=4e-3, step_tolerance=None)
-    plain = fit(given, ["stiffness"], fidelity=rough, refine=False)
+    coarse = fj.Fidelity.coarse(step=4e-3, step_tolerance=None)
+    plain = fit(given, ["stiffness"], fidelity=coarse, refine=False)
     assert plain.rung == 0
     assert any("step" in warning for warning in plain.warnings)
-    found = fit(given, ["stiffness"], fidelity=rough)
+    found = fit(given, ["stiffness"], fidelity=coarse)
     assert found.rung > 0
     assert found.evaluations > plain.evaluations
     assert not any("step" in warning for warning in found.warnings)
@@ -239,17 +239,17 @@ def test_recordings_that_cannot_be_aligned_are_refused_by_their_own_cause():
     assert "Change its sign" in refused(signals=signals)
     assert "Give the `delay`" in refused(signals={"y": recording.signals["force"]})
     assert "rows after the delay" in refused(delay=0.5)
-    # Seconds that are milliseconds, or rows that are too far apart: both are said as what they may
-    # be.
+    # Seconds that are milliseconds, or rows that are too far apart: both are reported with what
+    # they may be.
     coarse = refused(time=1e3 * _CLOCK)
     assert "rows must be nearer to each other" in coarse
     assert "If these are milliseconds" in coarse
     long = Recording(0.002 * np.arange(4000), {"force": np.full(4000, 1.0)}, "clock.csv")
-    said = refused(time=long.time, signals=long.signals, delay=0.0)
-    assert "Give the `length`" in said
+    message = refused(time=long.time, signals=long.signals, delay=0.0)
+    assert "Give the `length`" in message
 
 
-def test_what_is_not_told_is_said(truth):
+def test_undetermined_parameters_are_reported(truth):
     # E, the width z and rho act through E z and rho z alone; the parcel's breadth not at all.
     wanted = [
         "youngs_modulus",
@@ -259,21 +259,21 @@ def test_what_is_not_told_is_said(truth):
     ]
     found = fit(Experiment(impact(), noisy(truth, 8)), wanted, most=20)
     assert found.standard_errors[3] == np.inf
-    assert any("breadth is not told" in w for w in found.warnings)
-    # The one direction is told no better than rounding allows, some 1e-8 of the others.
+    assert any("breadth is not determined" in w for w in found.warnings)
+    # The one direction is determined only to rounding, some 1e-8 of the others.
     assert found.condition > 1e6
-    assert any("hardly told apart" in w for w in found.warnings)
+    assert any("hardly distinguishable" in w for w in found.warnings)
     assert found.weakest == pytest.approx(found.weakest[1] * np.array([-1, 1, -1, 0]), abs=1e-4)
 
 
-def test_bounds_that_bind_are_said(truth):
+def test_active_bounds_are_reported(truth):
     tight = fj.DesignVariable("youngs_modulus", 2.9e9, 3.5e9, "Pa")
     found = fit(Experiment(impact(), noisy(truth, 9)), [tight, *_NAMES[1:]])
     assert found.values[0] == pytest.approx(2.9e9, rel=1e-3)
     assert any("at its lower bound" in w for w in found.warnings)
 
 
-def test_a_wrong_model_is_said(truth):
+def test_a_wrong_model_is_reported(truth):
     # The parcel weighed 15 kg; whoever fits takes it for 10 kg.
     found = fit(Experiment(impact(mass=10.0), noisy(truth, 10)), _NAMES)
     assert any("follow one another" in w for w in found.warnings)

@@ -1,4 +1,4 @@
-"""Lanes in groups, in the order of their contacts' lengths."""
+"""Lanes in groups, in the order of their contact times."""
 
 import jax
 import jax.numpy as jnp

@@ -49,7 +49,7 @@ def test_bent_residuals_change_the_errors(lift):
     assert found.holds
 
 
-def test_a_kink_within_the_error_is_said():
+def test_a_kink_within_the_error_is_reported():
     # Beyond half a standard error the model bends: over a whole one to each side the slope changes
     # by 9 (1 - 1/2) / 2 more.
     bent = Bent(0.0, 0.0, kink=3.0)

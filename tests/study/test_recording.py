@@ -1,4 +1,4 @@
-"""Recordings in files: what is written comes back, and files as machines write them are read."""
+"""Recordings in files: written ones are read back, and files as machines write them are read."""
 
 import re
 

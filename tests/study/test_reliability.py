@@ -80,7 +80,7 @@ def test_lognormal_impacts():
         ),
     ],
 )
-def test_what_cannot_be_told_is_refused(margin, scatter, message):
+def test_undefined_probabilities_are_refused(margin, scatter, message):
     with pytest.raises(ValueError, match=message):
         fj.failure_probability(margin, scatter)
 

@@ -77,18 +77,18 @@ def test_lanes_in_doubt_are_computed_finer(tmp_path):
     fidelity = tiny().fidelity.replace(step=3e-3, step_tolerance=None)
     base = dataclasses.replace(tiny(), fidelity=fidelity)
     plain = run_sweep(dataclasses.replace(base, refine=False), tmp_path / "plain", **PLAIN)
-    rough = plain.status == fj.Status.STEP_TOO_COARSE
-    assert 4 <= np.sum(rough) <= 12
+    too_coarse = plain.status == fj.Status.STEP_TOO_COARSE
+    assert 4 <= np.sum(too_coarse) <= 12
     assert np.all(plain.rung == 0)
     table = run_sweep(base, tmp_path / "refined", **PLAIN)
-    np.testing.assert_array_equal(table.rung, np.where(rough, 1, 0))
+    np.testing.assert_array_equal(table.rung, np.where(too_coarse, 1, 0))
     assert np.all(table.good)
     finer = dataclasses.replace(base, fidelity=base.fidelity.ladder()[1], refine=False)
     finer = run_sweep(finer, tmp_path / "finer", **PLAIN)
     for name, column in table.outputs.items():
-        np.testing.assert_array_equal(column[~rough], plain.outputs[name][~rough])
+        np.testing.assert_array_equal(column[~too_coarse], plain.outputs[name][~too_coarse])
         # Lanes of a group wait for each other's last Newton iteration.
-        np.testing.assert_allclose(column[rough], finer.outputs[name][rough], rtol=1e-5)
+        np.testing.assert_allclose(column[too_coarse], finer.outputs[name][too_coarse], rtol=1e-5)
     assert "computed finer" in repr(table)
     assert_same(SweepTable.load(tmp_path / "refined"), table)
     np.testing.assert_array_equal(table.to_pandas()["rung"], table.rung)
@@ -106,11 +106,11 @@ def test_lanes_without_good_numbers_are_counted(tmp_path):
         "mass": mass, "reach": np.repeat([1.1, 1.2], 8), "distance": place,
     })  # fmt: skip
     sweep = dataclasses.replace(SMALL.sweep(), samples=samples)
-    said = []
-    table = run_sweep(sweep, tmp_path, chunk=16, group=8, progress=said.append)
+    reported = []
+    table = run_sweep(sweep, tmp_path, chunk=16, group=8, progress=reported.append)
     assert np.all(table.status[mass < 10] <= fj.Status.LEFT_OVER_TIP)
     assert np.all(table.status[mass > 10] > fj.Status.LEFT_OVER_TIP)
-    assert said[-1].bad == 8
+    assert reported[-1].bad == 8
     # No finer fidelity gives what a parcel of 1e12 kg does.
     assert np.all(table.rung[mass < 10] == 0)
     # Sound lanes are not touched by their neighbours: each place has its one force.
@@ -306,14 +306,14 @@ def test_arrays_are_drawn_as_a_table_is():
 def test_script_writes_its_files_and_says_whether_it_succeeded(whole, tmp_path, capsys):
     outcome = main(small(tmp_path, plots=True))
     assert_same(outcome.table, whole)
-    said = capsys.readouterr().out
-    assert "60 of 60 lanes" in said
-    assert "IMPOSSIBLE 10" in said
+    reported = capsys.readouterr().out
+    assert "60 of 60 lanes" in reported
+    assert "IMPOSSIBLE 10" in reported
     content = json.loads((tmp_path / "result.json").read_text())
     assert content["statuses"] == whole.counts()
     assert shows_data(tmp_path / "peak_force.png")
-    said = report_pages.text(tmp_path / "report.html")
-    assert "IMPOSSIBLE 10 there is no such scene" in said
+    reported = report_pages.text(tmp_path / "report.html")
+    assert "IMPOSSIBLE 10 there is no such scene" in reported
     assert outcome.succeeded
     strict = main(small(tmp_path, tolerated=0.01))
     assert not strict.succeeded

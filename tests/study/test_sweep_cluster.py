@@ -1,4 +1,4 @@
-"""Sweeps on a Dask cluster: the same numbers, whoever is killed."""
+"""Sweeps on a Dask cluster: the same numbers, whichever process is killed."""
 
 import contextlib
 import os
@@ -15,12 +15,12 @@ from fencejax.study import SweepTable, WorkerSettings, run_sweep
 from optimize.sweep import main
 from optimize.sweep.configuration import SweepConfig
 
-# For what takes seconds on a machine with nothing else to do [s].
+# Timeout for steps that take seconds on an idle machine [s].
 PATIENCE = 120
 
 
-def started(*command, told=subprocess.DEVNULL):
-    # Nobody reads what a scheduler and its workers say: a full pipe would hold them.
+def started(*command, output=subprocess.DEVNULL):
+    # The output of a scheduler and its workers is not read: a full pipe would block them.
     # The flags of XLA that this process has, tests' own modules, one cache for compiled programs.
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join(sys.path),
@@ -28,7 +28,7 @@ def started(*command, told=subprocess.DEVNULL):
         "JAX_NUMPY_DTYPE_PROMOTION": "strict",
     }
     return subprocess.Popen(
-        [sys.executable, *command], env=environment, stdout=told, stderr=subprocess.STDOUT,
+        [sys.executable, *command], env=environment, stdout=output, stderr=subprocess.STDOUT,
         text=True,
     )  # fmt: skip
 
@@ -98,15 +98,15 @@ from fencejax.study import run_sweep
 
 jax.config.update("jax_enable_x64", True)
 with distributed.Client(sys.argv[2]) as client:
-    said = lambda now: print(now.done, flush=True)
-    run_sweep(plain(), sys.argv[1], **PLAIN, client=client, progress=said)
+    report = lambda now: print(now.done, flush=True)
+    run_sweep(plain(), sys.argv[1], **PLAIN, client=client, progress=report)
 """
 
 
 def test_the_client_is_killed(dask, alone, tmp_path):
     with dask.client(2) as client:
         address = client.scheduler.address
-        killed = started("-c", CLIENT, str(tmp_path), address, told=subprocess.PIPE)
+        killed = started("-c", CLIENT, str(tmp_path), address, output=subprocess.PIPE)
         assert killed.stdout is not None
         line = killed.stdout.readline()
         killed.send_signal(signal.SIGKILL)

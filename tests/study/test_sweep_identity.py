@@ -1,5 +1,5 @@
-"""What makes a sweep another one: every number and choice of its setting, the code of measures and
-parts of a user's own, and the package itself."""
+"""The identity of a sweep: every number and choice of its setting, the code of a user's own
+measures and parts, and the package itself."""
 
 import dataclasses
 import inspect
@@ -55,30 +55,30 @@ def lane(setting=None, **changes):
     return dataclasses.replace(made, **changes)
 
 
-def told(one):
+def identity_of(one):
     return json.dumps(one.describe(), sort_keys=True)
 
 
 def test_every_number_and_choice_of_a_setting_makes_another_sweep():
     assert {"self", *SETTING} == {*inspect.signature(SceneFamily.__init__).parameters}
-    found = {"": told(lane())}
+    found = {"": identity_of(lane())}
     for name, value in SETTING.items():
         others = [(name, other) for other in CHOSEN.get(name, ())] or variants(value, name)
         for index, (path, other) in enumerate(others):
             setting = SETTING | {name: other} | ({"options": {}} if name == "kind" else {})
-            found[f"{index} {path}"] = told(lane(setting))
+            found[f"{index} {path}"] = identity_of(lane(setting))
     whole = lane()
     for field in dataclasses.fields(Lane):
         if field.name != "family":
             for path, other in variants(getattr(whole, field.name), field.name):
-                found[path] = told(lane(**{field.name: other}))
+                found[path] = identity_of(lane(**{field.name: other}))
     alike = [path for path, one in found.items() if path and one == found[""]]
     assert alike == []
     assert len(set(found.values())) == len(found)
     # All parts have been gone through, the motor's inertia among them.
     assert len(found) > 100
     assert any("motor.rotor_inertia" in path for path in found)
-    assert found[""] == told(lane())
+    assert found[""] == identity_of(lane())
 
 
 def test_the_samples_and_the_precision_make_another_sweep():
@@ -161,7 +161,7 @@ def own_drive(factor):
 
 
 @pytest.mark.parametrize(("part", "make"), [("drive", own_drive), ("taper", own_taper)])
-def test_parts_of_one_name_are_told_apart(part, make):
+def test_parts_of_one_name_are_distinguished(part, make):
     def described(value):
         parts = {"drive": value} if part == "drive" else {"fence": fj.Fence(taper=value)}
         return json.dumps(lane(SETTING | parts).describe())
@@ -170,7 +170,7 @@ def test_parts_of_one_name_are_told_apart(part, make):
     assert described(make(1.0)) != described(make(2.0))
 
 
-def test_what_cannot_be_told_from_others_is_refused_in_one_line(tmp_path):
+def test_parts_without_an_identity_are_refused_in_one_line(tmp_path):
     file = (tmp_path / "file").open("w")
     read = Measure("own", "1", "", "", FLING.accumulator, lambda state: file and state.value)
     with pytest.raises(ValueError, match="`measures` must be made of .* but holds an obj") as no:

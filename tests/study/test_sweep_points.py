@@ -1,4 +1,4 @@
-"""What a sweep computes: points, scenes by name, and which of these can be."""
+"""The points and scenes of a sweep, and which of these are possible."""
 
 import dataclasses
 
