@@ -111,49 +111,106 @@ def failure_probability(
     limit                            23.86       4.2 %
     """
     from scipy import stats
-    from scipy.optimize import minimize
 
     if not scatter:
         raise ValueError("Argument `scatter` must hold at least one number's distribution.")
     budget = _check.count("budget", budget, least=1)
     tolerance = _check.number("tolerance", tolerance, above=0.0)
-    names = tuple(scatter)
+    limit = _Margin(margin, scatter, budget)
+    point, slope = _design_point(limit, tolerance)
+    steepness = float(np.linalg.norm(slope))
+    outward = -slope / steepness
+    index = float(point @ outward)
+    hessian = limit.hessian(point) / steepness
+    across = np.linalg.svd(outward[None])[2][1:]
+    curvatures = np.linalg.eigvalsh(across @ hessian @ across.T)
+    first = float(stats.norm.sf(index))
+    # exp of a difference of logarithms, as both factors may underflow.
+    psi = float(np.exp(stats.norm.logpdf(index) - stats.norm.logsf(index)))
+    factors = 1 + psi * curvatures
+    if not np.all(factors > 0):
+        raise ValueError(
+            f"The limit bends round the medians at {limit.text(point)} (curvatures "
+            f"{curvatures}, reliability index {index:.3g}): it is broken in many places equally "
+            "probably, and no single one tells how often. Draw samples instead."
+        )
+    ends = np.stack([np.stack([point - d, point + d]) for d in _NEAR * np.eye(len(point))])
+    size = np.full(len(point), np.sqrt(max(1.0, float(np.max(np.abs(hessian))))))
+    off = unsteadiness(lambda u: limit.slope(u) / steepness, ends, hessian, size)
+    return Reliability(
+        probability=first * float(np.prod(factors**-0.5)),
+        first_order=first,
+        index=index,
+        point={name: float(value) for name, value in limit.values(point).items()},
+        importance={name: float(a * a) for name, a in zip(scatter, outward, strict=True)},
+        curvatures=curvatures,
+        unsteadiness=float(np.max(off)),
+        evaluations=limit.evaluations,
+    )
 
-    def values_at(u):
-        return {name: scatter[name](u[k]) for k, name in enumerate(names)}
 
-    def of(u):
-        return margin(values_at(u))
+class _Margin:
+    """The margin of standard normal numbers u (n,), with its derivatives; `evaluations` counts
+    those of `at`, of which there may be `budget`."""
 
-    both = jax.jit(jax.value_and_grad(of))
-    evaluations = 0
-    kept: tuple[bytes, float, np.ndarray] | None = None
+    def __init__(self, margin, scatter, budget: int):
+        self._scatter, self.budget = scatter, budget
+        self._of = lambda u: margin(self.values(u))
+        self._both = jax.jit(jax.value_and_grad(self._of))
+        self._latest: tuple[bytes, float, np.ndarray] | None = None
+        self.evaluations = 0
 
-    def evaluated(u) -> tuple[float, np.ndarray]:
-        nonlocal evaluations, kept
+    @property
+    def medians(self) -> np.ndarray:
+        """u = 0."""
+        return np.zeros(len(self._scatter))
+
+    def values(self, u) -> dict[str, Array]:
+        """The scattered numbers [SI] by name."""
+        return {name: number(u[k]) for k, (name, number) in enumerate(self._scatter.items())}
+
+    def text(self, u) -> str:
+        """The scattered numbers, for messages."""
+        return ", ".join(f"{name} = {float(value):.4g}" for name, value in self.values(u).items())
+
+    def at(self, u) -> tuple[float, np.ndarray]:
+        """The margin and its gradient; that of the point before is not evaluated again."""
         u = np.asarray(u, dtype=float)
-        if kept is None or kept[0] != u.tobytes():
-            if evaluations >= budget:
+        if self._latest is None or self._latest[0] != u.tobytes():
+            if self.evaluations >= self.budget:
                 raise ValueError(
-                    f"Argument `budget` of {budget} evaluations is used up, and no point of the "
-                    "limit is found. The limit may be out of reach of these numbers."
+                    f"Argument `budget` of {self.budget} evaluations is used up, and no point of "
+                    "the limit is found. The limit may be out of reach of these numbers."
                 )
-            value, slope = both(jnp.asarray(u))
-            evaluations += 1
+            value, slope = self._both(jnp.asarray(u))
+            self.evaluations += 1
             value, slope = float(value), np.asarray(slope, dtype=float)
             if not (np.isfinite(value) and np.all(np.isfinite(slope))):
                 raise ValueError(
                     f"Argument `margin` must give finite numbers and derivatives, but gives {value}"
-                    f" with {slope} at {_text(values_at(u))}."
+                    f" with {slope} at {self.text(u)}."
                 )
-            kept = u.tobytes(), value, slope
-        return kept[1], kept[2]
+            self._latest = u.tobytes(), value, slope
+        return self._latest[1], self._latest[2]
 
-    begin, slope = evaluated(np.zeros(len(names)))
+    def slope(self, u) -> np.ndarray:
+        """The gradient, not counted as an evaluation."""
+        return np.asarray(self._both(jnp.asarray(u))[1])
+
+    def hessian(self, u) -> np.ndarray:
+        """The second derivatives (n, n)."""
+        return np.asarray(jax.jit(jax.hessian(self._of))(jnp.asarray(u)))
+
+
+def _design_point(limit: _Margin, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """The point of the limit nearest to the medians, and the margin's gradient there."""
+    from scipy.optimize import minimize
+
+    begin, slope = limit.at(limit.medians)
     if not np.any(slope):
         raise ValueError(
             "Argument `margin` must depend on the scattered numbers, but its derivatives at their "
-            f"medians, {_text(values_at(np.zeros(len(names))))}, are all 0."
+            f"medians, {limit.text(limit.medians)}, are all 0."
         )
     scale = max(abs(begin), float(np.linalg.norm(slope)))
     found = minimize(
@@ -164,50 +221,15 @@ def failure_probability(
         method="SLSQP",
         constraints={
             "type": "eq",
-            "fun": lambda u: evaluated(u)[0] / scale,
-            "jac": lambda u: evaluated(u)[1] / scale,
+            "fun": lambda u: limit.at(u)[0] / scale,
+            "jac": lambda u: limit.at(u)[1] / scale,
         },
-        options={"maxiter": budget, "ftol": tolerance**2},
+        options={"maxiter": limit.budget, "ftol": tolerance**2},
     )
-    point = found.x
-    value, slope = evaluated(point)
+    value, slope = limit.at(found.x)
     if abs(value) > tolerance * scale:
         raise ValueError(
             f"No point of the limit is found: {found.message}. The margin is {begin:.4g} at the "
-            f"medians and {value:.4g} at {_text(values_at(point))}."
+            f"medians and {value:.4g} at {limit.text(found.x)}."
         )
-    steepness = float(np.linalg.norm(slope))
-    outward = -slope / steepness
-    index = float(point @ outward)
-    hessian = np.asarray(jax.jit(jax.hessian(of))(jnp.asarray(point))) / steepness
-    across = np.linalg.svd(outward[None])[2][1:]
-    curvatures = np.linalg.eigvalsh(across @ hessian @ across.T)
-    first = float(stats.norm.sf(index))
-    # exp of a difference of logarithms, as both factors may underflow.
-    psi = float(np.exp(stats.norm.logpdf(index) - stats.norm.logsf(index)))
-    factors = 1 + psi * curvatures
-    if not np.all(factors > 0):
-        raise ValueError(
-            f"The limit bends round the medians at {_text(values_at(point))} (curvatures "
-            f"{curvatures}, reliability index {index:.3g}): it is broken in many places equally "
-            "probably, and no single one tells how often. Draw samples instead."
-        )
-    ends = np.stack([np.stack([point - d, point + d]) for d in _NEAR * np.eye(len(names))])
-    size = np.full(len(names), np.sqrt(max(1.0, float(np.max(np.abs(hessian))))))
-    off = unsteadiness(
-        lambda u: np.asarray(both(jnp.asarray(u))[1]) / steepness, ends, hessian, size
-    )
-    return Reliability(
-        probability=first * float(np.prod(factors**-0.5)),
-        first_order=first,
-        index=index,
-        point={name: float(value) for name, value in values_at(point).items()},
-        importance={name: float(a * a) for name, a in zip(names, outward, strict=True)},
-        curvatures=curvatures,
-        unsteadiness=float(np.max(off)),
-        evaluations=evaluations,
-    )
-
-
-def _text(values) -> str:
-    return ", ".join(f"{name} = {float(value):.4g}" for name, value in values.items())
+    return found.x, slope
