@@ -8,7 +8,7 @@ May import: `scenes`, `parts`. Nothing here advances in time.
 ['27.5 Hz', '114.4 Hz']
 """
 
-from . import beam as beam
+from . import beam as beam, belt_edge as belt_edge
 from .beam import (
     hermite as hermite,
     hermite_slope as hermite_slope,

@@ -33,8 +33,9 @@ from .contact import fade
 # Least distance of C_s to the edge [m], and least sine between the parcel's sides and the edge.
 # Smaller values are taken as these.
 _NEAR, _PARALLEL = 1e-5, 1e-9
-# Half the length of the edge under the parcel [m] over which its load ends.
-_LAST = 0.02
+# Half the length of the edge under the parcel [m] over which its load ends, so that forces are
+# smooth. What half and twice of it change is in `tests/reference/belt_edge.py`.
+FADE = 0.02
 
 
 class Carried(NamedTuple):
@@ -113,5 +114,5 @@ class BeltEdge(eqx.Module):
         half = jnp.maximum(half, 0.0)
         strip = strip_mean_distance(self.length, self.breadth, body.angle, inside)
         mean = jnp.where(inside > _NEAR, strip, 0.5 * half)
-        share = self.gyration / (self.gyration + beyond**2) * fade(_LAST - half, _LAST)
+        share = self.gyration / (self.gyration + beyond**2) * fade(FADE - half, FADE)
         return Carried(weight * share, mean * self.mean_distance / self.centred, beyond)
