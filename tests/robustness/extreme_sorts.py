@@ -6,7 +6,8 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
-from robustness.extreme_scenes import RUNS_LONG, TRUTH, stack
+from robustness.extreme_scenes import RUNS_LONG, TRUTH as FINE, stack
+from robustness.truth_record import Case, Truth, recorded
 from runs import one_by_one
 
 import fencejax as fj
@@ -94,6 +95,7 @@ ROWS = {
     "border": COMMON | STAGE | {"jam": WEDGED},
 }
 VARIED = ("thickness", "mass", "stiffness", "belt", "kinetic")
+TRUTH = FINE.replace(step=1e-4)
 FIELDS = ("peak_force", "tip_deflection", "impulse", "furthest_y", "peak_border_force")
 
 
@@ -141,7 +143,7 @@ def lane(kind, name):
 def program(kind, name, gradient=True):
     """Numbers -> status (lanes,), values (lanes, fields) and, with `gradient`, x dN/dx of the peak
     force (lanes, varied)."""
-    fidelity = TRUTH.replace(step=1e-4) if name == "truth" else getattr(fj.Fidelity, name)()
+    fidelity = TRUTH if name == "truth" else getattr(fj.Fidelity, name)()
 
     def values(varied, x):
         # The ledger's status is asked for where no derivative is: it doubles the compiling.
@@ -175,10 +177,24 @@ def rung(kind, fidelity):
 
 
 @functools.cache
-def true_slopes(kind):
-    """x dN/dx of the peak force, of the truth, (lanes, varied)."""
-    by_one = [differences(program(kind, "truth", False), kind, (k,))[:, 0] for k in VARIED]
-    return np.stack(by_one, axis=-1)
+def truth(kind):
+    """The truth of the rows, from the record."""
+    return recorded(kind, numbers(kind), VARIED, TRUTH)
+
+
+def truths():
+    """What the record of truths has of the rows."""
+    return {
+        kind: Case(numbers(kind), VARIED, TRUTH, functools.partial(_computed, kind))
+        for kind in ROWS
+    }
+
+
+def _computed(kind):
+    status, values = outcome(kind, "truth")
+    run = program(kind, "truth", False)
+    slopes = [differences(run, kind, (k,))[:, 0] for k in VARIED]
+    return Truth(status, values[:, 0], np.full(len(status), np.nan), np.stack(slopes, axis=-1))
 
 
 def differences(run, kind, names, stretch=1e-3):

@@ -18,11 +18,10 @@ from robustness.extreme_sorts import (
     VARIED,
     differences,
     lane,
-    outcome,
     program,
     rung,
     scene,
-    true_slopes,
+    truth,
 )
 
 import fencejax as fj
@@ -81,10 +80,10 @@ def test_right_or_said(name, fidelity):
     if status > fj.Status.LEFT_OVER_TIP:
         return
     assert np.all(np.isfinite(values))
-    true_status, true = (each[at] for each in outcome(KIND, "truth"))
+    true_status, true = truth(KIND).status[at], truth(KIND).peak[at]
     assert true_status <= fj.Status.LEFT_OVER_TIP
     assert (status == fj.Status.NEVER_TOUCHED) == (true_status == fj.Status.NEVER_TOUCHED)
-    assert abs(values[0] - true[0]) <= PROMISE[fidelity] * true[0]
+    assert abs(values[0] - true) <= PROMISE[fidelity] * true
 
 
 # --- Gradients ----------------------------------------------------------------------------------
@@ -104,7 +103,7 @@ TOUCHED = sorted(GIVEN - {"never-touched", "drive-still", "at-the-tip"})
 @pytest.mark.parametrize("name", TOUCHED)
 def test_gradients_are_within_the_promise(name):
     at = lane(KIND, name)
-    slopes, true = rung(KIND, "coarse")[2][at], true_slopes(KIND)[at]
+    slopes, true = rung(KIND, "coarse")[2][at], truth(KIND).slopes[at]
     assert np.all(np.isfinite(slopes))
     off = np.linalg.norm(slopes - true)
     assert off <= GRADIENT_PROMISE * np.linalg.norm(true)

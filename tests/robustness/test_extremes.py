@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from robustness.extreme_scenes import ORDINARY, RUNS_LONG, TRUTH, impact, riding, stack
+from robustness.truth_record import Case, Truth, recorded
 from runs import one_by_one
 
 import fencejax as fj
@@ -217,7 +218,20 @@ def values_program(fidelity):
 
 @functools.cache
 def truth():
-    return jax.device_get(values_program(TRUTH)(numbers()))[:2]
+    """The truth of the rows, from the record."""
+    return recorded("impact", numbers(), VARIED, TRUTH)
+
+
+def truths():
+    """What the record of truths has of the rows."""
+    return {"impact": Case(numbers(), VARIED, TRUTH, _computed)}
+
+
+def _computed():
+    values = values_program(TRUTH)
+    status, found, _ = jax.device_get(values(numbers()))
+    slopes = [differences(lambda x: values(x)[1], (k,))[:, 0] for k in VARIED]
+    return Truth(status, found[:, 0], np.full(len(status), np.nan), np.stack(slopes, axis=-1))
 
 
 @pytest.mark.parametrize("fidelity", PROMISE)
@@ -236,9 +250,9 @@ def test_right_or_said(name, fidelity):
         return
     assert finite
     assert np.all(np.isfinite(slopes))
-    other, true = (each[lane] for each in truth())
+    other, true = truth().status[lane], truth().peak[lane]
     if status != fj.Status.NEVER_TOUCHED and other <= fj.Status.LEFT_OVER_TIP:
-        assert abs(values[0] - true[0]) <= PROMISE[fidelity] * true[0]
+        assert abs(values[0] - true) <= PROMISE[fidelity] * true
 
 
 STRETCH = 2e-4
@@ -256,13 +270,6 @@ def differences(values, names):
     return (above - below) / (2 * STRETCH)
 
 
-@functools.cache
-def true_slopes():
-    """Of the peak force, (lanes, varied)."""
-    by_one = [differences(lambda x: values_program(TRUTH)(x)[1], (k,))[:, 0] for k in VARIED]
-    return np.stack(by_one, axis=-1)
-
-
 @pytest.mark.parametrize(
     ("name", "fidelity"),
     [(n, f) for n in sorted(set(ROWS) - REFUSED) for f in HARD]
@@ -271,13 +278,13 @@ def true_slopes():
 def test_gradients_are_within_the_promise(name, fidelity):
     lane = list(ROWS).index(name)
     status, _, slopes, _ = (each[lane] for each in outcome(fidelity))
-    if max(status, truth()[0][lane]) > fj.Status.LEFT_OVER_TIP:
+    if max(status, truth().status[lane]) > fj.Status.LEFT_OVER_TIP:
         assert name not in GIVEN or (name, fidelity) in WARNED
         return
     promise = KINK.get(name, (GRADIENT_PROMISE if name in GIVEN else HARD)[fidelity])
     promise = BEYOND.get((name, fidelity), promise)
-    off = np.linalg.norm(slopes[0] - true_slopes()[lane])
-    assert off <= promise * np.linalg.norm(true_slopes()[lane])
+    off = np.linalg.norm(slopes[0] - truth().slopes[lane])
+    assert off <= promise * np.linalg.norm(truth().slopes[lane])
 
 
 # --- One bad lane -------------------------------------------------------------------------------
