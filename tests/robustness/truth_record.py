@@ -42,7 +42,8 @@ class Truth(NamedTuple):
 def _key(numbers: Mapping[str, Any], varied: tuple[str, ...], fidelity: fj.Fidelity) -> str:
     """What a truth is of."""
     shown = {name: [f"{x:.6g}" for x in np.ravel(value)] for name, value in numbers.items()}
-    text = json.dumps([shown, varied, repr(fidelity)])
+    settings = {name: repr(value) for name, value in vars(fidelity).items()}
+    text = json.dumps([shown, varied, settings])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
