@@ -40,7 +40,7 @@ def bent():
             link = make(3, fence(second_order=loads))
             amplitude = vibration(link, scale=-1.0).amplitude
             shape = link.shape(jnp.asarray(PLACE))
-            followed = link.followed(shape, amplitude).rubbed(jnp.asarray(RATIO))
+            followed = link.followed(shape, amplitude).with_friction(jnp.asarray(RATIO))
             found[name] = link, shape, followed, amplitude
         return found
 
