@@ -295,7 +295,10 @@ class Sequence:
                 stuck = at.violation > self.feasibility and self.penalty >= 1e5
                 return at, multipliers, "infeasible" if stuck else "stalled"
             point = self._moved(model.at, step)
-            if rejected and np.max(np.abs(point - rejected.at)) < _SAME_POINT * length:
+            if (
+                rejected is not None
+                and np.max(np.abs(point - rejected.at)) < _SAME_POINT * length
+            ):
                 region.resize(0.0, length, False, largest)
                 rejected = None
                 continue

@@ -42,7 +42,8 @@ class _Prediction(NamedTuple):
     """What is known of the end of a step before its equations are solved.
 
     `places`: of the corners along the fence [m], and `loaded`, those at which they load it, where
-    they lean on its tip by `leans`. `guess`: the first values of the unknowns.
+    they lean on its tip by `leans`. `fence`: the fence there, loaded by the forces to be found.
+    `guess`: the first values of the unknowns.
     """
 
     places: tuple[Array, ...]

@@ -1,9 +1,8 @@
 """The truths that tests of extreme and of random scenes compare with, kept in `truths.json`.
 
-They take a third of those tests' time, most of it compiling, and change with the model alone. From
-the folder `tests`:
+Most of what they take is compiling, and they change with the model alone. From the folder `tests`:
 
-    python -m robustness.truth_record            # computed anew, beside the record; ten minutes
+    python -m robustness.truth_record            # computed anew, beside the record; minutes
     python -m robustness.truth_record --record   # the record anew
 
 The record knows of which numbers and of which settings it is: a test that has others fails.
@@ -30,13 +29,23 @@ _DIGITS = 9
 
 
 class Truth(NamedTuple):
-    """Of scenes: status (lanes,), peak force [N] (lanes,), its time [s] (lanes,) or none, and its
-    derivatives by varied numbers, each times the number (lanes, varied) [N]."""
+    """Status (lanes,), peak force [N] (lanes,), its time [s] (lanes,; NaN where it is not measured)
+    and its derivatives by varied numbers, each times the number (lanes, varied) [N]."""
 
     status: np.ndarray
     peak: np.ndarray
     time: np.ndarray
     slopes: np.ndarray
+
+    @classmethod
+    def without_time(cls, status, peak, slopes) -> "Truth":
+        """A truth whose derivatives are given number by number, (lanes,) each."""
+        return cls(status, peak, np.full(len(status), np.nan), np.stack(slopes, axis=-1))
+
+    @classmethod
+    def of(cls, row: Mapping[str, Any]) -> "Truth":
+        """The truth that a row of the record holds."""
+        return cls(*(np.array(row[field]) for field in cls._fields))
 
 
 def _key(numbers: Mapping[str, Any], varied: tuple[str, ...], fidelity: fj.Fidelity) -> str:
@@ -59,7 +68,7 @@ def recorded(
         f"{RECORD.name} has no truth of these scenes: cd tests && python -m robustness.truth_record"
         " --record"
     )
-    return Truth(*(np.array(found[field]) for field in Truth._fields))
+    return Truth.of(found)
 
 
 class Case(NamedTuple):
@@ -111,8 +120,7 @@ def main() -> int:
         print(f"{name}: {len(truth.status)} scenes ({time.perf_counter() - begin:.0f} s)")
         key = _key(case.numbers, case.varied, case.fidelity)
         if known.get(name, {}).get("of") == key:
-            old = Truth(*(np.array(known[name][field]) for field in Truth._fields))
-            print("  apart from the record:", _apart(old, truth))
+            print("  apart from the record:", _apart(Truth.of(known[name]), truth))
         else:
             print("  not on record")
         fields = {field: _rounded(value) for field, value in truth._asdict().items()}
