@@ -100,7 +100,7 @@ def _apart(one: Truth, other: Truth) -> dict[str, float]:
     good = np.maximum(one.status, other.status) <= fj.Status.LEFT_OVER_TIP
     good &= np.maximum(one.peak, other.peak) > 0
     size = np.maximum(one.peak, other.peak)[good]
-    slopes = np.linalg.norm(one.slopes - other.slopes, axis=1)[good]
+    slopes = np.linalg.norm(one.slopes[good] - other.slopes[good], axis=1)
     return {
         "statuses": float(np.sum(one.status != other.status)),
         "peak": float(np.max(np.abs(one.peak - other.peak)[good] / size)),
