@@ -43,18 +43,19 @@ _EXTRA = {
     # Loops over a few numbers, such as the columns of a derivative, are short as they are.
     "xla_cpu_disable_loop_unrolling": "true",
 }
-# LLVM's own. The order of instructions that it looks for before registers are given out takes much
-# of the time to compile a batch of whole sorts, as its queue grows with the square of a loop's
-# length; another pass orders them again, and programs run as fast without the first.
-_LLVM = {"-pre-RA-sched": "fast"}
+# LLVM's own, for two searches whose time grows with the square of a loop's length. The order of
+# instructions that is looked for before registers are given out: another pass orders them again,
+# and programs run as fast without the first. And whether the table of a kernel's buffers is a copy
+# of a constant: it never is, and all its readers were asked again for each that is left out.
+_LLVM = {"-pre-RA-sched": "fast", "-instcombine-max-copied-from-constant-users": "0"}
 # An unknown flag of this kind, or of LLVM, stops the process: given only to versions that are known
 # to have it.
 _FLAGS = {
     "xla_cpu_use_fusion_emitters": "false",
     # These and the simplifications around them undo each other's work, round after round, each
     # through the whole program. What does not change within a loop is moved out of it by LLVM too,
-    # where the loop is one kernel.
-    "xla_disable_hlo_passes": "reshape-mover,while-loop-invariant-code-motion",
+    # where the loop is one kernel. The last one changes nothing: it checks what the others made.
+    "xla_disable_hlo_passes": "reshape-mover,while-loop-invariant-code-motion,hlo-verifier",
 }
 _KNOWN = (0, 7, 0), (0, 11, 0)
 

@@ -8,11 +8,17 @@ import sys
 import tempfile
 from pathlib import Path
 
-# Programs here run once: the least of the compiler's effort does for them, without three passes
-# that only make programs faster (6 to 10 % of the time to compile), without the notes on what may
-# overlap in memory, which only later optimisations read, and as one piece each instead of up to 32
-# for as many cores (together 10 to 20 %). Not where speed is measured.
-_FOR_SPEED_ALONE = "while-loop-invariant-code-motion", "reshape-mover", "tree_reduction_rewriter"
+# Programs here run once: the least of the compiler's effort does for them, without passes that only
+# make programs faster or check what others made (a fifth of the time to compile a whole sort's
+# gradient, most of it as the simplifications end after four rounds instead of seven), without the
+# notes on what may overlap in memory, which only later optimisations read, and as one piece each
+# instead of up to 32 for as many cores (together 10 to 20 %). Not where speed is measured.
+_FOR_SPEED_ALONE = (
+    "while-loop-invariant-code-motion", "reshape-mover", "tree_reduction_rewriter",
+    "simplify-while-loops", "while-loop-constant-sinking", "while-loop-trip-count-annotator",
+    "simplify-conditional", "dynamic-dimension-simplifier", "zero_sized_hlo_elimination",
+    "hlo-verifier",
+)
 _LEAST = (
     "--xla_backend_optimization_level=0",
     f"--xla_disable_hlo_passes={','.join(_FOR_SPEED_ALONE)}",
@@ -36,6 +42,9 @@ if "FENCEJAX_TEST_CACHE" not in os.environ:
     atexit.register(shutil.rmtree, os.environ["FENCEJAX_TEST_CACHE"], ignore_errors=True)
 os.environ["JAX_COMPILATION_CACHE_DIR"] = os.environ["FENCEJAX_TEST_CACHE"]
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
+# Nobody reads where in the source an operation of a program here comes from: to write it down takes
+# a tenth of the time to trace.
+os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 
 import jax  # noqa: E402
 
