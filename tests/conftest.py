@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 # Programs here run once: the least of the compiler's effort does for them, without passes that only
-# make programs faster or check what others made (a fifth of the time to compile a whole sort's
+# make programs faster or check what others made (a sixth of the time to compile a whole sort's
 # gradient, most of it as the simplifications end after four rounds instead of seven), without the
 # notes on what may overlap in memory, which only later optimisations read, and as one piece each
 # instead of up to 32 for as many cores (together 10 to 20 %). Not where speed is measured.
