@@ -43,10 +43,11 @@ _EXTRA = {
     # Loops over a few numbers, such as the columns of a derivative, are short as they are.
     "xla_cpu_disable_loop_unrolling": "true",
 }
-# LLVM's own, for two searches whose time grows with the square of a loop's length. The order of
-# instructions that is looked for before registers are given out: another pass orders them again,
-# and programs run as fast without the first. And whether the table of a kernel's buffers is a copy
-# of a constant: it never is, and all its readers were asked again for each that is left out.
+# LLVM's own. They switch off two searches whose time grows with the square of a loop's length:
+# - An order of instructions before registers are given out. Another pass orders them again, and
+#   programs run as fast without the first.
+# - Whether the table of a kernel's buffers is a copy of a constant, which it never is. LLVM would
+#   go through everything that reads the table, again after each reader that it removes.
 _LLVM = {"-pre-RA-sched": "fast", "-instcombine-max-copied-from-constant-users": "0"}
 # An unknown flag of this kind, or of LLVM, stops the process: given only to versions that are known
 # to have it.
@@ -54,7 +55,7 @@ _FLAGS = {
     "xla_cpu_use_fusion_emitters": "false",
     # These and the simplifications around them undo each other's work, round after round, each
     # through the whole program. What does not change within a loop is moved out of it by LLVM too,
-    # where the loop is one kernel. The last one changes nothing: it checks what the others made.
+    # where the loop is one kernel. `hlo-verifier` changes no program: it checks XLA's own passes.
     "xla_disable_hlo_passes": "reshape-mover,while-loop-invariant-code-motion,hlo-verifier",
 }
 _KNOWN = (0, 7, 0), (0, 11, 0)

@@ -14,14 +14,14 @@ from pathlib import Path
 # instead of up to 32 for as many cores (together 10 to 20 %). Not where speed is measured.
 # `simplify-while-loops` stays: without it sums are rounded otherwise, by more than golden numbers
 # allow for.
-_FOR_SPEED_ALONE = (
+_LEFT_OUT = (
     "while-loop-invariant-code-motion", "reshape-mover", "tree_reduction_rewriter",
     "while-loop-constant-sinking", "while-loop-trip-count-annotator", "simplify-conditional",
     "dynamic-dimension-simplifier", "zero_sized_hlo_elimination", "hlo-verifier",
 )
 _LEAST = (
     "--xla_backend_optimization_level=0",
-    f"--xla_disable_hlo_passes={','.join(_FOR_SPEED_ALONE)}",
+    f"--xla_disable_hlo_passes={','.join(_LEFT_OUT)}",
     "--xla_llvm_enable_alias_scope_metadata=false",
     "--xla_llvm_enable_noalias_metadata=false",
     "--xla_llvm_enable_invariant_load_metadata=false",
@@ -42,8 +42,8 @@ if "FENCEJAX_TEST_CACHE" not in os.environ:
     atexit.register(shutil.rmtree, os.environ["FENCEJAX_TEST_CACHE"], ignore_errors=True)
 os.environ["JAX_COMPILATION_CACHE_DIR"] = os.environ["FENCEJAX_TEST_CACHE"]
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
-# Nobody reads where in the source an operation of a program here comes from: to write it down takes
-# a tenth of the time to trace.
+# Where in the source each operation of a program comes from is read by nobody here, and takes a
+# tenth of the time to trace.
 os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 
 import jax  # noqa: E402
