@@ -12,6 +12,7 @@ operation that contains programs, such as a loop, has its function in `columns.p
 """
 
 from .columns import pushed as pushed
+from .custom_columns import custom_columns as custom_columns
 from .forward_mode import (
     by_columns as by_columns,
     once_alone as once_alone,

@@ -139,11 +139,15 @@ def _divide(params, ins, rates, out):
 
 def _extreme(params, ins, rates, out):
     """Where two numbers are equal, the result has half the derivative of each."""
-    equal = [jnp.where(lax.eq(x, out), 1.0, 0.0).astype(out.dtype) for x in ins]
-    shares = [equal[0] / (1 + equal[1]), equal[1] / (1 + equal[0])]
-    return total_of(
-        *(None if dot is None else dot.times(by) for dot, by in zip(rates, shares, strict=True))
-    )
+    equal = [lax.eq(x, out) for x in ins]
+    none, half, one = (lax.full(out.shape, share, out.dtype) for share in (0.0, 0.5, 1.0))
+
+    def of_one(dot, own, other):
+        if dot is None:
+            return None
+        return dot.times(lax.select(own, lax.select(other, half, one), none))
+
+    return total_of(*map(of_one, rates, equal, reversed(equal)))
 
 
 def _select(params, ins, rates, out):

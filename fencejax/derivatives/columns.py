@@ -15,6 +15,7 @@ from jax.extend.core import Jaxpr, Literal, jaxpr_as_fun
 from jaxtyping import Array
 
 from .column_rules import ARITHMETIC, RULES, Dot, full, of_shape, total_of
+from .custom_columns import OPERATION
 from .dependence import CALLS, CONSTANT, called, is_number, kept, matters, reached, repeated
 from .loop_carry import one_a_lane
 
@@ -77,6 +78,11 @@ def _apply(equation, ins, rates, wanted):
         inner = equation.params["call"]
         found = _evaluate(inner.jaxpr, inner.consts, ins, rates, wanted)[1]
         return _plain(equation, ins), found
+    if name == OPERATION.name:
+        outs = _plain(equation, ins)
+        dots = [None if dot is None else dot.all() for dot in rates]
+        found = equation.params["rule"](ins, outs, dots)
+        return outs, [None if dot is None else Dot(None, dot) for dot in found]
     if name in _LOOPS:
         return _LOOPS[name](equation, ins, rates, wanted)
     if name in _BY_NUMBER or name in ARITHMETIC:

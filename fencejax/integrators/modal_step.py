@@ -210,7 +210,6 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         guess,
         clock.iterations,
         lambda extra: (extra[0].outcome(), *extra[1:-1]),
-        mechanics.fidelity.gradient == "forward",
     )
     acceleration, sticking_acceleration = carried
     after = equations.body_at(root[:3])

@@ -1,18 +1,16 @@
 """Newton's method for a few scalar unknowns, differentiated through the converged equation."""
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
 import jax
-import jax.custom_batching
 import jax.numpy as jnp
 from equinox.internal import unvmap_any
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
 from .._xla import fusion_barrier
-from ..derivatives import pushed
+from ..derivatives import custom_columns, pushed
 
 Unknowns = tuple[Array, ...]
 Matrix = list[list[Array]]
@@ -51,7 +49,6 @@ def solve(
     guess: Unknowns,
     most: Array,
     wanted: Callable[[Any], Any] = lambda extra: extra,
-    together: bool = False,
 ) -> tuple[Unknowns, Any]:
     """A root near `guess`, by at most `most` steps of Newton's method, and further results there.
 
@@ -61,8 +58,6 @@ def solve(
     - `shorten(given, extra, change, last)` returns the share of a step x - change that may be taken
       after the change `last`, so that no friction force passes its jump in it.
     - `wanted(extra)`: the part of the further results that is returned, and differentiated.
-    - `together`: compute the derivative for all directions of a batch at once, which takes fewer
-      operations, but cannot be transposed for reverse mode.
     - `most` is a traced number (floating-point). So the compiler keeps the loop, with one copy of
       `evaluate` in the program and its results in memory.
 
@@ -73,6 +68,14 @@ def solve(
 
     # Traced once, however often it is called.
     evaluate = jax.jit(evaluate)
+    structure, size = jax.tree.structure(given), len(jax.tree.leaves(given))
+
+    def at(leaves, x):
+        residual, _, _, extra = evaluate(jax.tree.unflatten(structure, leaves), x)
+        return residual, wanted(extra)
+
+    def along(leaves, root, count, dots):
+        return fusion_barrier(count > 0, lambda dots: _directions(at, leaves, root, dots), dots)
 
     @jax.custom_jvp
     def run(given, guess, most):
@@ -104,49 +107,25 @@ def solve(
     def rule(primals, tangents):
         given, guess, most = primals
         (root, extra), count = run(given, guess, most)
-        leaves, structure = jax.tree.flatten(given)
+        leaves = jax.tree.leaves(given)
         dots = jax.tree.leaves(tangents[0], is_leaf=lambda x: isinstance(x, SymbolicZero))
         moved = [i for i, dot in enumerate(dots) if not isinstance(dot, SymbolicZero)]
         if not moved:
             return ((root, extra), count), jax.tree.map(jnp.zeros_like, ((root, extra), count))
 
-        def at(leaves, x):
-            residual, _, _, extra = evaluate(jax.tree.unflatten(structure, leaves), x)
-            return residual, wanted(extra)
-
-        def along(leaves, root, dots):
-            one = jax.tree.map(lambda dot: dot[None], dots)
-            return jax.tree.map(lambda found: found[0], _directions(at, leaves, root, one))
-
-        change = _together(along, functools.partial(_directions, at)) if together else along
-        some = fusion_barrier(
-            count > 0, lambda dots: change(leaves, root, dots), {i: dots[i] for i in moved}
-        )
+        one = {i: dots[i][None] for i in moved}
+        some = jax.tree.map(lambda dot: dot[0], along(leaves, root, count, one))
         return ((root, extra), count), (some, jnp.zeros_like(count))
 
+    def columns(arguments, results, dots):
+        leaves, root, count = arguments[:size], tuple(results[: len(guess)]), results[-1]
+        moved = {i: dot for i, dot in enumerate(dots[:size]) if dot is not None}
+        if not moved:
+            return [None] * len(results)
+        return [*jax.tree.leaves(along(leaves, root, count, moved)), None]
+
     run.defjvp(rule, symbolic_zeros=True)
-    return run(given, jax.lax.stop_gradient(guess), most)[0]
-
-
-def _together(along, directions):
-    """`along(leaves, root, dots)`; for a batch of `dots` alone it is computed by `directions`."""
-    along = jax.custom_batching.custom_vmap(along)
-
-    @along.def_vmap
-    def _(size, in_batched, leaves, root, dots):
-        batched = jax.tree.leaves(in_batched[:2])
-        if any(batched):
-            axes = jax.tree.map(lambda b: 0 if b else None, in_batched)
-            found = jax.vmap(along, tuple(axes))(leaves, root, dots)
-        else:
-            every = {
-                i: dot if in_batched[2][i] else jnp.broadcast_to(dot, (size, *dot.shape))
-                for i, dot in dots.items()
-            }
-            found = directions(leaves, root, every)
-        return found, jax.tree.map(lambda _: True, found)
-
-    return along
+    return custom_columns(run, columns)(given, jax.lax.stop_gradient(guess), most)[0]
 
 
 def _directions(at, leaves, root, dots):

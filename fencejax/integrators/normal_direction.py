@@ -162,9 +162,8 @@ def _step(fidelity: Fidelity, given, memory: _Memory, begins: Array, ends: Array
         ratio = (ends - begins) / jnp.maximum(memory.step_size.last, 1.0)
     guess = (jnp.maximum(memory.force + ratio * (memory.force - memory.force_before), 0.0),)
     (force,), (gap, rate, unbalance) = newton.solve(
-        _Blow.evaluate, _Blow.shorten, blow, guess, clock.iterations,
-        together=fidelity.gradient == "forward",
-    )  # fmt: skip
+        _Blow.evaluate, _Blow.shorten, blow, guess, clock.iterations
+    )
     fence_after = None if fence is None else fence.state((force,))
     size = None
     if memory.step_size is not None:

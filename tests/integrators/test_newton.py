@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from fencejax.derivatives import pushed
 from fencejax.integrators import eliminate, solve
 
 EPS = np.finfo(float).eps
@@ -103,25 +104,26 @@ def test_two_unknowns_and_their_derivatives():
         np.testing.assert_allclose(ours[1], by_s, rtol=10 * TOLERATED)
 
 
-def test_directions_together():
-    """The same derivatives for all directions at once, in a batch of lanes as well."""
+@pytest.mark.parametrize("moved", [(0,), (1,), (0, 1)])
+def test_all_directions_at_once(moved):
+    """By one pass of columns the same as along each direction, in lanes as well."""
 
-    def found(r, s, together):
-        guess = (jnp.ones_like(r), jnp.ones_like(r))
-        most = jnp.asarray(12.0)
-        (x, y), product = solve(
-            circle_and_line, full_step, (r, s), guess, most, together=together
-        )
+    def flat(r, s):
+        (x, y), product = crossing(r, s)
         return jnp.stack([x, y, product])
 
-    for function in (jax.jacfwd(found, (0, 1)), jax.jacfwd(found, 1)):
-        many = jax.vmap(function, (0, None, None))
-        lanes = jnp.linspace(1.0, 2.0, 3)
-        for ours, theirs in (
-            (function(1.7, 0.6, True), function(1.7, 0.6, False)),
-            (many(lanes, 0.6, True), many(lanes, 0.6, False)),
-        ):
-            jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-13), ours, theirs)
+    def columns(r, s):
+        traced, unit = jax.make_jaxpr(flat)(r, s), jnp.eye(len(moved))
+        dots = [unit[moved.index(i)] if i in moved else None for i in range(2)]
+        return pushed(traced.jaxpr, traced.consts, [r, s], dots)[1][0]
+
+    def each(r, s):
+        return jnp.stack(jax.jacfwd(flat, moved)(r, s))
+
+    r, s = jnp.asarray([1.0, 1.7, 2.0]), jnp.asarray(0.6)
+    np.testing.assert_allclose(columns(r[1], s), each(r[1], s), rtol=1e-13)
+    lanes = jax.vmap(columns, (0, None))(r, s)
+    np.testing.assert_allclose(lanes, jax.vmap(each, (0, None))(r, s), rtol=1e-13)
 
 
 def test_the_derivative_does_not_pass_through_the_guess():
