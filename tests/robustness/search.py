@@ -6,6 +6,7 @@ From the folder `tests`:
     python -m robustness.search --kinds impact --tolerance 1e-2 --of gradient
     python -m robustness.search --kinds sort --rungs standard --sharper
     python -m robustness.search --record           # the table of TRUST.md, from search.json
+    python -m robustness.search --again            # the worst designs of search.json, judged again
 
 Designs of each kind of scene (`searched_scenes`) are bred, by differential evolution, for the
 largest error of the peak force, or of its gradient, among those with a good status. The truth
@@ -281,6 +282,33 @@ def as_kept(found):
     }  # fmt: skip
 
 
+def _setting(name):
+    """The fidelity of that name in the record: a rung, or `standard` with that tolerance."""
+    if name in RUNGS:
+        return getattr(fj.Fidelity, name)()
+    return fj.Fidelity.standard(step_tolerance=float(name))
+
+
+def judged_again(key, finding):
+    """The status [1] of the worst design of a finding on record, and its error; -1 where the status
+    is not good, or not that of the truth."""
+    kind, _, what, name = key.split(" | ")
+    of, sharper = what.split(",")[0], what.endswith("sharper friction")
+    fidelity, x = _setting(name), {n: np.array([v]) for n, v in finding["worst"].items()}
+    status = fj.Status(int(run(fidelity, kind, of, x)[0][0]))
+    return status, float(errors(fidelity, truth_of(fidelity, kind, sharper), x, of, kind).errors[0])
+
+
+def _again(given):
+    """The worst designs on record of what is asked for, judged again."""
+    for key, finding in json.loads(RECORD.read_text()).items():
+        kind, bounds, what, name = key.split(" | ")
+        asked = kind in given.kinds and bounds in given.bounds and name in given.rungs
+        if asked and what.split(",")[0] in given.of:
+            (status, error), was = judged_again(key, finding), finding["error, found"]
+            print(f"{key}: {error:.2e} (on record {was:.2e}), {status.name}", flush=True)
+
+
 def _table():
     """The record as a table: the largest error found under a good status, by kind and rung."""
     found = json.loads(RECORD.read_text())
@@ -328,13 +356,16 @@ def main():
     flags.add_argument("--out", type=Path, default=Path("search.json"))
     flags.add_argument("--sharper", action="store_true", help="sorts: a truth of sharper friction")
     flags.add_argument("--record", action="store_true", help="write the table of the record anew")
+    flags.add_argument("--again", action="store_true", help="judge the designs on record again")
     given = flags.parse_args()
     if given.record:
         _table()
         return
     jax.config.update("jax_enable_x64", True)
-    cases = {name: getattr(fj.Fidelity, name)() for name in given.rungs}
-    cases |= {f"{t:g}": fj.Fidelity.standard(step_tolerance=t) for t in given.tolerance}
+    if given.again:
+        _again(given)
+        return
+    cases = {name: _setting(name) for name in (*given.rungs, *(f"{t:g}" for t in given.tolerance))}
     settings = {"lanes": given.lanes, "seed": given.seed}
     # Others that are there already stay.
     report = json.loads(given.out.read_text()) if given.out.exists() else {}

@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 from robustness import truths
-from robustness.search import as_kept, errors, gradient_off, search
+from robustness.offline_fuzz import PROMISE
+from robustness.search import RECORD, as_kept, errors, gradient_off, judged_again, search
 from robustness.searched_scenes import KINDS
 
 import fencejax as fj
@@ -25,6 +26,13 @@ def test_error_found_is_in_proportion_to_the_tolerance():
     again = {name: np.full(32, value) for name, value in kept.items()}
     errors_again = errors(fidelity, truth, again, "value").errors
     assert np.all(errors_again == found.course[-1])
+
+
+def test_the_worst_design_on_record_keeps_its_promise():
+    key = "normal impact | realistic | value | coarse"
+    status, error = judged_again(key, json.loads(RECORD.read_text())[key])
+    assert status <= fj.Status.LEFT_OVER_TIP
+    assert 0 <= error <= PROMISE["coarse"][0]
 
 
 def test_secants_of_the_truth_judge_a_gradient():
