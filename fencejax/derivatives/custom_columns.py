@@ -21,8 +21,8 @@ def custom_columns(function: Callable[..., Any], rule: Rule) -> Callable[..., An
     `rule(arguments, results, dots)` gets the leaves of the arguments and of the results, and the
     derivatives of the former along all directions, which are in a first axis, or `None` for zeros.
     It returns those of the results, in the same form. Under any other transformation of JAX the
-    function is as without the rule. Of `jax.custom_jvp`, JAX would trace the derivative along a
-    single direction first, and then along all of them.
+    function is as without the rule. With `jax.custom_jvp` instead, JAX traces the derivative along
+    a single direction first, and then along all of them.
     """
 
     def called(*arguments):

@@ -68,7 +68,7 @@ def solve(
 
     # Traced once, however often it is called.
     evaluate = jax.jit(evaluate)
-    structure, size = jax.tree.structure(given), len(jax.tree.leaves(given))
+    structure, inputs = jax.tree.structure(given), len(jax.tree.leaves(given))
 
     def at(leaves, x):
         residual, _, _, extra = evaluate(jax.tree.unflatten(structure, leaves), x)
@@ -118,8 +118,8 @@ def solve(
         return ((root, extra), count), (some, jnp.zeros_like(count))
 
     def columns(arguments, results, dots):
-        leaves, root, count = arguments[:size], tuple(results[: len(guess)]), results[-1]
-        moved = {i: dot for i, dot in enumerate(dots[:size]) if dot is not None}
+        leaves, root, count = arguments[:inputs], tuple(results[: len(guess)]), results[-1]
+        moved = {i: dot for i, dot in enumerate(dots[:inputs]) if dot is not None}
         if not moved:
             return [None] * len(results)
         return [*jax.tree.leaves(along(leaves, root, count, moved)), None]

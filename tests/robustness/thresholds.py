@@ -201,25 +201,27 @@ def statuses_of(trial, fidelity):
     """Numbers of lanes, and rows of factors of the constants -> statuses (lanes, rows)."""
     given = TRIALS[trial]
 
+    def status(x):
+        only = ("peak_force", *given.only)
+        return fj.simulate(given.scene(x), fidelity=fidelity, only=only).status
+
     def one(x, factors):
         with _scaled(given.constants, factors):
-            only = ("peak_force", *given.only)
-            return fj.simulate(given.scene(x), fidelity=fidelity, only=only).status
+            return status(x)
 
     if not (given.of_gradients or given.decide):
         # The motion does not depend on the constants: it is computed once for all rows.
         return jax.jit(jax.vmap(jax.vmap(one, (None, 0)), (0, None)))
 
     programs = {}
+    each = (lambda x: _peak(given, fidelity, x)[0]) if given.of_gradients else status
 
     def compiled(x, factors):
-        """A program of its own: what judges derivatives is made with them."""
+        """A program of its own: what the constants decide, or judge of derivatives, is made with
+        them."""
         jax.clear_caches()
-        if not given.of_gradients:
-            return jax.jit(jax.vmap(functools.partial(one, factors=factors))).lower(x).compile()
         with _scaled(given.constants, factors):
-            run = jax.jit(jax.vmap(lambda x: _peak(given, fidelity, x)[0]))
-            return run.lower(x).compile()
+            return jax.jit(jax.vmap(each)).lower(x).compile()
 
     def rows(x, factors):
         found = []
