@@ -195,8 +195,6 @@ def controlled(
         square = jnp.maximum((tolerance * largest) ** 2, of_belt**2 * belt.most)
         growth = 0.5 * stride.length * belt.fall / pair.mass
         over = jnp.maximum(jnp.sqrt(_ratio(belt.off, square)), growth / _GROWS)
-        # Without contact the belt's defect has no effect on a peak.
-        over = jnp.where(allowed > 0, over, 0.0)
         other_ratio = jnp.maximum(other_ratio, jnp.where(jnp.isfinite(over), over, 0.0))
     worst = jnp.maximum(force_ratio, other_ratio)
     unsolved = jnp.asarray(unsolved)
