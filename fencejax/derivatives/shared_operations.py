@@ -1,7 +1,7 @@
-"""Equal operations of a traced program are merged into one.
+"""Equal operations of a traced program are merged into one, and unread ones left out.
 
-XLA would merge them too, but late: until then each of its passes, and JAX's lowering, handles all
-of them. A program of derivatives has many, as each rule computes its factors by itself.
+XLA would do so too, but late: until then each of its passes, and JAX's lowering, handles all of
+them. A program of derivatives has many, as each rule computes its factors by itself.
 """
 
 from typing import Any
@@ -23,8 +23,8 @@ _PROGRAMS = {
 
 
 def shared(program: ClosedJaxpr) -> ClosedJaxpr:
-    """The same program with equal operations on equal operands merged, in inner programs too. Its
-    results and derivatives are the same."""
+    """The same program with equal operations on equal operands merged, and without operations whose
+    results nothing reads, in inner programs too. Its results and derivatives are the same."""
     return _shared(program, {})
 
 
@@ -62,9 +62,19 @@ def _shared(program: ClosedJaxpr, done: dict[int, ClosedJaxpr]) -> ClosedJaxpr:
                 settings = {**settings, setting: _shared(inner, done)}
         equations.append(equation.replace(invars=operands, params=settings))
     results = [now(v) for v in program.jaxpr.outvars]
-    jaxpr = program.jaxpr.replace(eqns=equations, outvars=results)
+    jaxpr = program.jaxpr.replace(eqns=_read(equations, results), outvars=results)
     done[id(program)] = found = ClosedJaxpr(jaxpr, program.consts)
     return found
+
+
+def _read(equations, results):
+    """The operations that the results depend on, or that have effects."""
+    read, found = {v for v in results if not isinstance(v, Literal)}, []
+    for equation in reversed(equations):
+        if equation.effects or not read.isdisjoint(equation.outvars):
+            read.update(v for v in equation.invars if not isinstance(v, Literal))
+            found.append(equation)
+    return found[::-1]
 
 
 def _alike(first, second) -> bool:

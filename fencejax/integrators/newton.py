@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from equinox.internal import unvmap_any
 from jax.custom_derivatives import SymbolicZero
+from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import Array
 
 from .._xla import fusion_barrier
@@ -137,7 +138,9 @@ def _directions(at, leaves, root, dots):
     traced, shapes = jax.make_jaxpr(at, return_shape=True)(leaves, root)
     size = len(root)
     values, none = [*leaves, *root], [None] * len(leaves)
-    program = traced.jaxpr, traced.consts, values
+    # Without what only the iterations read.
+    needed, _ = dce_jaxpr(traced.jaxpr, [True] * len(traced.out_avals), instantiate=True)
+    program = needed, traced.consts, values
     # The whole Jacobian in x, column by column: the matrix of the iterations is only close to it.
     _, slopes = pushed(*program, [*none, *jnp.eye(size, dtype=root[0].dtype)])
     outs, moved = pushed(*program, [*map(dots.get, range(len(leaves))), *[None] * size])

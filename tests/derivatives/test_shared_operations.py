@@ -1,4 +1,4 @@
-"""Equal operations of a traced program made one: the same numbers, and nothing that differs."""
+"""Equal operations of a traced program made one, and unread ones left out: the same numbers."""
 
 from collections import Counter
 
@@ -51,6 +51,24 @@ def test_derivatives_are_the_same(name):
     ours = jax.jvp(lambda x: jaxpr_as_fun(program)(x)[0], (X,), (X,))
     theirs = jax.jvp(FUNCTIONS[name], (X,), (X,))
     np.testing.assert_allclose(ours, theirs, rtol=1e-15)
+
+
+def unread(x):
+    jnp.tan(x)
+    return jnp.exp(x)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        unread,
+        lambda x: jax.lax.cond(x[0] > 0, unread, lambda x: x, x),
+        lambda x: jax.lax.while_loop(lambda c: c[0] < 2, lambda c: 1 + unread(c), x),
+    ],
+)
+def test_what_nothing_reads_is_left_out(function):
+    _, count = traced(function, X)
+    assert (count["tan"], count["exp"]) == (0, 1)
 
 
 def test_what_differs_stays_apart():
