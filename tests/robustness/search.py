@@ -316,7 +316,9 @@ def _table():
     for key, finding in found.items():
         kind, bounds, of, name = key.split(" | ")
         column = f"{of}, `{name}`" if name in RUNGS else f"{of}, tolerance {name}"
-        lanes = finding["lanes"] * (1 + finding["generations"])
+        # Others have the same key, and found less.
+        searches = finding, *finding.get("others", ())
+        lanes = sum(each["lanes"] * (1 + each["generations"]) for each in searches)
         unsure = "" if finding["sure"] else ", truth unsure"
         error = float(f"{100 * finding['error, found']:.2g}")
         rows.setdefault(f"{kind}, {bounds}", {})[column] = f"{error:g} % of {lanes:,}{unsure}"
