@@ -10,9 +10,10 @@ The defect of a contact's friction is compared with the same share of the larges
 makes steps short where sliding comes to rest. The peak force hardly depends on them there, but its
 derivatives do, as the time of rest moves with the parameters. Where even the shortest steps exceed
 what is allowed of friction, they are accepted: the status `STEP_TOO_COARSE` depends on the defects
-of normal forces alone. The same holds for the belt's friction, where the parcel lets go of the belt
-or its slip reverses during contact with the fence, with a share of that friction itself; and for a
-contact that begins to end at the fence's tip.
+of normal forces alone. The same holds for a contact that begins to end at the fence's tip; and for
+the belt's friction, with a share of that friction itself, where the parcel lets go of the belt or
+its slip reverses, before the first touch too: from a slip that the belt should have ended, another
+motion follows.
 
 A step whose equations Newton's method has not solved is repeated as well: over a shorter step, the
 friction at sticking corners is less stiff compared with the inertia.

@@ -35,7 +35,7 @@ def test_error_found_is_in_proportion_to_the_tolerance():
 def test_the_belt_catches_a_parcel_before_the_fence_does():
     """The belt's static friction is 1,800 times the kinetic, and the parcel slips by 0.155 mm/s as
     the scene begins. It comes to rest on the belt within microseconds. A first step that passed
-    over that kept it sliding, with a peak force of 60 %."""
+    over that kept it sliding, and gave 60 % of the peak force."""
     numbers = ORDINARY | {
         "thickness": 5.45e-3, "reach": 0.542, "flexible": 0.0777, "width": 0.116,
         "modulus": 1.46e7, "density": 2240.0, "damping_ratio": 1.96, "mass": 109.0,
