@@ -43,7 +43,7 @@ from fencejax.study import in_chunks
 FACTORS = (0.5, 2.0, 1e9)
 RUNGS = ("standard", "coarse")
 # These refuse the more the larger they are: their inverse is what is halved, doubled, left out.
-_INVERSE = {"_IN_DOUBT"}
+_INVERSE = {"_IN_DOUBT", "_EDGE"}
 # Lanes that run side by side, and those of what is compared with the truth.
 _LANES, _FEWER = 128, 32
 _DURATION = 0.1
@@ -194,6 +194,11 @@ def _scaled(constants, factors):
         for constant, value in usual.items():
             for home in _homes(constant):
                 setattr(home, constant, value)
+
+
+def left_out(constants):
+    """Without the constants: what is traced meanwhile refuses nothing by them."""
+    return _scaled(constants, [FACTORS[-1]] * len(constants))
 
 
 @functools.cache
