@@ -43,7 +43,7 @@ from fencejax.study import in_chunks
 FACTORS = (0.5, 2.0, 1e9)
 RUNGS = ("standard", "coarse")
 # These refuse the more the larger they are: their inverse is what is halved, doubled, left out.
-_INVERSE = {"_IN_DOUBT", "_EDGE"}
+_INVERSE = {"_IN_DOUBT", "_EDGE", "_MULTIPLIED"}
 # Lanes that run side by side, and those of what is compared with the truth.
 _LANES, _FEWER = 128, 32
 _DURATION = 0.1
@@ -222,19 +222,23 @@ def statuses_of(trial, fidelity):
     each = (lambda x: _peak(given, fidelity, x)[0]) if given.of_gradients else status
 
     def compiled(x, factors):
-        """A program of its own: what the constants decide, or judge of derivatives, is made with
-        them."""
+        """A program of its own, as what the constants decide, or judge of derivatives, is made with
+        them; the same one for factors that make no difference."""
         jax.clear_caches()
         with _scaled(given.constants, factors):
-            return jax.jit(jax.vmap(each)).lower(x).compile()
+            lowered = jax.jit(jax.vmap(each)).lower(x)
+        text = lowered.as_text()
+        if text not in programs:
+            programs[text] = lowered.compile()
+        return text
+
+    texts = {}
 
     def rows(x, factors):
-        found = []
-        for row in factors.tolist():
-            if tuple(row) not in programs:
-                programs[tuple(row)] = compiled(x, row)
-            found.append(programs[tuple(row)](x))
-        return np.stack(found, axis=-1)
+        listed = [tuple(row) for row in factors.tolist()]
+        texts.update({row: compiled(x, row) for row in listed if row not in texts})
+        found = {text: programs[text](x) for text in {texts[row] for row in listed}}
+        return np.stack([found[texts[row]] for row in listed], axis=-1)
 
     return rows
 
