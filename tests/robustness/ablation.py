@@ -27,36 +27,28 @@ from robustness.thresholds import left_out
 import fencejax as fj
 
 
-class _Broken(Exception):
-    """The promise is broken, and the search over."""
-
-
-def needed(constants, kind, of, name, lanes, generations, seed, bounds="realistic", show=print):
-    """What a search finds without the constants: a finding as `search.json` has them, with whether
-    the promise is `"broken"`. It lasts until then, or `generations`."""
+def found_without(constants, kind, of, name, lanes, generations, seed, keep):
+    """Search realistic designs without the constants until the promise is broken, for certain, or
+    for so many `generations`. `keep(finding, text)` gets what is found after each, as `search.json`
+    has it, with whether the promise is `"broken"`, and a line about it."""
     fidelity, promised = getattr(fj.Fidelity, name)(), PROMISE[name][of == "gradient"]
-    kept = {}
 
     def look(found):
-        kept.update(search.as_kept(found), broken=found.course[-1] > promised)
-        show(
+        most = found.course[-1]
+        finding = {"lanes": lanes, "seed": seed} | search.as_kept(found)
+        keep(
+            finding | {"broken": most > promised},
             f"generation {len(found.course) - 1}, good {100 * found.good:.0f} %, "
-            f"found {found.course[-1]:.2e}, promised {promised:g}"
+            f"found {most:.2e}, promised {promised:g}",
         )
-        if kept["broken"]:
-            raise _Broken
 
-    # The truth is computed with all of them, and programs with either.
+    # What is traced for a search with other constants does not hold for this one.
     jax.clear_caches()
     with left_out(constants):
-        try:
-            search.search(
-                fidelity, search.truth_of(fidelity, kind), bounds, of, lanes, generations, seed,
-                kind, look, search.first_truth_of(fidelity, kind), certain=True,
-            )  # fmt: skip
-        except _Broken:
-            pass
-    return {"lanes": lanes, "seed": seed} | kept
+        search.search(
+            fidelity, search.truth_of(fidelity, kind), "realistic", of, lanes, generations, seed,
+            kind, look, search.first_truth_of(fidelity, kind), certain=True, enough=promised,
+        )  # fmt: skip
 
 
 def _table(out):
@@ -71,8 +63,9 @@ def _table(out):
         row[f"{of}, `{name}`"] = f"{error:g} % of {judged:,}, {verdict}"
     columns = sorted({column for row in rows.values() for column in row})
     known = figures.record()
+    command = "cd tests && python -m robustness.ablation --record --out robustness/ablation.json"
     known["ablation"] = {
-        "command": "cd tests && python -m robustness.ablation --record --out robustness/ablation.json",
+        "command": command,
         "columns": ["without", *columns],
         "rows": {
             name: {"unit": "", "values": [row.get(column, "") for column in columns]}
@@ -104,17 +97,18 @@ def main():
             for name in given.rungs:
                 key = f"{', '.join(given.constants)} | {kind} | {of} | {name}"
 
-                def show(text, key=key):
+                def keep(finding, text, key=key):
+                    """What is found after each generation, so that none is lost."""
+                    # Others that are there already stay.
+                    report = json.loads(given.out.read_text()) if given.out.exists() else {}
+                    report[key] = finding
+                    given.out.write_text(json.dumps(report, indent=1) + "\n")
                     print(f"{key}: {text} ({time.perf_counter() - began:.0f} s)", flush=True)
 
-                found = needed(
+                found_without(
                     given.constants, kind, of, name, given.lanes, given.generations, given.seed,
-                    show=show,
+                    keep,
                 )  # fmt: skip
-                # Others that are there already stay.
-                report = json.loads(given.out.read_text()) if given.out.exists() else {}
-                report[key] = found
-                given.out.write_text(json.dumps(report, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -28,14 +28,14 @@ it gives no gradient. `search.json` beside this file is what the first command f
 
 import argparse
 import json
+import math
 import time
 from pathlib import Path
 from typing import NamedTuple
 
-import figures
 import jax
 import numpy as np
-from robustness import truths
+from robustness import search_record, truths
 from robustness.peaks import gradient_error, peaks
 from robustness.searched_scenes import KINDS, changed
 
@@ -45,13 +45,6 @@ from fencejax.study import in_chunks
 RECORD = Path(__file__).with_suffix(".json")
 BOUNDS = ("realistic", "wide")
 RUNGS = ("coarse", "fast", "standard")
-# The largest errors that pages show by themselves.
-_SHOWN = (
-    "realistic, value, `standard`", "realistic, value, `fast`", "realistic, value, `coarse`",
-    "normal impact, realistic, gradient, `standard`", "impact, realistic, gradient, `standard`",
-    "sorts, realistic, gradient, `standard`", "sorts, realistic, value, `standard`",
-    "sorts, realistic, value, `fast`", "sorts, realistic, value, `coarse`",
-)  # fmt: skip
 # Lanes that run side by side; fewer of those that a truth judges after a first one.
 _BATCH, _FEWER = 128, 32
 # Share of a generation that it judges.
@@ -191,9 +184,10 @@ class Found(NamedTuple):
 
 def search(
     fidelity, truth, bounds, of, lanes, generations, seed, kind="impact", show=lambda _: None,
-    first=None, certain=False,
+    first=None, certain=False, enough=math.inf,
 ):  # fmt: skip
-    """Breed designs for the largest error; with `certain`, of those that the truth is sure of."""
+    """Breed designs for the largest error, until it is above `enough`; with `certain`, of those
+    that the truth is sure of."""
     rng, searched = np.random.default_rng(seed), KINDS[kind]
 
     def designs(shares):
@@ -229,6 +223,8 @@ def search(
     course = [most]
     show(best_so_far())
     for _ in range(generations):
+        if course[-1] > enough:
+            break
         children = bred(rng, population, fitness)
         found, now_exact, off = judged(children, fitness)
         better = found > fitness
@@ -309,42 +305,6 @@ def _again(given):
             print(f"{key}: {error:.2e} (on record {was:.2e}), {status.name}", flush=True)
 
 
-def _table():
-    """The record as a table: the largest error found under a good status, by kind and rung."""
-    found = json.loads(RECORD.read_text())
-    rows, most, judged = {}, {}, 0
-    for key, finding in found.items():
-        kind, bounds, of, name = key.split(" | ")
-        column = f"{of}, `{name}`" if name in RUNGS else f"{of}, tolerance {name}"
-        # Others have the same key, and found less.
-        searches = finding, *finding.get("others", ())
-        lanes = sum(each["lanes"] * (1 + each["generations"]) for each in searches)
-        unsure = "" if finding["sure"] else ", truth unsure"
-        error = float(f"{100 * finding['error, found']:.2g}")
-        rows.setdefault(f"{kind}, {bounds}", {})[column] = f"{error:g} % of {lanes:,}{unsure}"
-        of_which = f"{'sorts, ' if kind.startswith('sort') else ''}{bounds}, {column}"
-        for which in (of_which, f"{kind}, {bounds}, {column}"):
-            most[which] = max(error, most.get(which, 0.0))
-        judged += lanes
-    columns = sorted({c for row in rows.values() for c in row}, key=lambda c: ("toler" in c, c))
-    command = (
-        "cd tests && python -m robustness.search --out robustness/search.json; "
-        "cd tests && python -m robustness.search --record"
-    )
-    known = figures.record()
-    known["found by searching"] = {
-        "command": command,
-        "columns": ["scenes", *columns],
-        "rows": {
-            name: {"unit": "", "values": [row.get(column, "") for column in columns]}
-            for name, row in rows.items()
-        },
-    }
-    found_most = {"designs": (judged, "1"), **{name: (most[name], "%") for name in _SHOWN}}
-    known["searched"] = figures.group(command, found_most)
-    figures.write(known)
-
-
 def main():
     flags = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     flags.add_argument("--kinds", nargs="+", choices=tuple(KINDS), default=list(KINDS))
@@ -361,7 +321,7 @@ def main():
     flags.add_argument("--again", action="store_true", help="judge the designs on record again")
     given = flags.parse_args()
     if given.record:
-        _table()
+        search_record.write(RECORD, RUNGS)
         return
     jax.config.update("jax_enable_x64", True)
     if given.again:
