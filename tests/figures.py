@@ -101,6 +101,16 @@ def group(command: str, found: dict[str, tuple[Any, str]]) -> dict[str, Any]:
     return {"command": command, "figures": named}
 
 
+def table(command: str, head: str, rows: dict[str, dict[str, str]], columns) -> dict[str, Any]:
+    """A group that is a table: `rows` of cells by column, empty where a row has none, under the
+    title `head` and the titles of the `columns`."""
+    cells = {
+        name: {"unit": "", "values": [row.get(column, "") for column in columns]}
+        for name, row in rows.items()
+    }
+    return {"command": command, "columns": [head, *columns], "rows": cells}
+
+
 def write(groups: dict[str, dict[str, Any]]) -> None:
     """Write the record, a line a figure."""
     parts = []

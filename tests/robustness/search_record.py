@@ -38,14 +38,7 @@ def write(record: Path, rungs: tuple[str, ...]) -> None:
         "cd tests && python -m robustness.search --record"
     )
     known = figures.record()
-    known["found by searching"] = {
-        "command": command,
-        "columns": ["scenes", *columns],
-        "rows": {
-            name: {"unit": "", "values": [row.get(column, "") for column in columns]}
-            for name, row in rows.items()
-        },
-    }
+    known["found by searching"] = figures.table(command, "scenes", rows, columns)
     found_most = {"designs": (judged, "1"), **{name: (most[name], "%") for name in _SHOWN}}
     known["searched"] = figures.group(command, found_most)
     figures.write(known)
