@@ -1,10 +1,14 @@
 """Whether it is certain that the belt stops a parcel that slides on it.
 
 Where static friction is above the kinetic one, a parcel whose slip comes to rest sticks for certain
-if kinetic friction would stop it, too. Where more force than that is needed to keep it at rest, dry
-friction holds it only if all of its slip passes zero at once, and then the outcome depends on the
-smoothing of friction. The force on the parcel differs by up to (mu_s - mu_k) m_p g as long as it
-sticks.
+if kinetic friction would stop it, too. Static friction, smoothed, pulls a parcel to rest that still
+slips by about w_s: kinetic friction alone would have left it with that slip, and takes
+
+    int (mu_k m_p g - F) dt / m_p = w_s
+
+to stop it, F the friction that keeps it at rest. Where F exceeds kinetic friction before, dry
+friction holds the parcel only if all of its slip passes zero at once, and then the outcome depends
+on the smoothing. The force on the parcel differs by up to (mu_s - mu_k) m_p g as long as it sticks.
 """
 
 from typing import NamedTuple
@@ -23,11 +27,11 @@ _RESTS, _FREE = 1.0, 3.0
 
 
 class Catch(NamedTuple):
-    """`slid` is 1.0 from when the parcel slides on the belt until it has been at rest on it for a
-    step. `unsure` [N] is the largest jump of friction so far of which it is uncertain whether the
-    parcel stuck by it."""
+    """`owed` [m/s] is the slip that kinetic friction alone would still have to stop: w_s from when
+    the parcel slides on the belt, less from then on that it rests. `unsure` [N] is the largest jump
+    of friction so far of which it is uncertain whether the parcel stuck by it."""
 
-    slid: Array
+    owed: Array
     unsure: Array
 
 
@@ -36,24 +40,27 @@ def caught(
     before: Array,
     now: Array,
     sample: Sample,
+    length: Array,
     scene: NormalScene | Scene,
     smoothing: Smoothing,
 ) -> Catch:
-    """The evidence after a step to the `sample`, with the slip on the belt [m/s] `before` and
-    `now`."""
+    """The evidence after a step of the `length` [s] to the `sample`, with the slip on the belt
+    [m/s] `before` and `now`."""
     if isinstance(scene, NormalScene) or scene.belt is None or sample.belt is None:
         return known
-    belt, parcel, fence_force, force = jax.lax.stop_gradient(
-        (scene.belt, scene.parcel, sample.fence_force, sample.belt)
+    belt, parcel, fence_force, force, length = jax.lax.stop_gradient(
+        (scene.belt, scene.parcel, sample.fence_force, sample.belt, length)
     )
     weight = parcel.mass * belt.gravity
     kinetic, jump, _ = belt.friction.scales(now)
     rests = now < _RESTS * smoothing.static_speed
     was_at_rest = before < _RESTS * smoothing.static_speed
     needed = jnp.sqrt(force.x**2 + force.y**2)
-    stays = rests & was_at_rest & (known.slid > 0)
-    doubtful = stays & (needed > kinetic * weight) & (fence_force > 0)
+    spare = kinetic * weight - needed
+    stays = rests & was_at_rest & (known.owed > 0)
+    doubtful = stays & (spare < 0) & (fence_force > 0)
     unsure = jnp.where(doubtful, jnp.maximum(known.unsure, jump * weight), known.unsure)
+    paid = jnp.where(stays, length * jnp.maximum(spare, 0.0) / parcel.mass, 0.0)
     slides = now > _FREE * smoothing.static_speed
-    slid = jnp.where(slides, 1.0, jnp.where(stays, 0.0, known.slid))
-    return Catch(slid, unsure)
+    owed = jnp.where(slides, smoothing.static_speed, jnp.maximum(known.owed - paid, 0.0))
+    return Catch(owed, unsure)

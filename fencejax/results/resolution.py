@@ -294,7 +294,9 @@ def _update(state: Resolution, step: Step) -> Resolution:
     reversed_ = _sliding_reversed(before, now, smoothing, state.sliding_reversed)
     on_belt = _belt_slip_reversed(slip_before, slip, now, smoothing, state.belt_slip_reversed)
     hold = updated(state.hold, before, now, length, step.scene, smoothing)
-    catch = caught(state.catch, slip_before.speed, slip.speed, now, step.scene, smoothing)
+    catch = caught(
+        state.catch, slip_before.speed, slip.speed, now, length, step.scene, smoothing
+    )
     at_peak = AtPeak(
         slip.speed, creep_time, drift, now.over_tip, separated * roughest, reversed_, on_belt,
         blows, jnp.maximum(hold.unsure, catch.unsure),
