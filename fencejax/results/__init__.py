@@ -10,6 +10,7 @@ May import: `model` and what is below it. Nothing here knows how a scene is adva
 
 from . import (
     accumulators as accumulators,
+    belt_catch as belt_catch,
     diagnostics as diagnostics,
     error as error,
     hold as hold,
