@@ -66,7 +66,7 @@ def comes_to_rest(
     corner rests. A corner that comes to rest at the very end has a speed of some eps there.
     Smoothing then has reduced the friction already, but too late to displace the parcel.
     """
-    # Newton's method may leave the first touch a little below 0.
+    # Newton's method may leave the first contact a little below 0.
     start, (first, last) = corner.start, (jnp.maximum(n, 0.0) for n in pressed)
     sliding_share = 0.5 * sliding.share
     onward = start.speed * corner.after > 0

@@ -2,8 +2,8 @@
 
 The defect of a step (`step_defect`) is compared with what is allowed of a contact's force: the
 share `Fidelity.step_tolerance` of the largest force so far, or the force that changes the speed of
-approach by a tenth of that share, whichever is larger, as at the first touch there is no force yet
-to compare with. So one number bounds the error that each step may add, and a search for large
+approach by a tenth of that share, whichever is larger, as at the first contact there is no force
+yet to compare with. So one number bounds the error that each step may add, and a search for large
 errors finds them in proportion to it (`tests/robustness/search.py`).
 
 The defect of a contact's friction is compared with the same share of the largest normal force. It
@@ -12,8 +12,8 @@ derivatives do, as the time of rest moves with the parameters. Where even the sh
 what is allowed of friction, they are accepted: the status `STEP_TOO_COARSE` depends on the defects
 of normal forces alone. The same holds for a contact that begins to end at the fence's tip; and for
 the belt's friction, with a share of that friction itself, where the parcel lets go of the belt or
-its slip reverses, before the first touch too: from a slip that the belt should have ended, another
-motion follows.
+its slip reverses, before the first contact too: from a slip that the belt should have ended,
+another motion follows.
 
 A step whose equations Newton's method has not solved is repeated as well: over a shorter step, the
 friction at sticking corners is less stiff compared with the inertia.

@@ -1,4 +1,4 @@
-"""The fence's tip against the parcel's side, from the first touch or after a corner ran over the
+"""The fence's tip against the parcel's side, from the first contact or after a corner ran over the
 tip.
 
 A corner C inside the fence by D, at the arc coordinate R_z - s, meets the fence along its normal n.

@@ -55,7 +55,7 @@ def oblique_impact(
 
     **Arguments:**
 
-    - `distance`: R [m], arc coordinate of the first touch, from the hinge.
+    - `distance`: R [m], arc coordinate of the first contact, from the hinge.
     - `drive_angle`: alpha_w [rad] at that instant, on the way out.
     - `corner`: 1 ... 4.
     - `parcel_angle`: phi [rad]; by default such that C_s lies on the fence's normal through the

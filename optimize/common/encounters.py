@@ -182,7 +182,6 @@ class Course:
             self.fidelity, self.chunk,
         )  # fmt: skip
 
-
     def constant_push(
         self, fence: fj.Fence, drive: fj.AbstractDrive, encounters: Encounter, past: float = 0.0
     ) -> np.ndarray:

@@ -62,7 +62,6 @@ class Impacts:
             duration=self.duration,
         )
 
-
     def check(self, fence: fj.Fence, drive: fj.AbstractDrive) -> None:
         """Make the scene of every lane on the host, without compiling anything.
 

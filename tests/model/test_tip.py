@@ -116,8 +116,8 @@ def parcel_at(point, along, theta, tilt=0.3, number=1):
 
 
 def test_the_tip_meets_the_flat_side_at_any_angle():
-    """From the first touch on, no corner at the fence: the whole force, along the side's normal and
-    through the tip, where the parcel stands upright on the fence as well."""
+    """From the first contact on, no corner at the fence: the whole force, along the side's normal
+    and through the tip, where the parcel stands upright on the fence as well."""
     theta = np.linspace(0.05, 3.0, 60)
     depths = np.array([1e-6, 0.01])
     # The tip 0.1 m from the corner: beyond D tan(theta / 2) + l.

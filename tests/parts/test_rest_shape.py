@@ -80,7 +80,7 @@ def test_impact_against_the_independent_version():
     assert float(result.tip_deflection) == pytest.approx(found.tip_deflection, rel=1e-3)
     exchanged = sum(abs(float(term)) for term in jax.tree.leaves(result.energy))
     assert abs(float(result.energy.residual)) < 1e-4 * exchanged
-    # The parcel's corner is on the drawn fence at the first touch, but for the drawing's chords,
+    # The parcel's corner is on the drawn fence at the first contact, but for the drawing's chords,
     # l^2 / 8 times the curvature of 0.8 / m from the line, and its ordinates, which are w itself.
     curve = fj.RestShape(**NUMBERS)
     shape = fj.plot.outline(scene(curve), result, 0.0, fidelity=FIDELITY)

@@ -115,7 +115,7 @@ def swung(numbers, time):
 
 
 def test_closed_forms():
-    # phi = T t^2 / (2 J) of a rigid fence, also with its first touch; T / c (t - J / c (1 -
+    # phi = T t^2 / (2 J) of a rigid fence, also with its first contact; T / c (t - J / c (1 -
     # exp(-c t / J))) with damping, and (1 - cos(w t)) T / k on a spring.
     fence, time = fj.Fence(), 0.21
     inertia = float(fence.inertia) + 2.0

@@ -23,7 +23,7 @@ CHEAP = replace(SMOOTHED, modes=2)
 
 
 def peak(impact, rtol=1e-2, samples=34):
-    """Largest N [N] and its time after the first touch [s]."""
+    """Largest N [N] and its time after the first contact [s]."""
     time = np.linspace(0.0, impact.horizon, samples)
     states = odeint(
         lambda t, state: derivative(impact, t, state),

@@ -5,7 +5,7 @@ parcel in Cartesian coordinates and an adaptive implicit integrator. Equation nu
 of T. Piatkowski, J. Theor. Appl. Mech. 48(1), 87-109, 2010. SI units throughout.
 
 State vector: modal displacements eta, modal velocities, x, y, phi, their rates, impulse of N.
-Time zero is the first touch.
+Time zero is the first contact.
 """
 
 from math import atan2, cos, exp, hypot, pi, sin, sqrt
@@ -35,15 +35,16 @@ from .impact_parts import (
 
 
 def initial_state(impact):
-    """State at the first touch: the fence has swung from rest, and the parcel rides with the belt,
-    its corner on the fence at `distance` and its centre of gravity on the fence's normal there.
+    """State at the first contact: the fence has swung from rest, and the parcel rides with the
+    belt, its corner on the fence at `distance` and its centre of gravity on the fence's normal
+    there.
     """
     modal = swung(impact)
     return np.concatenate([modal, touching(impact, Fence(impact, 0.0, modal)), [0.0]])
 
 
 def swung(impact):
-    """Modal displacements and velocities at the first touch.
+    """Modal displacements and velocities at the first contact.
 
     The modes answer eta'' + c eta' + omega^2 eta = -p alpha'' from rest, in closed form
     (p = V^T M Phi, alpha'' = Re[A exp(i W t)]).
@@ -67,7 +68,7 @@ def swung(impact):
 
 
 def touching(impact, fence):
-    """x, y, phi of the parcel at the first touch, and their rates."""
+    """x, y, phi of the parcel at the first contact, and their rates."""
     if impact.distance <= impact.l_s:
         slope = fence.angle
         point = (impact.distance * cos(slope), impact.distance * sin(slope))

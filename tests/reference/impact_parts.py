@@ -21,11 +21,11 @@ class Impact:
     [rad/s]. cycle_time: t_c [s]. mass: m_p [kg]. stiffness: k_p [N/m^4]. damping: b_p
     [N s kg^-0.4 m^-3]. size: (A, B) [m]. center: (x_p, y_p), centre of gravity from the
     geometric centre [m]. mu_belt, mu_fence: (kinetic, static) friction coefficients [-].
-    distance: arc coordinate R of the first touch [m]. drive_angle: drive angle then [rad].
+    distance: arc coordinate R of the first contact [m]. drive_angle: drive angle then [rad].
     corner: 1 to 4. inertia: I_p about the centre of gravity [kg m^2], by default
     m_p (A^2 + B^2)/12. epsilon: smoothing speed of the friction [m/s]. stribeck: w_s, decay speed
     from static to kinetic [m/s]. elements: number of finite elements. horizon: time computed
-    after the first touch [s]. modes: modes kept (default all 2 `elements`).
+    after the first contact [s]. modes: modes kept (default all 2 `elements`).
     load: how N is shared between the nodes beside U, "linear" (2.8) or "cubic" (work-consistent).
     geometry: "chord" (2.14)-(2.17), or "small", U = sigma t_alpha + w(sigma) n_alpha.
     rest: ordinates (d_2, d_3) [m] of the Bézier line of the flexible link at rest, control points
@@ -111,7 +111,7 @@ class Impact:
 
     @cached_property
     def touch_time(self):
-        """Time from the start of the swing to the first touch [s]."""
+        """Time from the start of the swing to the first contact [s]."""
         return self.cycle_time / (2 * pi) * np.arccos(1 - 2 * self.drive_angle / self.top_angle)
 
     def drive(self, time):
@@ -156,11 +156,11 @@ class Contact(NamedTuple):
 class Solution(NamedTuple):
     """Histories on a uniform grid and refined scalars of one impact.
 
-    time: after the first touch [s]. force: N [N]. gap: D [m], nan past the tip. tip: u of the
+    time: after the first contact [s]. force: N [N]. gap: D [m], nan past the tip. tip: u of the
     tip relative to the rigid swing [m]. arc: sigma [m]. parcel: x, y [m], phi [rad] and their
     rates, shape (n, 6). belt: F1x, F1y [N], T [N m] on the parcel, shape (n, 3).
     peak_force [N] and peak_time [s] after touch. tip_deflection: largest |tip| [m].
-    impulse: integral of N over the horizon [N s]. duration: from the first touch to the first
+    impulse: integral of N over the horizon [N s]. duration: from the first contact to the first
     return of N to zero [s], nan if that is beyond the horizon. off_tip: whether the corner ran
     past the tip while behind the fence's line; the histories end there.
     stiff_force: N_stiff at the undeformed approach speed v sin(alpha) + R alpha' [N].

@@ -47,7 +47,7 @@ def touch_time(impact, torque, whole, damping, stiffness):
 
 
 def solve(impact, torque, inertia, damping, stiffness, rtol=1e-7, samples=281):
-    """Peak force [N] of one impact and the work of the torque from the first touch on [J], by the
+    """Peak force [N] of one impact and the work of the torque from the first contact on [J], by the
     law T(t) [N m], J_d [kg m^2], c [N m s/rad] and k [N m/rad]."""
     link = impact.link
     m = link.frequency.size

@@ -113,7 +113,7 @@ class More:
         return 2 * impact.l_p * (1 - np.sqrt(max(1 - share, 0.0))) / (SHEAR_SHAPE * modulus * area)
 
     def begin(self, impact):
-        """The state at the first touch."""
+        """The state at the first contact."""
         state = initial_state(impact)
         return np.concatenate([state[:-1], [0.0], state[-1:]])
 

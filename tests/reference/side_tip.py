@@ -40,8 +40,8 @@ class Poke(NamedTuple):
 
 class Struck(NamedTuple):
     """What the tip does to the parcel: times [s] from the start of the swing, the parcel there
-    (n, 6), the force N [N] and its peak, the time of the first touch and the side that was entered,
-    0 ... 3 from the lower one counterclockwise."""
+    (n, 6), the force N [N] and its peak, the time of the first contact and the side that was
+    entered, 0 ... 3 from the lower one counterclockwise."""
 
     time: np.ndarray
     parcel: np.ndarray

@@ -56,7 +56,7 @@ def test_a_sort_that_the_tip_decides():
     slope, (peak, y, energy, status) = met(MASS, OFFSET, 0.0)
     assert int(status) == fj.Status.SUCCESSFUL
     theirs = independent()
-    # From the lower side, 0 of the polygon's, at the first touch.
+    # From the lower side, 0 of the polygon's, at the first contact.
     assert theirs.side == 0
     assert theirs.force.max() > 0
     assert float(peak) == pytest.approx(theirs.peak, rel=1e-3)

@@ -61,7 +61,7 @@ def integrate(stage, impact, start, end, state, until=None, rtol=1e-7, every=5e-
 
     until: names of the events of `stage.EVENTS` that end it, by default all of them. rtol:
     relative tolerance; the absolute one, on every state, is rtol/1000. every: time between
-    samples [s]. Times are on the drive's clock of `impact`: since its first touch, that is, since
+    samples [s]. Times are on the drive's clock of `impact`: since its first contact, that is, since
     the start of the swing where drive_angle is 0.
     """
     names = list(stage.EVENTS) if until is None else list(until)
