@@ -13,6 +13,7 @@ from jaxtyping import ArrayLike
 from .. import _check
 from ..design import OBJECTIVES, Quantity, fields, measures
 from ..fidelity import Fidelity
+from ..lanes import each_lane
 from ..results import counted, refined
 from ..scenes import AnyScene, numbers as scene_numbers
 from ..simulate import simulate
@@ -51,7 +52,8 @@ def _programs(structure, shapes, quantities: tuple[Quantity, ...], fidelity: Fid
         )(numbers)
         return values, slopes, status
 
-    return jax.jit(jax.vmap(outcome)), jax.jit(jax.vmap(sloped))
+    of_each = functools.partial(each_lane, outcome), functools.partial(each_lane, sloped)
+    return jax.jit(of_each[0]), jax.jit(of_each[1])
 
 
 def quantities_of(scene: AnyScene, outputs: Sequence[str | Quantity]) -> tuple[Quantity, ...]:

@@ -93,7 +93,7 @@ def starts(cases: Case, fidelity: fj.Fidelity) -> Start:
         ridden = fj.Belt().speed * time
         return Start(body.x + foremost - ridden, body.y + lowest, body.angle)
 
-    return jax.vmap(one)(cases)
+    return fj.each_lane(one, cases)
 
 
 def make(

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -112,7 +111,7 @@ def run(cases: Case, starts: Start, fidelity: fj.Fidelity) -> Cycle:
             status=result.status,
         )
 
-    return jax.vmap(one)(cases, starts)
+    return fj.each_lane(lambda lane: one(*lane), (cases, starts))
 
 
 class Stiff(NamedTuple):
@@ -138,7 +137,7 @@ def restitutions(speed: Array, masses: Array, fidelity: fj.Fidelity) -> Array:
         assert final is not None
         return final.y_rate / speed
 
-    return jax.vmap(one)(masses)
+    return fj.each_lane(one, masses)
 
 
 @eqx.filter_jit
@@ -156,4 +155,4 @@ def run_stiff(cases: Case, fidelity: fj.Fidelity) -> Stiff:
             case.approach_speed(case.fence.reach),
         )
 
-    return jax.vmap(one)(cases)
+    return fj.each_lane(one, cases)

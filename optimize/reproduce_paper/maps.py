@@ -65,7 +65,7 @@ def _impacts(cases: Case, fidelity: fj.Fidelity) -> _Outcome:
         worst = jnp.maximum(result.status, wall.status)
         return _Outcome(result.peak_force, wall.peak_force, result.tip_deflection, worst)
 
-    return jax.vmap(one)(cases)
+    return fj.each_lane(one, cases)
 
 
 def _grid(fences: Case, masses: np.ndarray, distances: np.ndarray) -> Case:

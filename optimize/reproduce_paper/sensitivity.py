@@ -53,7 +53,7 @@ def _slopes(cases: Case, fidelity: fj.Fidelity):
         unit = jnp.stack([jnp.ones_like(a) if i == 1 else a for i, a in enumerate(at)])
         return force, status, slope * unit / force
 
-    return jax.vmap(one)(cases)
+    return fj.each_lane(one, cases)
 
 
 def along(fences: Case, distances, fidelity: fj.Fidelity) -> Sensitivities:

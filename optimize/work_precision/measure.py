@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import dataclasses
+import functools
 import time
 from collections.abc import Callable
 from typing import Any
@@ -18,7 +19,10 @@ from .errors import Outcome
 
 def value_program(family: Family, fidelity: fj.Fidelity):
     """Numbers of shape (lanes, 11) -> values (lanes, 3) [SI] and statuses (lanes,)."""
-    return jax.vmap(lambda row: outcome(family, fidelity, row, jnp.ones(len(VARIABLES))))
+    def one(row):
+        return outcome(family, fidelity, row, jnp.ones(len(VARIABLES)))
+
+    return functools.partial(fj.each_lane, one)
 
 
 def gradient_program(family: Family, fidelity: fj.Fidelity):
@@ -33,7 +37,7 @@ def gradient_program(family: Family, fidelity: fj.Fidelity):
         slopes, (values, status) = jax.jacfwd(along, has_aux=True)(jnp.ones(len(VARIABLES)))
         return values, slopes, status
 
-    return jax.vmap(one)
+    return functools.partial(fj.each_lane, one)
 
 
 @dataclasses.dataclass(frozen=True)
