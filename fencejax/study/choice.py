@@ -134,7 +134,8 @@ def choose_fidelity(
     **Arguments:**
 
     - `scene_or_scenes`: a scene, scenes stacked along a leading axis, or a sequence of these;
-      scenes of one structure run as one batch, and times are sums over the batches.
+      scenes of one structure run as one batch (`fencejax.each_lane`), and times are sums over the
+      batches.
     - `value_error`, `gradient_error`: largest errors allowed [1]; `gradient_error=None` judges by
       the value alone.
     - `quantities`: names of fields of `Result`.

@@ -1,5 +1,6 @@
 """Values, elasticities and run times of scenes at a fidelity, and the errors between two runs."""
 
+import functools
 import time
 from typing import NamedTuple
 
@@ -8,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..fidelity import Fidelity
+from ..lanes import each_lane
 from ..results import Status
 from ..simulate import simulate
 from .scene_groups import Group
@@ -42,7 +44,7 @@ def _program(group: Group, fidelity: Fidelity, quantities: tuple[str, ...], slop
         rows, (values, status) = jax.jacfwd(run, has_aux=True)(ones, scene)
         return values, jnp.concatenate([r.reshape(len(quantities), -1) for r in rows], 1), status
 
-    return jax.jit(jax.vmap(one))
+    return jax.jit(functools.partial(each_lane, one))
 
 
 def _median_time(program, scenes) -> float:
