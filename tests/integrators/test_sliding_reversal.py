@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from robustness.extreme_scenes import ORDINARY, impact
+from runs import one_by_one
 
 import fencejax as fj
 
@@ -27,7 +28,7 @@ def parcels():
 
 def peaks(parcels, fidelity):
     @jax.jit
-    @jax.vmap
+    @one_by_one
     def run(x):
         scene = fj.scenes.oblique_impact(
             parcel=fj.Parcel(mass=x["mass"], length=x["length"], breadth=x["breadth"]),

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from robustness.searched_scenes import KINDS, changed
-from runs import one_by_one
+from runs import one_by_one, side_by_side
 
 import fencejax as fj
 
@@ -18,8 +18,6 @@ def peaks(fidelity, of="gradient", kind="impact"):
     (lanes, varied) of the peak force, 0 where only its `"value"` is asked for."""
     searched = KINDS[kind]
 
-    @jax.jit
-    @jax.vmap
     def run(x):
         def peak(varied):
             scene = searched.scene(changed(x, varied))
@@ -32,7 +30,7 @@ def peaks(fidelity, of="gradient", kind="impact"):
         slopes, found = jax.jacfwd(peak, has_aux=True)(varied)
         return *found, jnp.stack([slopes[n] * x[n] for n in searched.varied], axis=-1)
 
-    return run
+    return jax.jit(side_by_side(run))
 
 
 def gradient_error(slopes, true, size):

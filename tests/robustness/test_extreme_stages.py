@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from robustness.extreme_scenes import stack
 from robustness.extreme_sorts import ROWS, lane, rung, truth
+from runs import one_by_one
 
 import fencejax as fj
 
@@ -137,7 +138,7 @@ def blows(name):
         return result.peak_force, (result.status, result.peak_force)
 
     @jax.jit
-    @jax.vmap
+    @one_by_one
     def run(x):
         varied = {k: x[k] for k in STRUCK_VARIED}
         slopes, (status, force) = jax.jacfwd(peak, has_aux=True)(varied, x)
