@@ -4,8 +4,10 @@ import atexit
 import gc
 import os
 import shutil
+import signal
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 # Programs here run once: the least of the compiler's effort does for them, without passes that only
@@ -29,6 +31,12 @@ _LEAST = (
 )
 if not any(argument.startswith("--bench") for argument in sys.argv):
     os.environ.setdefault("XLA_FLAGS", " ".join(_LEAST))
+
+# A shell starts what runs in the background with interrupts ignored, and so would be the jobs that
+# tests start and interrupt.
+_IGNORED = signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+if _IGNORED and threading.current_thread() is threading.main_thread():
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Tracing makes millions of objects that stay: to look for garbage among them as often as usual
 # takes a fifth of its time.
