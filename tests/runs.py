@@ -32,18 +32,3 @@ def one_by_one(function):
     """The same of lanes, one after another: a program that takes half as long to trace as that of
     `jax.vmap`, and two thirds to compile."""
     return functools.partial(jax.lax.map, function)
-
-
-# As many lanes as are sooner computed one after another than their vectorised program is compiled,
-# with the compiler's least effort (`conftest.py`).
-_SOON = 64
-
-
-def side_by_side(function):
-    """The same of many lanes, vectorised; of few, one after another."""
-
-    def run(lanes):
-        total = jax.tree.leaves(lanes)[0].shape[0]
-        return (one_by_one if total <= _SOON else jax.vmap)(function)(lanes)
-
-    return run

@@ -2,13 +2,14 @@
 
 Where static friction is above the kinetic one, a parcel whose slip comes to rest sticks for certain
 if kinetic friction would stop it, too. Static friction, smoothed, pulls a parcel to rest that still
-slips by about w_s: kinetic friction alone would have left it with that slip, and takes
+slips by about w_s. Kinetic friction alone would have left it that slip, and would have stopped it
+as soon as
 
-    int (mu_k m_p g - F) dt / m_p = w_s
+    int (mu_k m_p g - F) dt / m_p = w_s,
 
-to stop it, F the friction that keeps it at rest. Where F exceeds kinetic friction before, dry
-friction holds the parcel only if all of its slip passes zero at once, and then the outcome depends
-on the smoothing. The force on the parcel differs by up to (mu_s - mu_k) m_p g as long as it sticks.
+with F the friction that keeps it at rest. If F exceeds kinetic friction before then, dry friction
+holds the parcel only if all of its slip passes zero at once, and the outcome depends on the
+smoothing. The force on the parcel differs by up to (mu_s - mu_k) m_p g as long as it sticks.
 """
 
 from typing import NamedTuple
@@ -27,9 +28,9 @@ _RESTS, _FREE = 1.0, 3.0
 
 
 class Catch(NamedTuple):
-    """`owed` [m/s] is the slip that kinetic friction alone would still have to stop: w_s from when
-    the parcel slides on the belt, less from then on that it rests. `unsure` [N] is the largest jump
-    of friction so far of which it is uncertain whether the parcel stuck by it."""
+    """`owed` [m/s] is the slip that kinetic friction alone would still have to stop: w_s while the
+    parcel slides on the belt, and less the longer it rests. `unsure` [N] is the largest jump of
+    friction so far of which it is uncertain whether the parcel stuck by it."""
 
     owed: Array
     unsure: Array

@@ -52,8 +52,10 @@ def _programs(structure, shapes, quantities: tuple[Quantity, ...], fidelity: Fid
         )(numbers)
         return values, slopes, status
 
-    of_each = functools.partial(each_lane, outcome), functools.partial(each_lane, sloped)
-    return jax.jit(of_each[0]), jax.jit(of_each[1])
+    return (
+        jax.jit(functools.partial(each_lane, outcome)),
+        jax.jit(functools.partial(each_lane, sloped)),
+    )
 
 
 def quantities_of(scene: AnyScene, outputs: Sequence[str | Quantity]) -> tuple[Quantity, ...]:

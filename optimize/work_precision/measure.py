@@ -19,6 +19,7 @@ from .errors import Outcome
 
 def value_program(family: Family, fidelity: fj.Fidelity):
     """Numbers of shape (lanes, 11) -> values (lanes, 3) [SI] and statuses (lanes,)."""
+
     def one(row):
         return outcome(family, fidelity, row, jnp.ones(len(VARIABLES)))
 

@@ -12,8 +12,6 @@ from fencejax.results import belt_catch
 MASS, STEP, SMOOTHING = 2.0, 1e-3, Smoothing(1e-8, 1e-3)
 KINETIC, STATIC, GRAVITY = 0.2, 0.5, 10.0
 DRAG, JUMP = KINETIC * MASS * GRAVITY, (STATIC - KINETIC) * MASS * GRAVITY
-# What kinetic friction takes off the speed in a step, over w_s.
-PACE = KINETIC * GRAVITY * STEP / SMOOTHING.static_speed
 
 
 def unsure(*course, fence_force=50.0):
@@ -35,7 +33,8 @@ def unsure(*course, fence_force=50.0):
 
 
 SLIDES, PULLED_TO_REST = (20.0, DRAG), (0.1, 1.2 * DRAG)
-HELD, PUSHED = (0.01, 0.5 * DRAG), (0.01, 1.3 * DRAG)
+# Kinetic friction takes 2 w_s off the slip in a step, and by as much less as it is needed.
+HELD, HARDLY_HELD, PUSHED = (0.01, 0.4 * DRAG), (0.01, 0.7 * DRAG), (0.01, 1.3 * DRAG)
 
 
 @pytest.mark.parametrize(
@@ -43,10 +42,11 @@ HELD, PUSHED = (0.01, 0.5 * DRAG), (0.01, 1.3 * DRAG)
     [
         # It needs more than kinetic friction at once, or before that would have stopped w_s.
         ((SLIDES, SLIDES, PULLED_TO_REST, PUSHED), True),
-        ((SLIDES, SLIDES, PULLED_TO_REST, (0.01, 0.9 * DRAG), PUSHED), True),
+        ((SLIDES, SLIDES, PULLED_TO_REST, HARDLY_HELD, PUSHED), True),
         # As soon as that would have stopped w_s, it is caught for certain.
-        ((SLIDES, SLIDES, PULLED_TO_REST, HELD, PUSHED), 0.5 * PACE < 1),
-        ((SLIDES, SLIDES, PULLED_TO_REST, HELD, HELD, PUSHED), 2 * 0.5 * PACE < 1),
+        ((SLIDES, SLIDES, PULLED_TO_REST, HARDLY_HELD, HARDLY_HELD, PUSHED), False),
+        ((SLIDES, SLIDES, PULLED_TO_REST, HELD, PUSHED), False),
+        ((SLIDES, SLIDES, PULLED_TO_REST, HELD, HELD, PUSHED), False),
         # Off again, it has to be stopped again.
         ((SLIDES, SLIDES, PULLED_TO_REST, HELD, HELD, SLIDES, PULLED_TO_REST, PUSHED), True),
         # It never slid, or it does not rest.
@@ -61,8 +61,9 @@ def test_a_parcel_is_caught_for_certain_where_kinetic_friction_stops_it(course, 
 
 
 # A search for errors came to it. The parcel's slip on the belt falls to 0.7 mm/s as the fence
-# begins to push it; static friction over `standard`'s 0.75 mm/s stops it, where kinetic friction
-# needs less than it has by 1 %, and holds it for 6 ms. Over a fifth of that it slides on.
+# begins to push it. Static friction, smoothed over `standard`'s 0.75 mm/s, stops it, though kinetic
+# friction is hardly more than the fence's pull by then, and holds it for 6 ms. Smoothed over a
+# fifth of that it lets the parcel slide on.
 NEARLY_CAUGHT = dict(
     thickness=0.0431348, reach=1.29505, flexible=0.253881, width=0.251449, modulus=836322000.0,
     density=1753.84, damping_ratio=0.00676701, mass=3.80231, length=0.521432, aspect=0.473849,

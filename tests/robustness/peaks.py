@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from robustness.searched_scenes import KINDS, changed
-from runs import one_by_one, side_by_side
+from runs import one_by_one
 
 import fencejax as fj
 
@@ -30,7 +30,7 @@ def peaks(fidelity, of="gradient", kind="impact"):
         slopes, found = jax.jacfwd(peak, has_aux=True)(varied)
         return *found, jnp.stack([slopes[n] * x[n] for n in searched.varied], axis=-1)
 
-    return jax.jit(side_by_side(run))
+    return jax.jit(functools.partial(fj.each_lane, run))
 
 
 def gradient_error(slopes, true, size):
