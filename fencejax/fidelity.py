@@ -40,6 +40,12 @@ class Smoothing(NamedTuple):
         small. A corner that is slower sticks."""
         return math.sqrt(self.slip_speed * self.static_speed / math.sqrt(2))
 
+    @property
+    def slides_above(self) -> float:
+        """The sliding speed [m/s] above which friction is kinetic: exp(-3^2) of the jump to static
+        friction is left."""
+        return 3 * self.static_speed
+
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Fidelity(Readable):

@@ -22,10 +22,6 @@ from ..fidelity import Smoothing
 from ..scenes import NormalScene, Scene
 from .sample import Sample
 
-# Slips [w_s] below which a parcel is at rest on the belt, and above which it slides: there
-# exp(-3^2) of the jump of friction is left.
-_RESTS, _FREE = 1.0, 3.0
-
 
 class Catch(NamedTuple):
     """`owed` [m/s] is the slip that kinetic friction alone would still have to stop: w_s while the
@@ -54,14 +50,13 @@ def caught(
     )
     weight = parcel.mass * belt.gravity
     kinetic, jump, _ = belt.friction.scales(now)
-    rests = now < _RESTS * smoothing.static_speed
-    was_at_rest = before < _RESTS * smoothing.static_speed
+    rests, was_at_rest = (slip < smoothing.static_speed for slip in (now, before))
     needed = jnp.sqrt(force.x**2 + force.y**2)
     spare = kinetic * weight - needed
     stays = rests & was_at_rest & (known.owed > 0)
     doubtful = stays & (spare < 0) & (fence_force > 0)
     unsure = jnp.where(doubtful, jnp.maximum(known.unsure, jump * weight), known.unsure)
     paid = jnp.where(stays, length * jnp.maximum(spare, 0.0) / parcel.mass, 0.0)
-    slides = now > _FREE * smoothing.static_speed
-    owed = jnp.where(slides, smoothing.static_speed, jnp.maximum(known.owed - paid, 0.0))
+    owed = jnp.maximum(known.owed - paid, 0.0)
+    owed = jnp.where(now > smoothing.slides_above, smoothing.static_speed, owed)
     return Catch(owed, unsure)

@@ -23,9 +23,6 @@ from .sample import Sample
 # Sliding speeds [w_s]: those of which one has the largest smoothed friction, to within 1 % for a
 # w_s of five to a hundred eps; and one with kinetic friction.
 _SLOW_SPEEDS, _FAST_SPEED = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.3, 1.7), 10.0
-# Sliding speeds [w_s] below which a corner is at rest, and above which it slides: there exp(-3^2)
-# of the jump of friction is left.
-_RESTS, _FREE = 1.0, 3.0
 # Share of the largest friction within which it is uncertain which way a corner goes.
 _EDGE = 0.03
 
@@ -114,7 +111,7 @@ def updated(
     )
     most, jump = _shares(friction, smoothing, now.time)
     impulse = jnp.where(length > 0, length, 1.0) * _lightness(parcel, now)
-    rests, free = (share * smoothing.static_speed for share in (_RESTS, _FREE))
+    rests, free = smoothing.static_speed, smoothing.slides_above
     near, caught, edge = [], [], known.edge
     for was, is_, close, new in zip(
         before.fence, now.fence, known.near, known.caught, strict=True
