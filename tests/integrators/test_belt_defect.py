@@ -7,8 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from robustness import extreme_sorts
 from robustness.extreme_scenes import ORDINARY
-from robustness.peaks import gradient_error, over_belt_speeds, peaks
+from robustness.peaks import gradient_error, over_speeds, peaks
 
 import fencejax as fj
 from fencejax.fidelity import Smoothing
@@ -180,18 +181,10 @@ def test_gradient_wherever_in_a_step_a_parcel_lets_go_of_the_belt():
     nearly straight over that: each slope is that of the whole within what steps between may add.
     Where the let-go was a line within steps of 0.5 ms, slopes were up to 20 % off.
     """
-    def peak(factor):
-        scene = fj.scenes.whole_sort(
-            drive=fj.HarmonicDrive(top_speed=1.53 * factor), parcel=fj.Parcel(mass=2.5),
-            front=-0.1, offset=0.1, angle=0.1, duration=0.45,
-        )  # fmt: skip
-        return fj.simulate(scene, only="peak_force").peak_force
-
-    factors = 1 + jnp.linspace(0.0, 6e-3, 13)
-    run = jax.jit(lambda each: jax.lax.map(jax.value_and_grad(peak), each))
-    forces, slopes = map(np.asarray, run(factors))
-    secant = (forces[-1] - forces[0]) / (factors[-1] - factors[0])
-    np.testing.assert_allclose(slopes, secant, rtol=0.03)
+    parcel = {"mass": 2.5, "front": -0.1, "offset": 0.1, "turn": 0.1}
+    numbers = extreme_sorts.ORDINARY | parcel | {"ride": 2.0, "gravity": 9.81, "width": 0.132}
+    course = over_speeds(numbers, 0.0, 6e-3, 13, of_belt=False)
+    np.testing.assert_allclose(course.slopes, course.secant, rtol=0.03)
 
 
 # Found by a search for wrong gradients: a fence that gives way presses a light parcel for half a
@@ -219,7 +212,7 @@ def test_gradient_where_friction_falls_faster_than_a_step():
         static_speed=1.5e-4,
     )  # fmt: skip
 
-    course = over_belt_speeds(LETS_GO, 0.0, 2e-4, 5, fine)
+    course = over_speeds(LETS_GO, 0.0, 2e-4, 5, fine)
     np.testing.assert_allclose(course.slopes, course.secant, rtol=2e-3)
 
 
@@ -229,7 +222,7 @@ def test_the_estimate_includes_a_let_go_within_the_shortest_step():
     from the secant. A line across a jump is off by at least a quarter of it at one of the two
     points."""
     known = LETS_GO | {"belt_static": 1.8, "stiffness": 1e12}
-    course = over_belt_speeds(known, 0.0, 3e-4, 11)
+    course = over_speeds(known, 0.0, 3e-4, 11)
     size = np.maximum(np.abs(course.secant), course.forces)
     off = np.abs(course.slopes - course.secant) / size
     assert np.max(off) > 0.1
@@ -253,7 +246,7 @@ def test_gradient_wherever_in_a_step_a_parcel_is_pressed_off_the_belt():
     """A belt that is faster by 0.07 % has it let go a step sooner. The force varies by 2e-4 with
     the place of that in a step, and its slopes varied by half of their mean. Now they vary by at
     most 0.07, with steps of 0.03 ms."""
-    course = over_belt_speeds(PRESSED_OFF, -1e-3, 1e-3, 17)
+    course = over_speeds(PRESSED_OFF, -1e-3, 1e-3, 17)
     off = np.abs(course.slopes - course.secant) / np.maximum(course.forces, abs(course.secant))
     assert np.all(off < 0.1)
 
@@ -272,6 +265,6 @@ STOPS = LETS_GO | {
 def test_a_peak_where_a_corner_stops_is_a_kink_and_is_estimated():
     """The force rises until friction reverses and falls after it. Its derivative there lies
     between those before and after, whichever of which the samples happen to see."""
-    course = over_belt_speeds(STOPS, 0.0, 2e-3, 11)
+    course = over_speeds(STOPS, 0.0, 2e-3, 11)
     assert np.max(np.abs(course.slopes / course.secant - 1)) > 0.3
     assert np.all(course.status == fj.Status.STEP_TOO_COARSE)

@@ -8,12 +8,12 @@ peak force by sixteen modes and steps that follow their error to a 256th of the 
 import json
 from pathlib import Path
 
-from robustness.peaks import over_belt_speeds
+from robustness.peaks import over_speeds
 
 FOUND = json.loads(Path(__file__).with_suffix(".json").read_text())
 
 
 def course(name, low, high, count, fidelity=None):
-    """The course over belt speeds (`peaks.over_belt_speeds`) of the sort of that name."""
+    """The course over belt speeds (`peaks.over_speeds`) of the sort of that name."""
     found = FOUND[name]
-    return over_belt_speeds(found["numbers"], low, high, count, fidelity, found["kind"])
+    return over_speeds(found["numbers"], low, high, count, fidelity, found["kind"])

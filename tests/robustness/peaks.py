@@ -41,7 +41,7 @@ def gradient_error(slopes, true, size):
 
 
 class Course(NamedTuple):
-    """The peak force of a sort at some belt speeds, its slopes in the factor on the speed, each
+    """The peak force of a sort at some speeds, its slopes in the factor on the speed, each
     (speeds,), the secant from the first to the last, the estimated error of each gradient, and
     statuses."""
 
@@ -58,12 +58,18 @@ _SPEEDS = 33
 
 @functools.cache
 def _course(fidelity, kind):
-    """Numbers, factors on the belt's speed (_SPEEDS,) -> what a course is made of."""
+    """Numbers, whether they are courses over the belt's speed (1.0) or over the drive's (0.0), and
+    factors on that speed (_SPEEDS,) -> what a course is made of."""
 
     @jax.jit
-    def run(numbers, factors):
+    def run(numbers, of_belt, factors):
         def peak(factor):
-            scene = KINDS[kind].scene(changed(numbers, {"belt": numbers["belt"] * factor}))
+            more = factor - 1
+            speeds = {
+                "belt": numbers["belt"] * (1 + of_belt * more),
+                "top_speed": numbers["top_speed"] * (1 + (1 - of_belt) * more),
+            }
+            scene = KINDS[kind].scene(changed(numbers, speeds))
             result = fj.simulate(scene, fidelity=fidelity, only="peak_force")
             return result.peak_force, (result.peak_force, result.gradient_error, result.status)
 
@@ -72,13 +78,13 @@ def _course(fidelity, kind):
     return run
 
 
-def over_belt_speeds(numbers, low, high, count, fidelity=None, kind="sort"):
-    """The course of a whole sort whose belt is faster by the shares from `low` to `high`, at
-    `count` speeds, at most `_SPEEDS`."""
+def over_speeds(numbers, low, high, count, fidelity=None, kind="sort", of_belt=True):
+    """The course of a whole sort whose belt, or drive instead, is faster by the shares from `low`
+    to `high`, at `count` speeds, at most `_SPEEDS`."""
     assert count <= _SPEEDS
     factors = 1 + np.linspace(low, high, count)
     numbers = {name: jnp.asarray(value) for name, value in numbers.items()}
-    found = _course(fidelity, kind)(numbers, np.resize(factors, _SPEEDS))
+    found = _course(fidelity, kind)(numbers, float(of_belt), np.resize(factors, _SPEEDS))
     slopes, (forces, estimated, status) = jax.tree.map(lambda leaf: np.asarray(leaf[:count]), found)
     secant = float((forces[-1] - forces[0]) / (factors[-1] - factors[0]))
     return Course(forces, slopes, secant, estimated, status)
