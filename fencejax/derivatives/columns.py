@@ -187,6 +187,54 @@ def _while(equation, ins, rates, wanted):
     return outs, [Dot(None, next(some)) if move else None for move in moves]
 
 
+def _scan(equation, ins, rates, wanted):
+    params = equation.params
+    body, first, carried = params["jaxpr"], params["num_consts"], params["num_carry"]
+    end = first + carried
+    consts, begin, rows = ins[:first], ins[first:end], ins[end:]
+    others, kept_carry = kept(body.jaxpr, wanted[:carried], first, wanted[carried:])
+    needed = [*others[:first], *kept_carry, *others[first:]]
+    rates = [dot if n else None for dot, n in zip(rates, needed, strict=True)]
+    # Computed once, before the loop.
+    const_rates = [None if dot is None else Dot(None, dot.all()) for dot in rates[:first]]
+    row_rates = [None if dot is None else Dot(None, dot.all()) for dot in rates[end:]]
+    given = [[dot is not None for dot in part] for part in (const_rates, row_rates)]
+    marks = [dot is not None for dot in rates[first:end]]
+    moved = repeated(body.jaxpr, marks, [*given[0], *given[1]], first)
+    carries = [a and b for a, b in zip(moved, kept_carry, strict=True)]
+    results = reached(body.jaxpr, [*given[0], *carries, *given[1]])[carried:]
+    moves = [*carries, *(a and b for a, b in zip(results, wanted[carried:], strict=True))]
+    if not any(moves):
+        return _plain(equation, ins), [None] * len(moves)
+    begin_dots = _begun(begin, rates[first:end], [*const_rates, *row_rates], carries)
+    # Along the rows first, as the rows themselves.
+    along_rows = [jnp.moveaxis(dot.vector, 1, 0) for dot in row_rates if dot is not None]
+    size = next(dot for dot in rates if dot is not None).vector.shape[0]
+
+    def trip(carry, row):
+        (values, dots), (parts, part_dots) = carry, row
+        some, of_row = iter(dots), iter(part_dots)
+        now = [Dot(None, next(some)) if move else None for move in carries]
+        here = [Dot(None, next(of_row)) if mark else None for mark in given[1]]
+        outs, found = _evaluate(
+            body.jaxpr, body.consts, [*consts, *values, *parts], [*const_rates, *now, *here], moves
+        )
+        like = [
+            jax.ShapeDtypeStruct((size, *jnp.shape(out)), jnp.result_type(out))
+            for out, move in zip(outs[carried:], moves[carried:], strict=True)
+            if move
+        ]
+        after = _all(found, moves, [*dots, *like])
+        return (outs[:carried], after[: len(dots)]), (outs[carried:], after[len(dots) :])
+
+    (values, dots), (rows, row_dots) = lax.scan(
+        trip, (list(map(jnp.asarray, begin)), begin_dots), (rows, along_rows),
+        length=params["length"], reverse=params["reverse"], unroll=params["unroll"],
+    )  # fmt: skip
+    some = iter([*dots, *(jnp.moveaxis(dot, 0, 1) for dot in row_dots)])
+    return [*values, *rows], [Dot(None, next(some)) if move else None for move in moves]
+
+
 def _begun(begin, begin_rates, const_rates, moves) -> list[Array]:
     """The derivatives at the start of a loop: in a batch one a lane from the start, as the numbers
     themselves, even where the directions are the same for all lanes."""
@@ -241,4 +289,4 @@ def _branches(equation, ins, rates, wanted):
     return outs, [Dot(None, next(some)) if move else None for move in moves]
 
 
-_LOOPS = {"while": _while, "cond": _branches}
+_LOOPS = {"while": _while, "scan": _scan, "cond": _branches}

@@ -1,5 +1,7 @@
 """The dependence of a traced program's numbers on each other, read off its operations."""
 
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 from jax.extend.core import Jaxpr, Literal, Var
 
@@ -16,10 +18,11 @@ def called(equation):
 
 def repeated(body: Jaxpr, carry: list[bool], others: list[bool], lead: int = 0) -> list[bool]:
     """Which numbers of a carry depend on the marked ones after any number of trips. The body's
-    inputs are the first `lead` of the `others`, the carry, and the rest of the others."""
+    inputs are the first `lead` of the `others`, the carry, and the rest of the others; its first
+    results are the carry."""
     while True:
         after = reached(body, [*others[:lead], *carry, *others[lead:]])
-        found = [a or b for a, b in zip(carry, after, strict=True)]
+        found = [a or b for a, b in zip(carry, after[: len(carry)], strict=True)]
         if found == carry:
             return carry
         carry = found
@@ -54,6 +57,11 @@ def _results(equation, ins: list[bool]) -> list[bool]:
         first, second = params["cond_nconsts"], params["body_nconsts"]
         others, carry = ins[first : first + second], ins[first + second :]
         return repeated(params["body_jaxpr"].jaxpr, carry, others, second)
+    if name == "scan":
+        body, first, carried = params["jaxpr"].jaxpr, params["num_consts"], params["num_carry"]
+        end = first + carried
+        carry = repeated(body, ins[first:end], [*ins[:first], *ins[end:]], first)
+        return [*carry, *reached(body, [*ins[:first], *carry, *ins[end:]])[carried:]]
     if name == "cond":
         each = [reached(branch.jaxpr, ins[1:]) for branch in params["branches"]]
         return [any(outs) for outs in zip(*each, strict=True)]
@@ -78,15 +86,19 @@ def matters(program: Jaxpr, wanted: list[bool]) -> set[Var]:
     return found
 
 
-def kept(body: Jaxpr, wanted: list[bool], lead: int) -> tuple[list[bool], list[bool]]:
-    """Which of the first `lead` inputs of a loop's body, and of the carry after them, affect the
-    `wanted` numbers of the carry after any number of trips."""
+def kept(
+    body: Jaxpr, wanted: list[bool], lead: int, further: Sequence[bool] = ()
+) -> tuple[list[bool], list[bool]]:
+    """Which inputs of a loop's body, besides the carry, and which numbers of the carry affect the
+    `wanted` numbers of the carry, and of the body's `further` results, after any number of trips.
+    `lead` inputs are before the carry."""
     while True:
-        found = matters(body, wanted)
+        found = matters(body, [*wanted, *further])
         needed = [v in found for v in body.invars]
-        carry = [a or b for a, b in zip(wanted, needed[lead:], strict=True)]
+        end = lead + len(wanted)
+        carry = [a or b for a, b in zip(wanted, needed[lead:end], strict=True)]
         if carry == wanted:
-            return needed[:lead], carry
+            return [*needed[:lead], *needed[end:]], carry
         wanted = carry
 
 
@@ -100,6 +112,10 @@ def _operands(equation, outs: list[bool]) -> list[bool]:
     if name == "while":
         others, carry = kept(params["body_jaxpr"].jaxpr, outs, params["body_nconsts"])
         return [*[False] * params["cond_nconsts"], *others, *carry]
+    if name == "scan":
+        first, carried = params["num_consts"], params["num_carry"]
+        others, carry = kept(params["jaxpr"].jaxpr, outs[:carried], first, outs[carried:])
+        return [*others[:first], *carry, *others[first:]]
     if name == "cond":
         every = [matters(branch.jaxpr, outs) for branch in params["branches"]]
         places = zip(*(branch.jaxpr.invars for branch in params["branches"]), strict=True)

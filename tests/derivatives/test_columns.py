@@ -58,6 +58,16 @@ FUNCTIONS = {
     "a rule of its own": lambda x, y, r: (doubled(x[0] * r), jax.jit(doubled)(y)),
     "loop": loop,
     "counted loop": lambda x, y, r: jax.lax.fori_loop(0, 3, lambda i, c: c * x + y, y),
+    "rows": lambda x, y, r: jax.lax.scan(
+        lambda c, row: ((c[0] * row[0] + y[0], c[1] + 1), (c[0] * row[1], row[0], c[1])),
+        (x[1], jnp.zeros(())), (x, y),
+    ),
+    "rows backwards": lambda x, y, r: jax.lax.scan(
+        lambda c, row: (c * row, jnp.sin(row)), y[0], x, reverse=True, unroll=2
+    ),
+    "loop with rows": lambda x, y, r: jax.lax.scan(
+        lambda c, _: (c * x, jnp.floor(c) + y), y, None, length=3
+    ),
     "branch": lambda x, y, r: jax.lax.cond(
         x[0, 0] > 0, lambda a, b: (a * b, b), lambda a, b: (a, a), x, y
     ),
@@ -107,7 +117,14 @@ def test_a_lost_derivative_stays_behind_a_choice():
     assert np.all(np.isfinite(np.asarray(found[0])[:, X <= 0.7]))
 
 
-def test_body_of_a_loop_is_made_once():
+LOOPS = {
+    "while": lambda trip, begin: jax.lax.while_loop(lambda carry: carry[0] > 0.5, trip, begin),
+    "scan": lambda trip, begin: jax.lax.scan(lambda c, _: (trip(c), None), begin, length=3)[0],
+}
+
+
+@pytest.mark.parametrize("kind", LOOPS)
+def test_body_of_a_loop_is_made_once(kind):
     """For all directions, and with them for all lanes of a batch."""
     passes = []
 
@@ -117,7 +134,7 @@ def test_body_of_a_loop_is_made_once():
             passes.append(1)
             return jnp.sin(a), b + a, c + b
 
-        return jax.lax.while_loop(lambda carry: carry[0] > 0.5, trip, (x, 0.0, 0.0))
+        return LOOPS[kind](trip, (x, 0.0, 0.0))
 
     program = jax.make_jaxpr(chain)(0.9)
     traced = len(passes)
@@ -138,15 +155,16 @@ def test_a_chain_costs_one_product_with_the_directions():
     assert sum(e.primitive.name == "mul" for e in wide) == 1
 
 
-def test_what_nothing_needs_has_no_derivative():
+@pytest.mark.parametrize("kind", LOOPS)
+def test_what_nothing_needs_has_no_derivative(kind):
     """Neither outside a loop nor in one."""
 
     def both(x):
         def trip(carry):
-            count, a, peak = carry
-            return count + 1, a * x, jnp.maximum(peak, jnp.cos(a))
+            left, a, peak = carry
+            return left - 1, a * x, jnp.maximum(peak, jnp.cos(a))
 
-        _, a, peak = jax.lax.while_loop(lambda carry: carry[0] < 5, trip, (0, x, x))
+        _, a, peak = LOOPS[kind](trip, (5.0, x, x))
         return a, jnp.where(peak + jnp.exp(x) > 1, 1.0, 0.0)
 
     program = jax.make_jaxpr(both)(0.9)
@@ -155,5 +173,5 @@ def test_what_nothing_needs_has_no_derivative():
     )
     names = {e.primitive.name for e in equations(columns.jaxpr)}
     assert "sin" not in names
-    loop = next(e for e in columns.jaxpr.eqns if e.primitive.name == "while")
+    loop = next(e for e in columns.jaxpr.eqns if e.primitive.name == kind)
     assert sum(v.aval.shape == (5,) for v in loop.outvars) == 1
