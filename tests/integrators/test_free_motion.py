@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from runs import one_by_one
 from scipy.integrate import solve_ivp
 
 import fencejax as fj
@@ -59,11 +60,12 @@ def lanes(fidelity=STANDARD):
     numbers = [np.array([np.hstack(motion) for motion in motions.values()])[:, k] for k in range(5)]
 
     @jax.jit
-    @jax.vmap
-    def run(x, y, spin, speed, mass):
-        return slide((x, y, spin), speed=speed, mass=mass, fidelity=fidelity)
+    @one_by_one
+    def run(of_lane):
+        *motion, speed, mass = of_lane
+        return slide(tuple(motion), speed=speed, mass=mass, fidelity=fidelity)
 
-    results = run(*(jnp.asarray(n) for n in numbers))
+    results = run([jnp.asarray(n) for n in numbers])
     return {
         name: jax.tree.map(lambda leaf, k=k: np.asarray(leaf[k]), results)
         for k, name in enumerate(motions)

@@ -80,7 +80,7 @@ def tapered(fidelity, taper):
             result = fj.simulate(scene, fidelity=fidelity, only=("peak_force",))
             return result.peak_force, result.status
 
-        return jax.vmap(one)(PLACES)
+        return one_by_one(one)(PLACES)
 
     return run
 
