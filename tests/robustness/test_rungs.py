@@ -1,7 +1,7 @@
 """The named rungs keep what their docstrings promise, on random impacts that are always the same.
 
 `reference_impacts.json` holds the peak force, its elasticities and their sizes of these impacts by
-`TRUTH`; `python tests/robustness/test_rungs.py` writes it anew (some minutes).
+`TRUTH`; `cd tests && python -m robustness.test_rungs` writes it anew (some minutes).
 """
 
 import json
@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from runs import one_by_one
 
 import fencejax as fj
 from optimize.work_precision import cases
@@ -41,10 +42,9 @@ def measured(fidelity):
         values, status = cases.outcome(FAMILY, fidelity, numbers, factors)
         return values[0], status
 
-    run = jax.vmap(jax.value_and_grad(peak, has_aux=True), (None, 0))
-    (value, status), slopes = jax.jit(run)(
-        jnp.ones(len(cases.VARIABLES)), jnp.asarray(FAMILY.numbers)
-    )
+    slope = jax.value_and_grad(peak, has_aux=True)
+    run = one_by_one(lambda numbers: slope(jnp.ones(len(cases.VARIABLES)), numbers))
+    (value, status), slopes = jax.jit(run)(jnp.asarray(FAMILY.numbers))
     value = np.asarray(value)
     return value, np.asarray(slopes) / value[:, None], np.asarray(status)
 
