@@ -188,18 +188,8 @@ def program(name):
 
 @functools.cache
 def outcome(name):
-    """What the `program` finds for the rows; at `reference` slopes of the rows of `GIVEN` alone,
-    zeros for the others: the derivatives of the paper's chords take thirty times a value."""
-    if name != "reference":
-        return jax.device_get(program(name)(numbers()))
-    reference = values_program(fj.Fidelity.reference())
-    status, values, finite = map(np.array, jax.device_get(reference(numbers())))
-    slopes = np.zeros((*values.shape, len(VARIED)))
-    given = np.array([row in GIVEN for row in ROWS])
-    found = jax.device_get(program(name)({k: x[given] for k, x in numbers().items()}))
-    np.testing.assert_array_equal(found[0], status[given])
-    slopes[given], finite[given] = found[2], found[3]
-    return status, values, slopes, finite
+    """What the `program` finds for the rows."""
+    return jax.device_get(program(name)(numbers()))
 
 
 @functools.cache
