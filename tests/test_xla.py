@@ -82,7 +82,7 @@ if given:
     fj.tune_compiler()
 fidelity = fj.Fidelity.fast(modes=1, geometry="small")
 def peak(thickness):
-    scene = fj.scenes.oblique_impact(fence=fj.Fence(thickness=thickness), duration=0.05)
+    scene = fj.scenes.normal_impact(fence=fj.Fence(thickness=thickness), duration=0.05)
     return fj.simulate(scene, fidelity=fidelity, only=["peak_force"]).peak_force
 print(*jax.jit(jax.value_and_grad(peak))(0.045))
 """
