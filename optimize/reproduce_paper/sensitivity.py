@@ -39,7 +39,7 @@ class Sensitivities(NamedTuple):
 def peak_force(case: Case, values: Array, fidelity: fj.Fidelity) -> tuple[Array, Array]:
     """N_max [N] of a lane's impact with the variables at `values`, and its status."""
     moved = fj.scene_numbers.replace(case, tuple(VARIABLES), values)
-    result = fj.simulate(moved.impact(_DURATION, fidelity), fidelity=fidelity, history=False)
+    result = fj.simulate(moved.impact(_DURATION, fidelity), fidelity=fidelity, only="peak_force")
     return result.peak_force, result.status
 
 
