@@ -165,9 +165,11 @@ def whole_sorts(
     """The distances beyond the belt's edge that parcels reach in whole sorts [m], their peak forces
     [N] and statuses, one a mass; a check without derivatives."""
 
+    needed = objectives.fields([objectives.PEAK_FORCE, objectives.CROSSING])
+
     def one(mass):
         scene = whole_sort(fence, drive, front, mass, duration, machine)
-        result = fj.simulate(scene, history=False)
+        result = fj.simulate(scene, only=needed)
         return {
             "crossing": objectives.CROSSING(result, scene),
             "peak_force": result.peak_force,
