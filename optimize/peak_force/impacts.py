@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -183,9 +182,7 @@ def whole_sorts(
 def stiff_forces(impacts: Impacts, drive: fj.AbstractDrive, belt_speed: float) -> np.ndarray:
     """N_stiff [N] of every lane: the same parcel, its stiffness and damping included, at the same
     normal approach speed against a rigid obstacle."""
-    # One program instead of one for each operation.
-    at_impact = eqx.filter_jit(lambda drive: drive.motion(drive.time_at(impacts.drive_angle)))
-    rate = float(at_impact(drive).speed)
+    rate = float(drive.motion(drive.time_at(impacts.drive_angle)).speed)
     distances, masses = (jnp.asarray(column) for column in zip(*impacts.lanes, strict=True))
     speeds = belt_speed * np.sin(impacts.drive_angle) + distances * rate
 
