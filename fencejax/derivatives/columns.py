@@ -162,10 +162,9 @@ def _while(equation, ins, rates, wanted):
     const_rates, begin_rates = rates[first : first + second], rates[first + second :]
     const_rates = [dot if n else None for dot, n in zip(const_rates, needed, strict=True)]
     begin_rates = [dot if w else None for dot, w in zip(begin_rates, wanted, strict=True)]
-    marks = [dot is not None for dot in begin_rates]
     # Computed once, before the loop.
-    const_rates = [None if dot is None else Dot(None, dot.all()) for dot in const_rates]
-    moved = repeated(body.jaxpr, marks, [dot is not None for dot in const_rates], second)
+    const_rates = _written_out(const_rates)
+    moved = repeated(body.jaxpr, _marks(begin_rates), _marks(const_rates), second)
     moves = [a and b for a, b in zip(moved, wanted, strict=True)]
     if not any(moves):
         return _plain(equation, ins), [None] * len(begin)
@@ -176,15 +175,12 @@ def _while(equation, ins, rates, wanted):
 
     def trip(carry):
         values, dots = carry
-        some = iter(dots)
-        now = [Dot(None, next(some)) if move else None for move in moves]
-        given = [*consts, *values], [*const_rates, *now]
+        given = [*consts, *values], [*const_rates, *_at(moves, dots)]
         outs, found = _evaluate(body.jaxpr, body.consts, *given, moves)
         return outs, _all(found, moves, dots)
 
     outs, dots = lax.while_loop(go_on, trip, (list(map(jnp.asarray, begin)), begin_dots))
-    some = iter(dots)
-    return outs, [Dot(None, next(some)) if move else None for move in moves]
+    return outs, _at(moves, dots)
 
 
 def _scan(equation, ins, rates, wanted):
@@ -196,13 +192,11 @@ def _scan(equation, ins, rates, wanted):
     needed = [*others[:first], *kept_carry, *others[first:]]
     rates = [dot if n else None for dot, n in zip(rates, needed, strict=True)]
     # Computed once, before the loop.
-    const_rates = [None if dot is None else Dot(None, dot.all()) for dot in rates[:first]]
-    row_rates = [None if dot is None else Dot(None, dot.all()) for dot in rates[end:]]
-    given = [[dot is not None for dot in part] for part in (const_rates, row_rates)]
-    marks = [dot is not None for dot in rates[first:end]]
-    moved = repeated(body.jaxpr, marks, [*given[0], *given[1]], first)
+    const_rates, row_rates = _written_out(rates[:first]), _written_out(rates[end:])
+    of_consts, of_rows = _marks(const_rates), _marks(row_rates)
+    moved = repeated(body.jaxpr, _marks(rates[first:end]), [*of_consts, *of_rows], first)
     carries = [a and b for a, b in zip(moved, kept_carry, strict=True)]
-    results = reached(body.jaxpr, [*given[0], *carries, *given[1]])[carried:]
+    results = reached(body.jaxpr, [*of_consts, *carries, *of_rows])[carried:]
     moves = [*carries, *(a and b for a, b in zip(results, wanted[carried:], strict=True))]
     if not any(moves):
         return _plain(equation, ins), [None] * len(moves)
@@ -213,26 +207,43 @@ def _scan(equation, ins, rates, wanted):
 
     def trip(carry, row):
         (values, dots), (parts, part_dots) = carry, row
-        some, of_row = iter(dots), iter(part_dots)
-        now = [Dot(None, next(some)) if move else None for move in carries]
-        here = [Dot(None, next(of_row)) if mark else None for mark in given[1]]
-        outs, found = _evaluate(
-            body.jaxpr, body.consts, [*consts, *values, *parts], [*const_rates, *now, *here], moves
-        )
-        like = [
-            jax.ShapeDtypeStruct((size, *jnp.shape(out)), jnp.result_type(out))
-            for out, move in zip(outs[carried:], moves[carried:], strict=True)
-            if move
-        ]
-        after = _all(found, moves, [*dots, *like])
+        known = [*const_rates, *_at(carries, dots), *_at(of_rows, part_dots)]
+        given = [*consts, *values, *parts], known
+        outs, found = _evaluate(body.jaxpr, body.consts, *given, moves)
+        after = _all(found, moves, _shapes(outs, moves, size))
         return (outs[:carried], after[: len(dots)]), (outs[carried:], after[len(dots) :])
 
     (values, dots), (rows, row_dots) = lax.scan(
         trip, (list(map(jnp.asarray, begin)), begin_dots), (rows, along_rows),
         length=params["length"], reverse=params["reverse"], unroll=params["unroll"],
     )  # fmt: skip
-    some = iter([*dots, *(jnp.moveaxis(dot, 0, 1) for dot in row_dots)])
-    return [*values, *rows], [Dot(None, next(some)) if move else None for move in moves]
+    dots = [*dots, *(jnp.moveaxis(dot, 0, 1) for dot in row_dots)]
+    return [*values, *rows], _at(moves, dots)
+
+
+def _marks(rates) -> list[bool]:
+    """Which numbers have a derivative."""
+    return [dot is not None for dot in rates]
+
+
+def _at(marks, vectors) -> list[Dot | None]:
+    """The derivatives of all numbers, from those of the marked ones."""
+    some = iter(vectors)
+    return [Dot(None, next(some)) if mark else None for mark in marks]
+
+
+def _written_out(rates) -> list[Dot | None]:
+    """The same derivatives, without factors that are still to be multiplied."""
+    return [None if dot is None else Dot(None, dot.all()) for dot in rates]
+
+
+def _shapes(outs, moves, size) -> list[jax.ShapeDtypeStruct]:
+    """Shapes and types of the derivatives of those numbers that move."""
+    return [
+        jax.ShapeDtypeStruct((size, *jnp.shape(out)), jnp.result_type(out))
+        for out, move in zip(outs, moves, strict=True)
+        if move
+    ]
 
 
 def _begun(begin, begin_rates, const_rates, moves) -> list[Array]:
@@ -257,7 +268,7 @@ def _all(found, moves, like) -> list[Array]:
 
 def _branches(equation, ins, rates, wanted):
     branches, rates = equation.params["branches"], rates[1:]
-    marks = [dot is not None for dot in rates]
+    marks = _marks(rates)
     each = [reached(branch.jaxpr, marks) for branch in branches]
     moves = [any(outs) and w for *outs, w in zip(*each, wanted, strict=True)]
     if not any(moves):
@@ -267,15 +278,9 @@ def _branches(equation, ins, rates, wanted):
 
     def through(branch):
         def run(values, dots):
-            some = iter(dots)
-            now = [None if dot is None else Dot(None, next(some)) for dot in rates]
+            now = _at(marks, dots)
             outs, found = _evaluate(branch.jaxpr, branch.consts, values, now, moves)
-            like = [
-                jax.ShapeDtypeStruct((size, *jnp.shape(out)), jnp.result_type(out))
-                for out, move in zip(outs, moves, strict=True)
-                if move
-            ]
-            return outs, _all(found, moves, like)
+            return outs, _all(found, moves, _shapes(outs, moves, size))
 
         return run
 
@@ -285,8 +290,7 @@ def _branches(equation, ins, rates, wanted):
         outs, found = lax.cond(index.astype(bool), yes, no, ins, dots)
     else:
         outs, found = lax.switch(index, [through(branch) for branch in branches], ins, dots)
-    some = iter(found)
-    return outs, [Dot(None, next(some)) if move else None for move in moves]
+    return outs, _at(moves, found)
 
 
 _LOOPS = {"while": _while, "scan": _scan, "cond": _branches}

@@ -182,6 +182,7 @@ def test_gradient_wherever_in_a_step_a_parcel_lets_go_of_the_belt():
     Where the let-go was a line within steps of 0.5 ms, slopes were up to 20 % off.
     """
     parcel = {"mass": 2.5, "front": -0.1, "offset": 0.1, "turn": 0.1}
+    # The names of the other courses: they share one program.
     numbers = extreme_sorts.ORDINARY | parcel | {"ride": 2.0, "gravity": 9.81, "width": 0.132}
     course = over_speeds(numbers, 0.0, 6e-3, 13, of_belt=False)
     np.testing.assert_allclose(course.slopes, course.secant, rtol=0.03)

@@ -193,20 +193,6 @@ def outcome(name):
 
 
 @functools.cache
-def values_program(fidelity):
-    """The same without derivatives: status, values, whether these are finite."""
-
-    @RUNS_LONG
-    @jax.vmap
-    def run(x):
-        result = fj.simulate(impact(x), fidelity=fidelity, only=FIELDS)
-        found = chosen(result)
-        return result.status, found, jnp.all(jnp.isfinite(found))
-
-    return run
-
-
-@functools.cache
 def truth():
     """The truth of the rows, from the record."""
     return recorded("impact", numbers(), VARIED, TRUTH)
@@ -218,8 +204,13 @@ def truths():
 
 
 def _computed():
-    values = values_program(TRUTH)
-    status, found, _ = jax.device_get(values(numbers()))
+    @RUNS_LONG
+    @jax.vmap
+    def values(x):
+        result = fj.simulate(impact(x), fidelity=TRUTH, only=FIELDS)
+        return result.status, chosen(result)
+
+    status, found = jax.device_get(values(numbers()))
     slopes = [differences(lambda x: values(x)[1], (k,))[:, 0] for k in VARIED]
     return Truth.without_time(status, found[:, 0], slopes)
 

@@ -130,8 +130,9 @@ def test_gradient_is_that_of_the_outputs(tmp_path):
             rows.append(row)
     mass, distance = np.array(rows).T
     samples = sampling.given({"mass": mass, "distance": distance})
-    base_sweep = dataclasses.replace(tiny(), samples=samples)
-    sweep = dataclasses.replace(base_sweep, outputs=("peak_force",), gradient_of="peak_force")
+    sweep = dataclasses.replace(
+        tiny(), samples=samples, outputs=("peak_force",), gradient_of="peak_force"
+    )
     table = run_sweep(sweep, tmp_path)
     assert_same(SweepTable.load(tmp_path), table)
     force = table.outputs["peak_force"]
