@@ -133,8 +133,6 @@ if _TYPE_CHECKING:
         simulate_many as simulate_many,
     )
 
-    severity = shock  # its former name
-
 # Rooms that many programs never enter, and what is here of each: imported where it is first asked
 # for, as half of the package's files are theirs.
 _LATER = {
@@ -158,6 +156,7 @@ __version__ = _metadata.version("fencejax")
 __all__ = [
     "AbstractDrive",
     "AbstractTaper",
+    "AbstractTorqueDrive",
     "Belt",
     "Border",
     "Choice",
@@ -260,8 +259,6 @@ def __dir__():
 
 
 def __getattr__(name: str):
-    if name == "severity":
-        return __getattr__("shock")  # its former name
     for room, names in _LATER.items():
         if name == room or name in names:
             found = _importlib.import_module(f".{room}", __name__)

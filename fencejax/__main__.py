@@ -24,7 +24,7 @@ def _cache() -> str:
     folder = cache_programs()
     if folder is None:
         return "off"
-    sizes = [file.stat().st_size for file in folder.iterdir() if file.is_file()]
+    sizes = [file.stat().st_size for file in folder.rglob("*") if file.is_file()]
     return f"{folder}, {sum(sizes) / 2**20:.0f} MiB in {len(sizes)} files"
 
 

@@ -87,11 +87,13 @@ class Fidelity(Readable):
     - `slip_speed`, `static_speed` [m/s]: the smoothing of dry friction, eps and w_s. Static
       friction falls to kinetic over w_s, as that of real pairs does, over 1 mm/s and more; the
       named settings have the same but for `reference`, which has a fifth of it. The largest
-      smoothed friction is less than static friction by a share that goes with eps / w_s, a fiftieth
-      in the named settings (`Smoothing`). The change of a sliding speed within the shortest step
+      smoothed friction is less than static friction by an amount that goes with eps / w_s, which
+      is 1/50 in the named settings: 0.8 % of the normal force for friction of 0.5 and 0.35
+      (`Smoothing`). The change of a sliding speed within the shortest step
       should be less than w_s, or a step may pass over the static friction where a corner comes to
-      rest: the named settings allow 24 m/s^2, `coarse` 12. In single precision they are at least
-      2e-4 and 1e-3, a fifth, and the largest friction is a tenth or more below the static one.
+      rest: the named settings allow 24 m/s^2, `coarse` 12. In single precision eps is at least
+      2e-4 and w_s at least 1e-3, so that eps / w_s is 1/5: then the largest friction is 8 % of the
+      normal force less than static friction.
     - `tip_fade` [m]: length beyond the fence's ends over which the contact force ends or, with
       `tip_contact` in the scene, on either side of where it passes from the corner to the tip.
     - `integrator`: `"modal"`, this package's own (exact in the beam, implicit in contact and
@@ -240,15 +242,15 @@ class Fidelity(Readable):
         The second has at least eight modes, a fifth of the tolerance, half the step and a quarter
         of a millisecond at most, and half of the friction's smoothing. The third has the modes and
         the smoothing of `reference`, a fiftieth of the tolerance and steps of a tenth of a
-        millisecond at most. Where those are a quarter of this one's or less, they may be halved
-        once less: the test of whether friction is resolved may fail for steps that are short
-        compared with its smoothing. Where this one has no error control, the second has steps of an
-        eighth of a millisecond at most, and the third those of `reference`. Both keep this one's
-        geometry, so that the same model is refined: the paper's chords are within 5e-4 of the arc,
-        and their derivatives cost ten times as much. They also keep its longest stride, over which
-        no contact begins or ends: otherwise the 60,000 steps of a whole sort would cost as much as
-        all others together. In single precision the ladder ends before a fidelity that this does
-        not resolve.
+        millisecond at most. Where those are a quarter of this one's or less, `halvings` is one
+        less: with steps that are short compared with the smoothing of friction, the test of whether
+        friction is resolved would fail. Where this one has no error control, the second has steps
+        of an eighth of a millisecond at most, and the third those of `reference`. Both keep this
+        one's geometry, so that the same model is refined: the paper's chords are within 5e-4 of the
+        arc, and their derivatives cost ten times as much. They also keep its longest stride, over
+        which no contact begins or ends: a whole sort would have 60,000 short steps otherwise, most
+        of them without any contact. In single precision the ladder ends before a fidelity that this
+        does not resolve.
 
         A fidelity with the step of `reference` or a shorter one has one finer rung: twice the
         modes, half the step and half of the smoothing.

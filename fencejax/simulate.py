@@ -165,7 +165,7 @@ def _own(measures: Sequence[Measure]) -> tuple[Measure, ...]:
     names = set()
     for measure in measures:
         if not isinstance(measure, Measure):
-            raise ValueError(
+            raise TypeError(
                 f"Argument `measures` must hold `fencejax.Measure`s, but holds {measure!r}."
             )
         name = measure.name

@@ -3,11 +3,11 @@ torque-speed line.
 
 The motor gives, at the hinge,
 
-    T = eta^-+1 T_f + J i^2 alpha'',
+    T = T_f / eta + J i^2 alpha''   while the motor drives the fence, T_f alpha' > 0,
+    T = eta T_f + J i^2 alpha''     while the fence returns power,
 
 with T_f the moment at the fence's hinge, alpha the drive's angle, J i^2 the rotor's inertia
-reflected to the hinge and eta the gear's efficiency. Its losses occur in both directions: while the
-motor drives the fence (T_f alpha' > 0) and while the fence returns power. At the motor's shaft the
+reflected to the hinge and eta the gear's efficiency. At the motor's shaft the
 torque is T / i and the speed i alpha'. All quantities are computed step by step in the time loop:
 integrals by the trapezoidal rule, peaks refined between samples, and a sign changes where the
 straight line through two samples crosses 0.

@@ -16,10 +16,12 @@ from ..parts import ENDURANCE as ENDURANCE, EXPONENT as EXPONENT, Material
 from ..results import Course, Measure, Trace
 from .objectives import of_measure
 
-# A cycle of this share of the range does 0.02^10 of the damage of the largest. Then: the most
-# turning points, and at how many nodes cycles are counted.
+# Cycles below this share of the range do not count: with an exponent of 10 one does 0.02^10 = 1e-17
+# of the damage of the largest.
 _GATE = 0.02
+# Largest number of turning points.
 _MOST = 256
+# Number of nodes at which cycles are counted.
 _PLACES = 4
 
 

@@ -7,12 +7,12 @@ thousandth of the whole, but its derivative is not: the instant at which a corne
 depends on every number of the scene.
 
 **A corner slides at the start and comes to rest** after the share theta of the impulse of the
-normal force and the share t of the time. If friction were throughout what it is while the corner
-slides, it would exceed the mean F_m that the step's equations find by G in the mean, and the
-sliding speed would change by w_1 - w_0 + h lambda G, with the corner's lightness lambda [1/kg]. So
-theta is the share of that change which takes away w_0. A force that acts early in a step displaces
-the parcel further than the same force later. Compared with the cubic, for which a mean force acts
-at a third of the step, it is further by
+normal force and the share t of the time. If friction kept its sliding value until the end, its mean
+over the step would be F_m + G, with F_m the mean that the step's equations find, and the sliding
+speed would change by w_1 - w_0 + h lambda G, with the corner's lightness lambda [1/kg]. So theta is
+the share of that change which takes away w_0. A force that acts early in a step displaces the
+parcel further than the same force later. Compared with the cubic, for which a mean force acts at a
+third of the step, it is further by
 
     h^2 G / m [N_1 (3 t - 1) + (N_1 - N_0) (1 - t) (1 - 2 t)] / [3 (N_t + N_1)].
 
@@ -33,7 +33,7 @@ goes further by
 
 With the stiffness k [1] of friction, its slope with the speed times h lambda N, its difference from
 that at the end decays as exp(-k t / h): c goes from 1/3 for small k to 1/k, and is
-1 / (3 + k^2 / (k + 3)) to within a tenth of that in between. A corner that passes through rest is
+1 / (3 + k^2 / (k + 3)) to within 12 % in between. A corner that passes through rest is
 near it for the share (|w_0| + eps) / |w_1 - w_0| of the step, and c is at most half of that.
 """
 
@@ -66,7 +66,7 @@ def comes_to_rest(
     corner rests. A corner that comes to rest at the very end has a speed of some eps there.
     Smoothing then has reduced the friction already, but too late to displace the parcel.
     """
-    # Newton's method may leave the first contact a little below 0.
+    # The normal force of a contact that has just begun may be below 0 within Newton's tolerance.
     start, (first, last) = corner.start, (jnp.maximum(n, 0.0) for n in pressed)
     sliding_share = 0.5 * sliding.share
     onward = start.speed * corner.after > 0

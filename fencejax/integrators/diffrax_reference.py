@@ -83,7 +83,7 @@ def at_state(
     still = tuple(jnp.zeros_like(place) for place in places)
     fence = FenceState(drive, vibration, (), shapes, (), still, (), shares)
     loads = fence.loads(forces)
-    load = link.loaded(link.inertia_force(drive), shapes, loads)
+    load = link.loaded(link.drive_force(drive), shapes, loads)
     if link.hinge is not None:
         coupling = link.hinge.coupling(vibration.rate)
         load = tuple(f + g for f, g in zip(load, coupling, strict=True))

@@ -89,7 +89,7 @@ class FenceEnd(eqx.Module):
             self.pads = tuple(PadEnd.of(link.cover, pad, stride) for pad in before.pads)
         self.shapes, self.shares = shapes, shares
         self.friction_forces, self.sticking = friction_forces, sticking
-        self.inertia = link.inertia_force(drive)
+        self.inertia = link.drive_force(drive)
         self.free = propagate(stride.maps, before.vibration, before.modal_force, self.inertia)
         if link.hinge is not None:
             self.free = link.hinge.coupled(stride.maps, self.free)

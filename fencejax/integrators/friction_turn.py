@@ -181,8 +181,8 @@ def _late_gain(fast: Array, eps: float, back: Array, own: Array, jump: Array) ->
     gained = 0.5 * _gain_integral(eps, pull, jump, (eps, eps * eps / (ending + back)), apart)
     onward = pull + jump * still
     left = own * (gained - back * still / onward)
-    # The step's equation takes a small speed that is added for a later reversal, and so reduces its
-    # effect: this factor makes up for that, to the first order.
+    # The step's equations damp a speed that is added near rest: this factor compensates for that
+    # to the first order.
     return left * (1 + jump * still / onward)
 
 

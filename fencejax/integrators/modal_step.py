@@ -78,7 +78,7 @@ def _predicted(
         fence = _loaded_fence(mechanics, memory, stride, drive, loaded, leans, normals)
     guess = tuple(
         rate + h * (a + 0.5 * ratio * (a - before))
-        for rate, a, before in zip(memory.body[3:], start, memory.before, strict=True)
+        for rate, a, before in zip(memory.body[3:], start, memory.acceleration_before, strict=True)
     )
     if fence is not None and fence.flexible:
         guess = guess + normals + fence.friction_forces
@@ -234,7 +234,7 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         body=after,
         extra_motion=extra_motion,
         acceleration=acceleration,
-        before=memory.acceleration,
+        acceleration_before=memory.acceleration,
         fence=None if state is None else state.kept(),
         places=feet,
         sliding=sliding,

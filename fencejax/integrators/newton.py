@@ -59,8 +59,8 @@ def solve(
     - `shorten(given, extra, change, last)` returns the share of a step x - change that may be taken
       after the change `last`, so that no friction force passes its jump in it.
     - `wanted(extra)`: the part of the further results that is returned, and differentiated.
-    - `most` is a traced number (floating-point). So the compiler keeps the loop, with one copy of
-      `evaluate` in the program and its results in memory.
+    - `most` is a traced number (floating-point), so that the compiler does not unroll the loop:
+      the program has one copy of `evaluate`, and its results are in memory.
 
     In a batch the loop goes on until the last lane is done, and each lane's root is the one that it
     has by itself. The derivative is by the implicit function theorem, dx = -F_x^-1 dF at fixed x,

@@ -74,7 +74,8 @@ class Start(NamedTuple):
 
 def starts(mechanics: Mechanics, sliding: tuple[Array, ...]) -> tuple[Start | None, ...]:
     """The start of each contact. The first contacts slide at the speeds `sliding` [m/s]; the result
-    is `None` where there is no friction, or no speed. It is the same for all Newton iterations."""
+    is `None` for a contact without friction, and for one beyond those whose speeds are given. It is
+    the same for all Newton iterations."""
     smoothing = mechanics.fidelity.smoothing
     speeds = (*sliding, *[None] * (len(mechanics.frictions) - len(sliding)))
     return tuple(

@@ -193,9 +193,9 @@ def controlled(
     )
     if belt is not None and now:
         of_belt = min(_OF_BELT, _IN_TOLERANCES * tolerance)
-        square = jnp.maximum((tolerance * largest) ** 2, of_belt**2 * belt.most)
+        square = jnp.maximum((tolerance * largest) ** 2, of_belt**2 * belt.magnitude)
         growth = 0.5 * stride.length * belt.fall / pair.mass
-        over = jnp.maximum(jnp.sqrt(_ratio(belt.off, square)), growth / _GROWS)
+        over = jnp.maximum(jnp.sqrt(_ratio(belt.deviation, square)), growth / _GROWS)
         other_ratio = jnp.maximum(other_ratio, jnp.where(jnp.isfinite(over), over, 0.0))
     worst = jnp.maximum(force_ratio, other_ratio)
     unsolved = jnp.asarray(unsolved)

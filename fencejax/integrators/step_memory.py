@@ -27,25 +27,26 @@ class Memory(NamedTuple):
     - `body`: the position at which the forces at the sample are computed;
     - `extra_motion` (x, y [m], angle [rad]): what friction on corners that come to rest within the
       step adds to the parcel's displacement (`friction_turn`), `None` without friction;
-    - `acceleration`, at the sample, and `before`, one step back;
+    - `acceleration`, at the sample, and `acceleration_before`, one step back;
     - `fence`: the vibration, its modal forces, the rates of the loads that the modes left out carry
       and their residual mode, and nothing else;
     - `places`, `sliding`: the corners' feet on the fence [m] and their sliding speeds [m/s];
     - `drifts`, under error control: how much faster [m/s] each corner's foot moves along the fence
       than the corner does, so that steps of different lengths find the same foot;
     - `normals` and `normals_before`: the normal forces at the fence [N] now and one step back;
-      like `before`, the latter serves the first guess alone;
+      like `acceleration_before`, the latter serves the first guess alone;
     - `normals_still`: those at still surfaces that have friction;
     - `sticking_acceleration`: the parcel's acceleration by static friction at sticking corners,
-      each weighted by `sticking` [1]; both empty without friction;
+      each weighted by `sticking` [1]; `None` and `()` without friction;
     - `gone`: 1 for a corner that has left over the tip;
-    - `leans`: how each corner loads the fence, where the tip may carry a contact.
+    - `leans`: how each corner loads the fence, where the tip may carry a contact;
+    - `step_size`: the length of the next step and what decides it; `None` for fixed steps.
     """
 
     body: Body
     extra_motion: Acceleration | None
     acceleration: Acceleration
-    before: Acceleration
+    acceleration_before: Acceleration
     fence: FenceState | None
     places: tuple[Array, ...]
     sliding: tuple[Array, ...]

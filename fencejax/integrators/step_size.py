@@ -72,23 +72,24 @@ class Clock(eqx.Module):
         step: float,
         maps: Propagator | None,
     ):
-        """`maps` are those of all modes over the `lengths` but the first, (strides - 1, m)."""
+        """`maps` are those of all modes over the longer strides of `stride_counts`, that is all but
+        the first, whose length is 0: (strides - 1, m)."""
         self.start, self.step = start, step
         self.counts = stride_counts(fidelity)
         self.iterations = jnp.full_like(start, fidelity.iterations)
         self.unit = units(fidelity)
         zero = jnp.zeros_like(start)
         moving = [zero + step * count for count in self.counts[1:]]
-        decay, every = [jnp.ones_like(start)] * len(self.counts), ()
+        decay, every = jnp.ones(len(self.counts), start.dtype), ()
+        gain = jnp.zeros_like(decay)
         if link is not None:
             assert maps is not None
-            decay = [jnp.ones_like(start), *(relaxation(link.lag, h) + zero for h in moving)]
+            decay, gain = _lagged(link.lag, moving, zero)
             named = {
                 name: jnp.concatenate([jnp.full_like(values[:1], name in ("qq", "vv")), values])
                 for name, values in maps._asdict().items()
             }
             every = (Propagator(**named),)
-        gains = [zero, *((1 - d) / h for d, h in zip(decay[1:], moving, strict=True))]
         pad = slip = (None, None)
         if link is not None and link.cover is not None:
             pad = _lagged(link.cover.lag, moving, zero)
@@ -98,8 +99,8 @@ class Clock(eqx.Module):
             length=jnp.stack([zero, *moving]),
             rate=jnp.stack([zero, *(1 / h for h in moving)]),
             maps=every,
-            lag_decay=jnp.stack(decay),
-            lag_gain=jnp.stack(gains),
+            lag_decay=decay,
+            lag_gain=gain,
             pad_decay=pad[0],
             pad_gain=pad[1],
             slip_decay=slip[0],

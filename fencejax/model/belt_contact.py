@@ -41,12 +41,12 @@ class BeltSlip(NamedTuple):
 
 
 class BeltDefect(NamedTuple):
-    """The defect of the belt's friction inside a step: `off`, its distance from its line, and
-    `most`, that friction itself, both squared [N^2]; and the steepest `fall` of friction as the
+    """The defect of the belt's friction inside a step: its `deviation` from the straight line over
+    the step and its `magnitude`, both squared [N^2]; and the steepest `fall` of friction as the
     slip grows [N s/m]."""
 
-    off: Array
-    most: Array
+    deviation: Array
+    magnitude: Array
     fall: Array
 
 
@@ -117,7 +117,7 @@ class BeltContact(eqx.Module):
         moved = square_0 + square_1 - 2 * both
         passes = (both < square_0) & (both < square_1)
         rest = jnp.where(passes, (square_0 - both) / jnp.where(passes, moved, 1.0), 0.5)
-        off = most = jnp.zeros_like(square_0)
+        deviation = magnitude = jnp.zeros_like(square_0)
         fall = jnp.maximum(-belt_slope(after, bend, square_1), 0.0)
         for theta in (0.5 * rest, 0.5 + 0.5 * rest):
             left = 1 - theta
@@ -125,6 +125,7 @@ class BeltContact(eqx.Module):
             grip, bend = self.grip(now, square, smoothing)
             first, second = left * (grip - before), theta * (grip - after)
             of_line = first**2 * square_0 + 2 * first * second * both + second**2 * square_1
-            off, most = jnp.maximum(off, of_line), jnp.maximum(most, grip**2 * square)
+            deviation = jnp.maximum(deviation, of_line)
+            magnitude = jnp.maximum(magnitude, grip**2 * square)
             fall = jnp.maximum(fall, -belt_slope(grip, bend, square))
-        return BeltDefect(off, most, fall)
+        return BeltDefect(deviation, magnitude, fall)

@@ -28,8 +28,8 @@ class FlexibleLink(eqx.Module):
     eta is in metres and f_i = phi_i(sigma) Q / m_0 - p_i alpha''.
 
     On a shaft that gives way the modes are those of fence and shaft together, with a rotation of
-    the rigid link each (`fencejax.model.hinge`), and alpha is the motor's angle. So they are on a
-    torque drive, with alpha = 0.
+    the rigid link each (`fencejax.model.hinge`), and alpha is the motor's angle. On a torque drive
+    the fence's rotation is among the modes too, and alpha = 0.
     """
 
     rigid_length: Array
@@ -186,8 +186,9 @@ class FlexibleLink(eqx.Module):
             damping = damping + jnp.broadcast_to(self.hinge.damping, shape)
         return propagator(stiffness, damping, steps)
 
-    def inertia_force(self, drive: DriveMotion) -> Blocks:
-        """-p_i alpha'' [m/s^2]: the modal forces by the swing of the root."""
+    def drive_force(self, drive: DriveMotion) -> Blocks:
+        """The modal forces by the drive [m/s^2]: -p_i alpha'' of one that prescribes the angle, and
+        by the torque T of one that prescribes that, as `Hinge.driving` has it."""
         if self.hinge is not None and drive.torque is not None:
             return tuple(a * drive.torque for a in blocks(self.hinge.driving))
         return tuple(-p * drive.acceleration for p in self.swing)
@@ -223,14 +224,15 @@ class FlexibleLink(eqx.Module):
         deflection = tuple(
             v + d * beyond for v, d in zip(sampled.deflection, slope, strict=True)
         )
-        residual = residual_mode = residual_tip = of_modes = shear = arc = None
+        residual = residual_mode = residual_tip = shear = arc = None
         if self.section is not None:
             shear = self.section.shear_compliance(place, index, s)
         yielding = sampled.yielding(self.flexibility, scale, shear)
         if yielding is not None:
             residual, residual_mode, residual_tip = yielding
+        left_out = residual
         if shear is not None:
-            of_modes = () if sampled.residual is None else self.flexibility * sampled.residual
+            left_out = None if sampled.residual is None else self.flexibility * sampled.residual
         if sampled.pairs is not None and sampled.cube is not None:
             pairs = tuple(pair / self.length for pair in sampled.pairs)
             arc = (pairs, sampled.cube / self.length**2)
@@ -243,7 +245,7 @@ class FlexibleLink(eqx.Module):
             load = tuple(v + place * a for v, a in zip(load, turn, strict=True))
         return Shape(
             deflection, slope, load, residual, residual_mode, residual_tip, arc, place, rest,
-            of_modes,
+            left_out,
         )
 
     def followed(self, shape: Shape, amplitude: Blocks) -> Shape:
@@ -370,10 +372,6 @@ class FlexibleLink(eqx.Module):
         )
 
     def bending_stress(self, amplitude: Blocks, loads, shapes) -> Array:
-        """|sigma_b| [Pa] at the nodes 0 ... n - 1 of the link."""
-        return jnp.abs(self.signed_stress(amplitude, loads, shapes))
-
-    def signed_stress(self, amplitude: Blocks, loads, shapes) -> Array:
         """sigma_b [Pa] at the nodes 0 ... n - 1 of the link, positive where w'' is.
 
         Moment of the modes kept plus that of the contact loads carried statically by the modes

@@ -80,7 +80,7 @@ class Clutch(eqx.Module):
         return state.relief / self.stiffness - self.lag * state.rate
 
     def moment(self, twist: Array, rate: Array) -> Array:
-        """-k_t theta - c_t theta' [N m]: T less L."""
+        """-k_t theta - c_t theta' [N m]: the shaft's moment T less L."""
         return -self.stiffness * twist - self.damping * rate
 
     def stored(self, twist: Array, state: ClutchState) -> Array:

@@ -53,8 +53,8 @@ class Touch(NamedTuple):
     parcel; `rates` is the velocity of U along the normal and the tangent [m/s]. Where the tip may
     carry the contact, `lean` says how it loads the fence, and `lasting` [1] is the share of the
     contact law that has not ended at the other end of the parcel's side; `missed` is 1.0 where a
-    neighbouring corner that is not among the scene's `fence_corners` is under the fence (`None`
-    where both neighbours are).
+    neighbouring corner that is not among the scene's `fence_corners` is under the fence, `None`
+    where both neighbours are among them.
     """
 
     gap: Array

@@ -34,8 +34,8 @@ class Rest(NamedTuple):
     cubes: tuple[Array, ...]
 
     def bent(self, arc: Arc, q: Sequence[Array], v: Sequence[Array]) -> Arc:
-        """An `arc` about the straight line as it is about this one, by the amplitudes [m] of the
-        first modes and their rates [m/s]."""
+        """An `arc` of a fence that is straight at rest, corrected for this rest shape; `q` [m] and
+        `v` [m/s] are the amplitudes of the first modes and their rates."""
         short, lower, short_rate, lower_rate = arc
         for pair, amplitude, rate in zip(self.pairs, q, v, strict=True):
             short, short_rate = short + pair * amplitude, short_rate + pair * rate

@@ -11,8 +11,11 @@ off the neutral axis: E_i is the integral of (h / 2) phi_i'', which, with h stra
 chord, is (h / 2) phi_i' at U less the sum of Delta phi_i,k times the chords' slopes of h / 2. In
 the frame of the rigid link the force on the fence per newton is (along, -across), along = sin w' +
 rho cos w' and across = cos w' - rho sin w'. Its moment about the hinge is across x_U + along y_U,
-and that about a node the sum above over the chords from there to U, d_k in the place of Delta
-phi_i,k, with rho h / 2. Where only some of the loads act, the others' parts are those of a straight
+and that about node j, per newton of N,
+
+    M_j = sum_(k >= j) d_k (cos delta_k + rho sin delta_k) + rho h / 2.
+
+Where only some of the loads act, the others' parts are those of a straight
 fence.
 """
 

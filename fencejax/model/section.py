@@ -9,8 +9,8 @@ from jaxtyping import Array
 from ..parts import Fence
 from .mode_shapes import entry
 
-# Least square [1] of the relative thickness: a tip of no thickness is as thick as 3 % of the root,
-# where a link of constant strength is within a thousandth of its end.
+# Least square [1] of the relative thickness: a tip of no thickness counts as 3 % of the root's. A
+# link of constant strength is thinner than that over the last thousandth of its length alone.
 _LEAST = 1e-3
 
 

@@ -16,9 +16,8 @@ class Shape(NamedTuple):
       each mode's share of a force there.
     - Of the modes left out (`None` where there are none): the compliance G at the place itself,
       `residual` [m/N]; deflection sqrt(G) [m/J^0.5] and slope [rad/J^0.5] of the residual mode; and
-      the compliance at the tip, `residual_tip` [m/N]. The residual mode and the tip include the
-      yielding of the link in shear; `of_modes` [m/N] is then the modes' part of the compliance,
-      `()` if none is.
+      the compliance at the tip, `residual_tip` [m/N]. All of these include the yielding of the link
+      in shear; `left_out` [m/N] is G without it.
     - The `arc` integrals (`None` unless the geometry needs them), the `place` [m] and the link's
       rest shape (`None` where it is straight).
     - `following`: a normal force that follows the bent fence, with `load` by its virtual work; and
@@ -34,16 +33,9 @@ class Shape(NamedTuple):
     arc: tuple[tuple[Array, ...], Array] | None
     place: Array
     rest: Rest | None = None
-    of_modes: Array | tuple[()] | None = None
+    left_out: Array | None = None
     following: Following | None = None
     friction: tuple[Following, Blocks] | None = None
-
-    @property
-    def left_out(self) -> Array | None:
-        """Compliance [m/N] of the modes left out; `None` where there are none."""
-        if self.of_modes is None:
-            return self.residual
-        return None if isinstance(self.of_modes, tuple) else self.of_modes
 
     @property
     def arm(self) -> Array:

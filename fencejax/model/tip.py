@@ -9,7 +9,7 @@ the contact, along m. Both are one gap,
 
     g = D + sin(theta) psi(x),   x = s - D tan(theta / 2),
 
-with psi(x) = 0 for x >= l, x for x <= -l and a smooth lesser of the two between them, so that the
+with psi(x) = 0 for x >= l, x for x <= -l and a smooth minimum of the two in between, so that the
 force is N times the gradient of g: it does work like a spring, and has a continuous derivative.
 Where the corner is beyond the tip before anything touches, g is the tip's depth in the side alone:
 the tip meets the flat side first, at any 0 < theta < pi, upright on the fence or not.
@@ -28,9 +28,9 @@ cos(theta)) more, and
 
 where theta > 0; else the end of the face is foremost as before. The contact's line of action then
 goes through the arc's centre, and meets the fence's line r tan(theta) beyond the tip: there it
-loads the fence, continued along its tangent, up to r / LEAST_SHARE. A corner that is itself on the
-arc, less deep than r, is met by the arc's tangents at n and m, rounded as psi rounds them: without
-that by (1 / cos(theta / 2) - 1) (r - D) too much.
+loads the fence, continued along its tangent, up to r / LEAST_SHARE. For a corner on the arc itself,
+D < r, the arc is replaced by its tangents with the normals n and m, whose intersection psi rounds
+off: a sharp one would lie (1 / cos(theta / 2) - 1) (r - D) outside the arc.
 """
 
 import functools
@@ -62,8 +62,8 @@ LEAST_SHARE = 0.1
 the line of that force meets the fence: the place goes to infinity as the share goes to 0."""
 
 
-def _lesser(x: Array, length: float) -> tuple[Array, Array]:
-    """psi(x) [m], a smooth lesser of 0 and x over `length` on either side, and its derivative."""
+def _smooth_minimum(x: Array, length: float) -> tuple[Array, Array]:
+    """psi(x) [m], a smooth minimum of 0 and x over `length` on either side, and its derivative."""
     s = jnp.clip(0.5 * (x / length + 1), 0.0, 1.0)
     bend = 2 * length * (s - 0.5 - s**3 + 0.5 * s**4)
     return bend + jnp.minimum(x + length, 0.0), fade(x + length, 2 * length)
@@ -99,18 +99,18 @@ def around(
     half = _half_tangent(sine, cosine)
     under = depth if radius is None else depth - jnp.where(sine > 0, radius, 0.0)
     before_tip = edge - touch.foot_offset
-    lesser, share = _lesser(before_tip - half * under, length)
+    least, share = _smooth_minimum(before_tip - half * under, length)
     # Derivatives of g in D, s and theta.
     by_depth = 1 - share * sine * half
     by_place = share * sine
-    by_turn = cosine * lesser - share * half * under
+    by_turn = cosine * least - share * half * under
     reached = under * sine - before_tip * cosine
     on_side = 1 - share * (1 - fade(reached - side.length + length, length))
     next_corner = jnp.minimum(before_tip, 0.0) + side.length * cosine
     lasting = jnp.where(sine > 0, on_side, fade(length - next_corner, length))
     across, along = touch.rates
     return Touch(
-        gap=depth + sine * lesser,
+        gap=depth + sine * least,
         gap_rate=by_depth * touch.gap_rate - by_place * slip - by_turn * spin,
         sliding=by_depth * slip + by_place * touch.gap_rate,
         foot_offset=touch.foot_offset,

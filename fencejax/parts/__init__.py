@@ -92,7 +92,7 @@ from .surfaces import (
     Border as Border,
     SurfacePoint as SurfacePoint,
 )
-from .taper import (
+from .tapers import (
     TAPERS as TAPERS,
     AbstractTaper as AbstractTaper,
     ConstantStrength as ConstantStrength,

@@ -16,7 +16,7 @@ from .rest_shape import RestShape
 from .second_order import SecondOrderLoads
 from .shaft import Shaft
 from .shear import Shear
-from .taper import AbstractTaper, ConstantStrength
+from .tapers import AbstractTaper, ConstantStrength
 
 
 class Fence(Part):

@@ -49,7 +49,8 @@ class Motor(Part):
         efficiency: ArrayLike | None = None,
         at_shaft: bool = False,
     ):
-        """**Arguments,** torques and speeds at the hinge, that is times, and over, the gear ratio:
+        """**Arguments.** Torques and speeds are those at the hinge: the motor's torque times the
+        gear ratio, its speed divided by it.
 
         - `torque` [N m]: the largest torque, in either direction, above 0.
         - `rated_torque` [N m]: the largest continuous root mean square of the torque, above 0.
@@ -59,11 +60,11 @@ class Motor(Part):
         - `rotor_inertia` [kg m^2]: J of rotor, brake and coupling, at the motor's own shaft, at
           least 0. At the hinge it is J i^2.
         - `gear_ratio` [1]: i, turns of the motor to one of the fence, by default 1.
-        - `efficiency` [1] of the gear, above 0, at most 1: of the power that goes through it,
-          either way, so much comes out.
+        - `efficiency` [1] of the gear, above 0, at most 1: the power that it gives out over that
+          which it takes in, the same in both directions.
         - `at_shaft`, static: torques and speeds are those of the motor's own shaft, as its data
-          sheet has them, so that another gear is another machine at the hinge. What is read of
-          torques then is those of the shaft, too.
+          sheet has them. Then the gear ratio changes what the motor can do at the hinge, and
+          results about torques are those at the shaft.
 
         Raises `ValueError` where a number is out of its bounds, the rated torque is above the
         largest one, or there is a stall torque without a no-load speed or the other way round.
@@ -119,8 +120,7 @@ class Motor(Part):
         return any(getattr(self, name) is not None for name in self.bounds)
 
     @property
-    def felt(self) -> bool:
-        """Whether it is more than bounds on the hinge's torque: what the motor gives is then not
-        what the fence takes."""
+    def differs_from_hinge(self) -> bool:
+        """Whether the motor's torque differs from the moment at the fence's hinge."""
         more = (self.no_load_speed, self.rotor_inertia, self.efficiency)
         return self.at_shaft or any(number is not None for number in more)

@@ -18,9 +18,9 @@ class SecondOrderLoads(Part):
     which is -N phi_i where the fence is straight. The additional terms are in three parts, each on
     or off: `friction_moment`, F_f half the thickness off the neutral axis; `friction_force`, F_f t
     . dU / dq_i, which bends the fence across the rigid link's line and stiffens it along that; and
-    `normal_force`, N (phi_i - n . dU / dq_i). The parts of a force along the rigid link's line and
-    across it nearly cancel: the part along it alone, as in a beam-column, would be no better than
-    neither.
+    `normal_force`, N (phi_i - n . dU / dq_i). The effects of a force's component along the
+    rigid link's line and of that across it nearly cancel. So the load of a beam-column, by the
+    component along the line alone, is no more accurate than no second-order load at all.
 
     The contact face is straight, and the taper is on the back: the moment at a section is F_f times
     half its own thickness, and 0 about the hinge, which is on the face's line.

@@ -7,9 +7,10 @@ as soon as
 
     int (mu_k m_p g - F) dt / m_p = w_s,
 
-with F the friction that keeps it at rest. If F exceeds kinetic friction before then, dry friction
-holds the parcel only if all of its slip passes zero at once, and the outcome depends on the
-smoothing. The force on the parcel differs by up to (mu_s - mu_k) m_p g as long as it sticks.
+with F the friction that keeps it at rest. If F exceeds kinetic friction before then, unsmoothed
+friction holds the parcel only if sliding and spinning on the belt come to rest at the same instant.
+Smoothed friction holds it in any case, so the outcome depends on the smoothing. The force on the
+parcel differs by up to (mu_s - mu_k) m_p g as long as it sticks.
 """
 
 from typing import NamedTuple
@@ -25,8 +26,8 @@ from .sample import Sample
 
 class Catch(NamedTuple):
     """`owed` [m/s] is the slip that kinetic friction alone would still have to stop: w_s while the
-    parcel slides on the belt, and less the longer it rests. `unsure` [N] is the largest jump of
-    friction so far of which it is uncertain whether the parcel stuck by it."""
+    parcel slides on the belt, and less the longer it rests. `unsure` [N] is the largest difference
+    of static and kinetic friction so far at a stop that is not certain."""
 
     owed: Array
     unsure: Array

@@ -106,8 +106,9 @@ def _has_friction(scene: Scene | NormalScene) -> bool:
     """Whether there is dry friction in the scene."""
     if isinstance(scene, NormalScene):
         return False
-    parts = (scene.belt, scene.fence_friction, scene.border, *scene.surfaces)
-    return any(part is not None for part in parts)
+    surfaces = [part for part in (scene.border, *scene.surfaces) if part is not None]
+    frictions = (scene.fence_friction, *(surface.friction for surface in surfaces))
+    return scene.belt is not None or any(friction is not None for friction in frictions)
 
 
 class GradientEstimate(NamedTuple):

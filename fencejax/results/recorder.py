@@ -77,12 +77,13 @@ class AbstractRecorder(eqx.Module):
 
     @property
     @abc.abstractmethod
-    def unit(self) -> float:
-        """The length of a step that nothing shortens [s]."""
+    def step(self) -> float:
+        """The length of a step that nothing shortens [s]; 0 where no corner can come to the
+        tip, which is all that it is needed for."""
 
     @property
     @abc.abstractmethod
-    def modes(self) -> FlexibleLink | None:
+    def flexible_link(self) -> FlexibleLink | None:
         """The flexible link, if there is one."""
 
     @abc.abstractmethod
@@ -111,8 +112,8 @@ class AbstractRecorder(eqx.Module):
         # Times count from the scene's first sample.
         second = ~first & (before.time == 0)
         step = Step(
-            before, now, span, second, unbalance, self.smoothing, self.unit,
-            cutoff(self.modes), record.states, self.scene,
+            before, now, span, second, unbalance, self.smoothing, self.step,
+            cutoff(self.flexible_link), record.states, self.scene,
         )  # fmt: skip
         states = {
             each.name: each.update(record.states[each.name], step)
@@ -200,11 +201,11 @@ class SceneRecorder(AbstractRecorder):
         return self.mechanics.fidelity.smoothing
 
     @property
-    def unit(self) -> float:
+    def step(self) -> float:
         return self.mechanics.fidelity.step
 
     @property
-    def modes(self) -> FlexibleLink | None:
+    def flexible_link(self) -> FlexibleLink | None:
         return self.mechanics.link
 
     def sample(self, state: SceneState) -> Sample:
@@ -224,12 +225,11 @@ class NormalRecorder(AbstractRecorder):
         return Smoothing(1.0, 1.0)
 
     @property
-    def unit(self) -> float:
-        # No corner comes to the tip.
+    def step(self) -> float:
         return 0.0
 
     @property
-    def modes(self) -> FlexibleLink | None:
+    def flexible_link(self) -> FlexibleLink | None:
         return self.link
 
     def sample(self, state: NormalState) -> Sample:

@@ -162,7 +162,7 @@ def gather(
     return Result(
         measures={name: read(measure) for name, measure in measures.items()},
         final=_if(wanted["final"], record.last.body),
-        energy=_if(energy is not None, energy),
+        energy=_if(wanted["energy"], energy),
         start_time=_if(wanted["start_time"], start_time),
         status=status,
         history=None if saved is None else saved.history,

@@ -10,8 +10,9 @@ their derivatives and its own.
 The accuracy of a force is three tolerances of the steps; and as far as modes that are left out lag
 behind, up to the 2.5 % that are promised, in proportion to the lag.
 
-The least and the largest of derivatives are no functions of the motion: they are carried by numbers
-that are 0, whose derivatives they are. So they cost nothing where nothing is differentiated.
+The least and the largest of these derivatives cannot be had by differentiating a function of the
+motion. They are the tangents of two numbers that are always 0, by a rule of their own for
+derivatives (`jax.custom_jvp`). So they cost nothing where nothing is differentiated.
 """
 
 from typing import NamedTuple

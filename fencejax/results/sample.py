@@ -226,7 +226,7 @@ def bent(link: FlexibleLink, fence: FenceState) -> tuple[Array, Array, Array, Ar
     deflection is."""
     amplitude = fence.vibration.amplitude
     tip = -link.tip_deflection(amplitude, fence.lagged, fence.shapes)
-    signed = link.signed_stress(amplitude, fence.lagged, fence.shapes)
+    signed = link.bending_stress(amplitude, fence.lagged, fence.shapes)
     stresses = jnp.abs(signed)
     worst = jnp.argmax(stresses)
     return tip, stresses[worst], link.rigid_length + link.stations[worst], -signed

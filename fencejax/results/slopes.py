@@ -31,8 +31,8 @@ and falls after it, which the parabola through three samples does not show. The 
 the second difference of N_p there. Other kinks next to the peak, and the error of the parabola
 without one, are in `peak_kink`.
 
-A running sum of sizes of derivatives is no function of the motion. It is carried by a number that
-is 0, whose derivatives are the sums. So it costs nothing where nothing is differentiated.
+A running sum of sizes of derivatives cannot be had by differentiating a function of the motion. It
+is the tangent of a number that is always 0, as in `rivals`.
 """
 
 from typing import NamedTuple
@@ -253,9 +253,10 @@ def relative_error(columns: SlopeEvidence, values: SlopeEvidence, at: Array) -> 
     derivatives of other maxima about as high, and the error of the parabola at the peak.
 
     `columns` are the derivatives in numbers whose values are `at`, each of the shape (numbers,).
-    The norm is that of the derivatives times these values, of which none counts with more than the
-    force: a length and a place along it may each change the force by twenty times as much, and by
-    little together, as they do where a fence is made longer.
+    The norm is that of the derivatives times these values. Each of these products is limited to the
+    size of the force. Otherwise two numbers whose effects nearly cancel would dominate it, such as
+    the fence's length and the place of the impact: each alone changes the force by up to twenty
+    times its value, both together hardly.
     """
     some = values.force > 0
     scale = jnp.where(some, at / jnp.where(some, values.force, 1.0), 0.0)

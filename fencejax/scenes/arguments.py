@@ -57,9 +57,9 @@ def drive_of(drive: AbstractDrive | None, fence: Fence) -> AbstractDrive:
     drive = HarmonicDrive() if drive is None else drive
     if isinstance(drive, AbstractTorqueDrive) and fence.shaft is not None:
         raise ValueError(
-            f"Argument `shaft` of the fence must be None on a {type(drive).__name__}, which turns "
-            "the hinge itself, but is one. Write fj.Fence() without it, its inertia with the "
-            "drive's."
+            f"Argument `shaft` of the fence must be None on a {type(drive).__name__}, whose torque "
+            "acts on the hinge itself, but is given. Write fj.Fence(shaft=None), and add the "
+            "shaft's inertia to the drive's."
         )
     return _check.part("drive", drive, AbstractDrive, "drive=fj.HarmonicDrive(top_speed=1.53)")
 

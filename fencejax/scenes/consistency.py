@@ -11,7 +11,7 @@ from jaxtyping import Array
 from .._check import Bounds
 from ..parts import AbstractTorqueDrive
 from .scene import NormalScene, Scene
-from .start import AsGiven, AtTouch, BetweenBorderAndFence
+from .start import MOTION_BOUNDS, AtTouch, BetweenBorderAndFence
 
 _ROUNDING = 1e-6
 
@@ -35,19 +35,6 @@ def _within(value: Array, least: Array | float, most: Array) -> Array:
     return (value >= least - slack) & (value <= most + slack)
 
 
-def _numbers_of(start: Any) -> list[tuple[Array, Bounds]]:
-    """A start's own numbers, with their bounds."""
-    length, angle, speed = Bounds("m", size=1.0), Bounds("rad", size=10.0), Bounds(size=1.0)
-    if isinstance(start, AsGiven):
-        *places, turn = start.motion[:3]
-        numbers = [(q, length) for q in places] + [(turn, angle)]
-        return numbers + [(v, speed) for v in start.motion[3:]]
-    if isinstance(start, AtTouch):
-        numbers = [] if start.parcel_angle is None else [(start.parcel_angle, angle)]
-        return numbers + [(v, speed) for v in start.velocity or ()]
-    return []
-
-
 def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> Array:
     """Whether the numbers of a scene are within their bounds and consistent.
 
@@ -68,7 +55,8 @@ def consistent(scene: Scene | NormalScene, start_time: Array | None = None) -> A
         checks.append(Bounds(size=1.0).holds(scene.speed))
         place = scene.distance
     else:
-        checks += [bounds.holds(q) for q, bounds in _numbers_of(scene.start)]
+        given = scene.start.motion_given()
+        checks += [MOTION_BOUNDS[name].holds(value) for name, value in given.items()]
         place = scene.start.distance()
         wanted = getattr(scene.start, "drive_angle", None)
         if scene.drive is not None:

@@ -22,9 +22,8 @@ from .start import AbstractStart
 class Scene(Part):
     """A parcel and the parts that act on it. A part that is `None` costs nothing.
 
-    Made by the functions of this module; a field is changed with `equinox.tree_at`. The `motor`
-    follows the drive whatever the torque: its numbers are used by `fencejax.design.drivability`
-    alone.
+    Made by the functions of `stages` and `sorts`; a field is changed with `equinox.tree_at`. The
+    `motor` does not change the motion: only `fencejax.design.drivability` uses its numbers.
 
     >>> scene = fj.scenes.oblique_impact(distance=0.9)
     >>> scene.start, scene.duration

@@ -37,7 +37,7 @@ from .arguments import (
 )
 from .body import Body
 from .scene import Scene
-from .start import AsGiven, OnBelt
+from .start import AsGiven, OnBelt, moving, velocity_of
 
 
 def free_motion(
@@ -73,16 +73,11 @@ def free_motion(
     >>> scene.fence is None, scene.duration
     (True, 0.5)
     """
-    numbers = {
-        "position x": (position[0], "m"),
-        "position y": (position[1], "m"),
-        "angle": (angle, "rad"),
-        "velocity x": (velocity[0], "m/s"),
-        "velocity y": (velocity[1], "m/s"),
-        "spin": (velocity[2], "rad/s"),
-    }
     motion = Body(
-        *(_check.scalar(k, value, size=10.0, unit=unit) for k, (value, unit) in numbers.items())
+        moving("position x", position[0], "x"),
+        moving("position y", position[1], "y"),
+        moving("angle", angle, "angle"),
+        *velocity_of(velocity),
     )
     if fence is not None:
         fence = fence_of(fence)
@@ -141,8 +136,8 @@ def whole_sort(
     - `offset`: Delta s [m] between the border and the parcel's lowest point, at least 0.
     - `angle`: phi [rad].
     - `fence_corners`, `border_corners`: the corners that can touch, static; each one costs. By
-      default the two of the lower side, on which the parcel comes to lie while C_s is above it
-      along the fence: the paper's parcel and drive from an `angle` of -0.26 rad on. Where another
+      default the two ends of the lower side. They suffice where the parcel comes to lie on that
+      side, as the paper's does with its drive for an `angle` of -0.26 rad and more. Where another
       corner comes under the fence, or its side to the tip, `Status.LEFT_OVER_TIP` or `PEAK_AT_TIP`
       says so: write fence_corners=(1, 2, 3, 4).
     - `tip_contact`: as in `oblique_impact`, but by default the tip meets the sides behind

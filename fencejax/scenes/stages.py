@@ -32,7 +32,7 @@ from .arguments import (
     traced,
 )
 from .scene import Scene
-from .start import AtTouch, BetweenBorderAndFence, FlushOnFence
+from .start import AtTouch, BetweenBorderAndFence, FlushOnFence, moving, velocity_of
 
 
 def oblique_impact(
@@ -69,14 +69,15 @@ def oblique_impact(
       `PEAK_AT_TIP` where the force was largest then. With it they also say where a corner comes
       under the fence that `fence_corners` leave out.
     - `fence_corners`: the corners that can touch the fence, `corner` among them, and with
-      `tip_contact` the sides behind them, clockwise; static, each one costs. By default the paper's
-      one, whose contact is the stage: what another corner or side meets later is not in it.
+      `tip_contact` the sides behind them, clockwise; static, each one costs. By default `corner`
+      alone, as in the paper: later contacts of other corners are not computed.
     - `duration` [s], static, default 0.25.
 
     Raises `ValueError` where the distance or the angle is out of the fence's or drive's reach, or
     where the parcel, turned by `parcel_angle`, lies beyond the fence with another corner.
 
-    Paper: (2.25), (2.26). There the end of the stage; what comes before is in the model.
+    Paper: (2.25), (2.26). There the conditions that end the stage; here they follow from the
+    motion.
 
     >>> print(fj.simulate(fj.scenes.oblique_impact(distance=0.9, parcel=fj.Parcel(mass=8.0))))
                 status  successful
@@ -95,20 +96,12 @@ def oblique_impact(
     fence = fence_of(fence)
     drive = drive_of(drive, fence)
     if parcel_angle is not None:
-        parcel_angle = _check.scalar("parcel_angle", parcel_angle, size=10.0, unit="rad")
-    moving = None
-    if velocity is not None:
-        x, y, spin = velocity
-        moving = (
-            _check.scalar("velocity x", x, size=1.0, unit="m/s"),
-            _check.scalar("velocity y", y, size=1.0, unit="m/s"),
-            _check.scalar("velocity spin", spin, size=1.0, unit="rad/s"),
-        )
+        parcel_angle = moving("parcel_angle", parcel_angle, "angle")
     (number,) = corners_of("corner", (corner,))
     parcel = parcel_of(parcel)
     start = AtTouch(
-        place_of(distance, fence), drive_angle_of(drive_angle, drive, fence), parcel_angle, moving,
-        number,
+        place_of(distance, fence), drive_angle_of(drive_angle, drive, fence), parcel_angle,
+        None if velocity is None else velocity_of(velocity), number,
     )  # fmt: skip
     _turned_clear(parcel, start, fence)
     return Scene(

@@ -23,6 +23,31 @@ from ..printing import Part
 from .body import Body
 from .names import BY_PATH
 
+MOTION_BOUNDS = {
+    "x": Bounds("m", size=1.0),
+    "y": Bounds("m", size=1.0),
+    "angle": Bounds("rad", size=10.0),
+    "x_rate": Bounds("m/s", size=1.0),
+    "y_rate": Bounds("m/s", size=1.0),
+    "spin": Bounds("rad/s", size=1.0),
+}
+"""The bounds of a parcel's motion at the start, by the fields of `Body`."""
+
+
+def moving(argument: str, value: ArrayLike, field: str) -> Array:
+    """Check a number of a parcel's motion, a field of `Body` (see `fencejax._check.scalar`)."""
+    return _check.scalar(argument, value, **MOTION_BOUNDS[field]._asdict())
+
+
+def velocity_of(velocity: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[Array, Array, Array]:
+    """Check the velocity of a parcel, (xdot, ydot, phidot) [m/s, m/s, rad/s]."""
+    x, y, spin = velocity
+    return (
+        moving("velocity x", x, "x_rate"),
+        moving("velocity y", y, "y_rate"),
+        moving("velocity spin", spin, "spin"),
+    )
+
 
 class Pose(eqx.Module):
     """The fence at the start time, as a start may use it: the point U at an arc coordinate and the
@@ -62,6 +87,10 @@ class AbstractStart(Part):
         """Arc coordinate [m] of the fence's point that the start refers to, or `None`."""
         return None
 
+    def motion_given(self) -> dict[str, Array]:
+        """What is given of the parcel's motion as numbers, by the fields of `Body`."""
+        return {}
+
     @abc.abstractmethod
     def body(self, parcel: Parcel, belt: Belt | None, pose: Pose | None) -> Body:
         """The parcel's motion at the start."""
@@ -76,6 +105,9 @@ class AsGiven(AbstractStart):
     """
 
     motion: Body
+
+    def motion_given(self):
+        return self.motion._asdict()
 
     def body(self, parcel, belt, pose):
         del parcel, belt, pose
@@ -171,6 +203,12 @@ class AtTouch(AbstractStartAtFence):
     velocity: tuple[Array, Array, Array] | None
     corner: int = eqx.field(static=True)
 
+    def motion_given(self):
+        given = {} if self.parcel_angle is None else {"angle": self.parcel_angle}
+        if self.velocity is not None:
+            given |= dict(zip(("x_rate", "y_rate", "spin"), self.velocity, strict=True))
+        return given
+
     def body(self, parcel, belt, pose):
         assert pose is not None
         arm = parcel.corner(self.corner)
@@ -188,7 +226,8 @@ class AtTouch(AbstractStartAtFence):
 class FlushOnFence(AbstractStartAtFence):
     """The parcel's lower side lies on the fence (D = 0), C_s over the arc coordinate `place`.
 
-    It turns and advances with the fence and slides along it with the belt's share.
+    It turns and advances with the fence, and slides along it at the component of the belt's
+    velocity in that direction.
 
     >>> scene = fj.scenes.along_fence(distance=0.7)
     >>> scene.start

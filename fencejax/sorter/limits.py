@@ -122,7 +122,7 @@ def _of_line(sorter: Bounding, sheet: DataSheet):
 def _torque(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
     """The motor's torque; without inertia, losses or a shaft of its own the torque at the hinge,
     which needs no further measure."""
-    return drivability.MOTOR_TORQUE if sorter.motor.felt else objectives.PEAK_TORQUE
+    return drivability.MOTOR_TORQUE if sorter.motor.differs_from_hinge else objectives.PEAK_TORQUE
 
 
 def _clear(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
@@ -170,7 +170,8 @@ _FRAGILITY = {
 }
 
 _ROWS = (
-    # The parcel's centre passes the belt's far edge; margins in belt widths, as `fj.LIMITS` has it.
+    # The parcel's centre passes the belt's far edge. The margin is relative to the width of the
+    # paper's belt, 0.7 m, as in `fj.LIMITS`.
     LimitRow("sorted", objectives.CROSSING, "at least", lambda *_: 0.0, 0.7),
     LimitRow("tip_deflection", objectives.TIP_DEFLECTION),
     LimitRow("stress", objectives.PEAK_STRESS, usual=_of_material),

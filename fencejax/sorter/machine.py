@@ -214,7 +214,7 @@ class Machine(Readable):
             fence_friction=self.fence_friction,
             border=self.border,
             # Bounds alone cost nothing.
-            motor=self._motor if self.motor.felt or moved else None,
+            motor=self._motor if self.motor.differs_from_hinge or moved else None,
             duration=self.duration if whole and duration is None else duration,
             options={"fence_corners": self.parcels.corners} if whole else {},
         )

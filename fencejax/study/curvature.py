@@ -43,9 +43,9 @@ class Curvature(Readable):
 
     - `value`, `gradient` (n,), `hessian` (n, n).
     - `reach` (n,): the distance in each number over which they were compared.
-    - `unsteadiness` [1], (n,): the deviation of differences of gradients over that distance, to
-      both sides, are from the Hessian's column, relative to its largest element, all in units of
-      `reach`.
+    - `unsteadiness` [1], (n,): the distance between a column of the Hessian and the difference
+      quotient of the gradient over `reach`, the larger of those to both sides, relative to the
+      column's largest element. All numbers are scaled by `reach`.
 
     >>> fj.curvature(lambda x: x[0] ** 2, [3.0], 0.5)
     Curvature

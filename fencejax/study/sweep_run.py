@@ -63,8 +63,8 @@ def run_sweep(
     - `chunk`: lanes that a device computes at a time, which bounds its memory; by default 4096 on
       a CPU (a device a core: `tune_compiler(devices=...)`), 16384 elsewhere, less for few lanes.
     - `group`: lanes of a chunk that run through their loops together, by default 64 on a CPU, all
-      elsewhere. They wait for each other's last Newton iteration, so that results depend on the
-      other lanes of the group within the tolerance of these iterations (relative, up to some 1e-6).
+      elsewhere. Each loop runs until the slowest lane of its group is done; the other lanes keep
+      their numbers meanwhile.
     - `devices`: of this process; by default all.
     - `client`: of a Dask cluster, whose workers compute instead of this process: chunks go to free
       workers, and those of a lost worker are computed again. Only this process writes.

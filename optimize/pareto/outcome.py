@@ -27,7 +27,8 @@ class Front:
     @property
     def knee(self) -> int | None:
         """The index of the point furthest on the good side of the line between the front's ends,
-        with both axes scaled by their ranges; `None` without a front."""
+        with both axes scaled by their ranges, which is that of the least sum; the first one where
+        an axis does not vary; `None` for fewer than two points."""
         kept = np.flatnonzero(self.on_front)
         if kept.size < 2:
             return None

@@ -93,7 +93,7 @@ def test_bending_moment_under_a_static_load(bent):
         -load * phi / (link.mass_scale * value)
         for phi, value in zip(followed.load, link.frequency_squared, strict=True)
     )
-    found = link.signed_stress(still, (load,), (followed,)) / link.stress_scale
+    found = link.bending_stress(still, (load,), (followed,)) / link.stress_scale
     along_link = jax.jit(jax.vmap(lambda place: link._chain(place, amplitude)))
     x, y = np.array(along_link(jnp.append(RIGID + link.stations, shape.place)))
     (x, x_u), (y, y_u) = ((part[:-1], part[-1]) for part in (x, y))

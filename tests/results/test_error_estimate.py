@@ -88,6 +88,22 @@ def test_without_friction_one_more_run():
     assert abs(result.peak_force - exact) <= errors.peak_force < 1e-2 * exact
 
 
+@pytest.mark.parametrize(("friction", "runs"), [(None, 1), (fj.Friction(0.2, 0.3), 2)])
+def test_a_surface_without_friction_needs_one_more_run(friction, runs):
+    scene = fj.scenes.border_and_fence(
+        border=fj.Border(friction=friction), belt=None, fence_friction=None
+    )
+    _, result, _ = wall()
+    asked = []
+
+    def counted(scene, fidelity, history, only):
+        asked.append(fidelity)
+        return result
+
+    error.estimate(counted, scene, STANDARD, result)
+    assert asked == list(error.companions(STANDARD)[:runs])
+
+
 def test_fields_that_were_not_asked_for():
     scene = fj.scenes.rigid_wall(speed=2.0)
     _, errors = estimated(scene, STANDARD, ("impulse",))

@@ -81,6 +81,11 @@ def test_measures_are_refused_a_name_that_a_result_has(name):
     assert "\n" not in str(refused.value)
 
 
+def test_what_is_no_measure_is_refused():
+    with pytest.raises(TypeError, match="`measures` must hold `fencejax.Measure`s, but holds 'up'"):
+        fj.simulate(fj.scenes.rigid_wall(), measures=["up"])
+
+
 def test_two_measures_of_one_name_are_refused():
     with pytest.raises(ValueError, match="names of their own, but holds 'push', twice"):
         fj.simulate(fj.scenes.rigid_wall(), measures=[largest("push"), largest("push")])

@@ -49,8 +49,8 @@ def test_outputs_are_those_of_simulate(whole):
     numbers = {name: column[lane] for name, column in whole.variables.items()}
     result = fj.simulate(scene_of(numbers), fidelity=fj.Fidelity.fast(), only=FORCE_AND_TIP)
     for name in FORCE_AND_TIP:
-        # Lanes of a group wait for each other's last Newton iteration: the tolerance is theirs.
-        np.testing.assert_allclose(whole.outputs[name][lane], getattr(result, name), rtol=1e-5)
+        # The same arithmetic, vectorised otherwise: round-off of some hundred steps.
+        np.testing.assert_allclose(whole.outputs[name][lane], getattr(result, name), rtol=1e-11)
     assert whole.status[lane] == result.status
 
 
@@ -85,8 +85,8 @@ def test_lanes_in_doubt_are_computed_finer(tmp_path):
     finer = run_sweep(finer, tmp_path / "finer", **PLAIN)
     for name, column in table.outputs.items():
         np.testing.assert_array_equal(column[~too_coarse], plain.outputs[name][~too_coarse])
-        # Lanes of a group wait for each other's last Newton iteration.
-        np.testing.assert_allclose(column[too_coarse], finer.outputs[name][too_coarse], rtol=1e-5)
+        # The same arithmetic in groups of another size: round-off of some hundred steps.
+        np.testing.assert_allclose(column[too_coarse], finer.outputs[name][too_coarse], rtol=1e-11)
     assert "computed finer" in repr(table)
     assert_same(SweepTable.load(tmp_path / "refined"), table)
     np.testing.assert_array_equal(table.to_pandas()["rung"], table.rung)

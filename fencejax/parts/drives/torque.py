@@ -40,6 +40,9 @@ class AbstractTorqueDrive(AbstractDrive):
 
     A law is a subclass with `torque`, `largest`, `cycle` and `turning_time`; the latter ends the
     search for the time at which an angle is reached.
+
+    >>> isinstance(fj.TorqueDrive([40.0, 40.0, -40.0]), fj.AbstractTorqueDrive)
+    True
     """
 
     inertia: eqx.AbstractVar[Array]
