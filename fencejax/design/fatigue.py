@@ -105,10 +105,10 @@ def _vertices(signal: Array, time: Array) -> Array:
     spaced = (before > 0) & (after > 0)
     ratio = jnp.where(spaced, before, 1.0) / jnp.where(spaced, after, 1.0)
     rise, fall = signal[2:] - signal[1:-1], signal[:-2] - signal[1:-1]
-    bend = (rise + fall / ratio) / (1 + ratio)
-    lean = rise - bend
-    turns = spaced & (rise * fall >= 0) & (bend != 0)
-    vertex = signal[1:-1] - lean**2 / jnp.where(turns, 4 * bend, 1.0)
+    curve = (rise + fall / ratio) / (1 + ratio)
+    slope = rise - curve
+    turns = spaced & (rise * fall >= 0) & (curve != 0)
+    vertex = signal[1:-1] - slope**2 / jnp.where(turns, 4 * curve, 1.0)
     inner = jnp.where(turns, vertex, signal[1:-1])
     return jnp.concatenate([signal[:1], inner, signal[-1:]])
 

@@ -13,9 +13,9 @@ from ..model import (
     FenceState,
     FlexibleLink,
     Forces,
-    Lean,
     Mechanics,
     SceneState,
+    TipLoad,
     Vibration,
 )
 from ..parts import DriveMotion
@@ -72,9 +72,9 @@ def at_state(
     forces, shapes = forces_at(places)
     shares = ()
     if mechanics.sides:
-        leans = _leans(forces)
-        forces, shapes = forces_at(tuple(map(mechanics.loaded, places, leans)))
-        shares = tuple(lean.share for lean in _leans(forces))
+        tip_loads = _tip_loads(forces)
+        forces, shapes = forces_at(tuple(map(mechanics.loaded, places, tip_loads)))
+        shares = tuple(tip_load.share for tip_load in _tip_loads(forces))
     if link.second_order is not None:
         shapes = tuple(
             link.followed(shape, vibration.amplitude).with_friction(mechanics.drag(what.sliding))
@@ -90,10 +90,10 @@ def at_state(
     return forces, fence._replace(modal_force=load, lagged=loads)
 
 
-def _leans(forces: Forces) -> tuple[Lean, ...]:
-    """The `Lean` of each corner, where the fence's tip may carry a contact; empty otherwise."""
-    leans = (meeting.touch.lean for meeting in forces.fence)
-    return tuple(lean for lean in leans if lean is not None)
+def _tip_loads(forces: Forces) -> tuple[TipLoad, ...]:
+    """The `TipLoad` of each corner, where the fence's tip may carry a contact; empty otherwise."""
+    tip_loads = (meeting.touch.tip_load for meeting in forces.fence)
+    return tuple(tip_load for tip_load in tip_loads if tip_load is not None)
 
 
 def run(

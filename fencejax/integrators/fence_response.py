@@ -23,12 +23,12 @@ from ..model import (
     small_point,
 )
 from ..parts import DriveMotion
-from .hinge_response import HingeEnd
-from .pad_response import PadEnd
+from .hinge_response import HingeResponse
+from .pad_response import PadResponse
 from .step_size import Stride
 
 
-class FenceEnd(eqx.Module):
+class FenceResponse(eqx.Module):
     """The fence at the end of a step as a function of the contact forces there.
 
     The deflection, its rate and the slope at each place are affine in the forces, so that Newton's
@@ -44,7 +44,7 @@ class FenceEnd(eqx.Module):
     normals_before: tuple[Array, ...]
     lagged_before: tuple[Array, ...]
     residual_before: tuple[ResidualMode, ...]
-    pads: tuple[PadEnd, ...]
+    pads: tuple[PadResponse, ...]
     shares: tuple[Array, ...]
     shapes: tuple[Shape, ...]
     loadings: tuple[Blocks, ...]
@@ -53,7 +53,7 @@ class FenceEnd(eqx.Module):
     inertia: Blocks
     free: Vibration
     affine: tuple
-    hinge: HingeEnd | None
+    hinge: HingeResponse | None
     expected: tuple[Array, ...]
     arcs: tuple[tuple[Arc, tuple[Arc, ...]], ...]
 
@@ -86,7 +86,7 @@ class FenceEnd(eqx.Module):
         self.residual_before = before.residual
         self.pads = ()
         if link.cover is not None:
-            self.pads = tuple(PadEnd.of(link.cover, pad, stride) for pad in before.pads)
+            self.pads = tuple(PadResponse.of(link.cover, pad, stride) for pad in before.pads)
         self.shapes, self.shares = shapes, shares
         self.friction_forces, self.sticking = friction_forces, sticking
         self.inertia = link.drive_force(drive)
@@ -101,7 +101,7 @@ class FenceEnd(eqx.Module):
         self.hinge = None
         if link.hinge is not None:
             pushes = tuple(self._uncoupled_pushes())
-            self.hinge = HingeEnd(link, stride, self.free, pushes, before.clutch)
+            self.hinge = HingeResponse(link, stride, self.free, pushes, before.clutch)
         self.affine = tuple(self._affine(k) for k in range(len(shapes)))
         predicted = self.loads(expected or tuple(jnp.zeros_like(s.place) for s in shapes))
         if friction_forces:
@@ -270,10 +270,10 @@ class FenceEnd(eqx.Module):
         """Deflection [m] at place k from the rigid link's line, its rate [m/s] and the slope."""
         extra, extra_rate, turn = self._residual(k, normals[k])
         (deflection, rate, slope), gains = self.affine[k]
-        for normal, (give, give_rate, lean) in zip(normals, gains, strict=True):
+        for normal, (give, give_rate, give_slope) in zip(normals, gains, strict=True):
             deflection = deflection - give * normal
             rate = rate - give_rate * normal
-            slope = slope - lean * normal
+            slope = slope - give_slope * normal
         return deflection + extra, rate + extra_rate, slope + turn
 
     def _point(self, k: int, normals) -> FencePoint:

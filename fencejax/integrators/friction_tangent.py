@@ -67,8 +67,8 @@ def belt_lag(mechanics: Mechanics, body: Body, step: Array) -> BeltLag | None:
     `_BELT_LAG` for a stiff friction and falls to 0 as the stiffness falls to 1."""
     if mechanics.belt is None:
         return None
-    force, (grip, bend) = mechanics.belt.force(body, mechanics.fidelity.smoothing)
-    slope = belt_slope(grip, bend, mechanics.belt.slip(body).squared)
+    force, (grip, grip_slope) = mechanics.belt.force(body, mechanics.fidelity.smoothing)
+    slope = belt_slope(grip, grip_slope, mechanics.belt.slip(body).squared)
     stiffness = 0.5 * step * slope / mechanics.mass
     weight = _BELT_LAG * jnp.maximum(stiffness - _STIFF, 0.0) / jnp.maximum(stiffness, _STIFF)
     return BeltLag(weight, mechanics.acceleration(*force[:3]))

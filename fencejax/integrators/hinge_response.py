@@ -7,13 +7,13 @@ from jaxtyping import Array
 from ..model import Blocks, ClutchState, FlexibleLink, Hinge, Vibration, blocks
 from .step_size import Stride
 
-# Least value of D, the derivative [1] of the shaft's moment in the clutch's load (`HingeEnd`). D is
-# 1 less what spring and damper take up within the step, which steps that resolve the shaft keep
-# small.
+# Least value of D, the derivative [1] of the shaft's moment in the clutch's load (`HingeResponse`).
+# D is 1 less what spring and damper take up within the step, which steps that resolve the shaft
+# keep small.
 _OWN = 0.1
 
 
-class HingeEnd(eqx.Module):
+class HingeResponse(eqx.Module):
     """The response of modes and hinge to each load at the end of a step, and the slip of the
     clutch.
 

@@ -20,21 +20,21 @@ from ..model import (
     FenceFrame,
     FenceState,
     Forces,
-    Lean,
     Mechanics,
     SceneState,
+    TipLoad,
     bending_loads,
     force_tolerance,
 )
 from ..parts import DriveMotion
 from ..scenes import Body
 from . import friction_tangent, newton
-from .fence_response import FenceEnd
+from .fence_response import FenceResponse
 from .sliding_corner import starts
 from .step_control import contacts, controlled
-from .step_defect import Pair
+from .step_defect import ContactData
 from .step_equations import StepEquations
-from .step_memory import Leans, Memory
+from .step_memory import Memory, TipLoads
 from .step_size import Clock, StepSize, Stride, next_step_size
 
 
@@ -42,14 +42,14 @@ class _Prediction(NamedTuple):
     """What is known of the end of a step before its equations are solved.
 
     `places`: of the corners along the fence [m], and `loaded`, those at which they load it, where
-    they lean on its tip by `leans`. `fence`: the fence there, loaded by the forces to be found.
+    they load its tip by `tip_loads`. `fence`: the fence there, loaded by the forces to be found.
     `guess`: the first values of the unknowns.
     """
 
     places: tuple[Array, ...]
     loaded: tuple[Array, ...]
-    leans: tuple[Lean, ...]
-    fence: FenceEnd | None
+    tip_loads: tuple[TipLoad, ...]
+    fence: FenceResponse | None
     guess: tuple[Array, ...]
 
 
@@ -65,7 +65,7 @@ def _predicted(
     ratio = 1.0
     if memory.step_size is not None:
         ratio = steps / jnp.maximum(memory.step_size.last, 1.0)
-    leans = tuple(lean.now.ahead(lean.before, ratio) for lean in memory.leans)
+    tip_loads = tuple(tip_load.now.ahead(tip_load.before, ratio) for tip_load in memory.tip_loads)
     normals = tuple(
         jnp.maximum(now + ratio * (now - before), 0.0)
         for now, before in zip(memory.normals, memory.normals_before, strict=True)
@@ -73,16 +73,16 @@ def _predicted(
     fence, loaded = None, places
     if mechanics.link is not None:
         assert drive is not None
-        if leans:
-            loaded = tuple(map(mechanics.loaded, places, leans))
-        fence = _loaded_fence(mechanics, memory, stride, drive, loaded, leans, normals)
+        if tip_loads:
+            loaded = tuple(map(mechanics.loaded, places, tip_loads))
+        fence = _loaded_fence(mechanics, memory, stride, drive, loaded, tip_loads, normals)
     guess = tuple(
         rate + h * (a + 0.5 * ratio * (a - before))
         for rate, a, before in zip(memory.body[3:], start, memory.acceleration_before, strict=True)
     )
     if fence is not None and fence.flexible:
         guess = guess + normals + fence.friction_forces
-    return _Prediction(places, loaded, leans, fence, guess)
+    return _Prediction(places, loaded, tip_loads, fence, guess)
 
 
 def _loaded_fence(
@@ -91,23 +91,24 @@ def _loaded_fence(
     stride: Stride,
     drive: DriveMotion,
     loaded: tuple[Array, ...],
-    leans: tuple[Lean, ...],
+    tip_loads: tuple[TipLoad, ...],
     normals: tuple[Array, ...],
-) -> FenceEnd:
+) -> FenceResponse:
     """The fence at the end of a step, loaded at the places `loaded` [m], as far as it is known
     before the forces are; `normals` [N] are the expected ones."""
     assert mechanics.link is not None
     assert memory.fence is not None
-    loads = bending_loads(tuple(lean.foreseen.share for lean in memory.leans), memory.normals)
+    foreseen = tuple(tip_load.foreseen.share for tip_load in memory.tip_loads)
+    loads = bending_loads(foreseen, memory.normals)
     shapes = tuple(map(mechanics.link.shape, loaded))
-    shares = tuple(lean.share for lean in leans)
+    shares = tuple(tip_load.share for tip_load in tip_loads)
     friction_forces = sticking = ()
     if mechanics.link.second_order is not None:
         friction_forces = tuple(
             n * mechanics.drag(w) for n, w in zip(normals, memory.sliding, strict=True)
         )
         sticking = tuple(friction_tangent.by_contact(mechanics, memory.sticking))
-    return FenceEnd(
+    return FenceResponse(
         mechanics.link, stride, drive, memory.fence, loads, shapes, shares, normals,
         friction_forces, sticking,
     )  # fmt: skip
@@ -167,7 +168,7 @@ def _next_step_size(
         return size
     tolerance = mechanics.fidelity.step_tolerance
     assert tolerance is not None
-    pair = Pair(
+    contact = ContactData(
         mechanics.law, mechanics.viscosity, mechanics.mass, mechanics.frictions,
         mechanics.fidelity.smoothing,
     )  # fmt: skip
@@ -175,17 +176,20 @@ def _next_step_size(
     now = contacts(forces, () if frame is None else frame.shares, mechanics.frictions)
     if fence is not None and was is not None and solved.frictions:
         was = fence.state_before(was, solved.normals, solved.frictions)
-    leans = [meeting.touch.lean for meeting in forces.fence]
+    tip_loads = [meeting.touch.tip_load for meeting in forces.fence]
     prediction_errors = tuple(
-        normal * (lean.share - expected.share)
-        for normal, lean, expected in zip(solved.normals, leans, predicted.leans, strict=False)
-        if lean is not None
+        normal * (tip_load.share - expected.share)
+        for normal, tip_load, expected in zip(
+            solved.normals, tip_loads, predicted.tip_loads, strict=False
+        )
+        if tip_load is not None
     )
     scale = mechanics.force_scale(forces)
     unsolved = solved.unbalance > 2 * force_tolerance(scale.dtype) * scale
     return controlled(
-        pair, tolerance, clock, control, size, end, equations.stride, now, fence, was, solved.state,
-        unsolved, mechanics.belt_defect(equations.body, solved.body), prediction_errors,
+        contact, tolerance, clock, control, size, end, equations.stride, now, fence, was,
+        solved.state, unsolved, mechanics.belt_defect(equations.body, solved.body),
+        prediction_errors,
     )  # fmt: skip
 
 
@@ -252,10 +256,10 @@ def step(mechanics: Mechanics, clock: Clock, memory: Memory, begin: Array, end: 
         gone=tuple(
             mechanics.gone(g, p, t) for g, p, t in zip(memory.gone, feet, touches, strict=True)
         ),
-        leans=tuple(
-            Leans(touch.lean, lean.now, foreseen)
-            for touch, lean, foreseen in zip(
-                touches, memory.leans, predicted.leans, strict=False
+        tip_loads=tuple(
+            TipLoads(touch.tip_load, tip_load.now, foreseen)
+            for touch, tip_load, foreseen in zip(
+                touches, memory.tip_loads, predicted.tip_loads, strict=False
             )
         ),
         step_size=size,

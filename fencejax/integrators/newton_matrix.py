@@ -66,14 +66,14 @@ def rate_matrix(
     zero = jnp.zeros_like(forces.acceleration.x)
     matrix = [[zero] * 3 for _ in range(3)]
     if mechanics.belt is not None and forces.belt_slopes is not None and forces.slip is not None:
-        grip, bend = (on_belt * slope for slope in forces.belt_slopes)
+        grip, grip_slope = (on_belt * slope for slope in forces.belt_slopes)
         x, y, turning, arm, lever = forces.slip
         slip, weights = (x, y, arm * turning), (1.0, 1.0, arm**2)
         if lever is not None:
             slip, weights = (x, y, slip[2] + lever * x), (1.0, 1.0, weights[2] + lever**2)
         for i in range(3):
             for j in range(3):
-                matrix[i][j] = 2 * bend * slip[i] * slip[j]
+                matrix[i][j] = 2 * grip_slope * slip[i] * slip[j]
             matrix[i][i] = matrix[i][i] + grip * weights[i]
         if lever is not None:
             matrix[0][2] = matrix[0][2] + grip * lever

@@ -17,11 +17,11 @@ from ..model import FenceState, FlexibleLink, NormalState
 from ..parts import AbstractContactLaw, DriveMotion
 from ..scenes import Body, NormalScene
 from . import newton, time_loop
-from .fence_response import FenceEnd
+from .fence_response import FenceResponse
 from .observer import Observer
-from .pad_response import PadEnd
+from .pad_response import PadResponse
 from .step_control import Control, controlled
-from .step_defect import Ends, Pair
+from .step_defect import ContactData, Ends
 from .step_size import Clock, StepSize, stride_counts, units
 
 
@@ -48,7 +48,7 @@ class _Blow(NamedTuple):
     rate: Array
     give: Array
     give_rate: Array
-    pad: PadEnd | None
+    pad: PadResponse | None
 
     def evaluate(self, unknowns):
         """Residual, its slope, the ratio of its size to the tolerated one, and gap, rate,
@@ -149,7 +149,7 @@ def _step(fidelity: Fidelity, given, memory: _Memory, begins: Array, ends: Array
     if link is not None:
         assert memory.fence is not None
         still = DriveMotion(*(jnp.zeros_like(gap),) * 3)
-        fence = FenceEnd(link, stride, still, memory.fence, (memory.force,), (shape,))
+        fence = FenceResponse(link, stride, still, memory.fence, (memory.force,), (shape,))
         deflection, deflection_rate, _ = fence.deflection(0, (jnp.zeros_like(gap),))
         yields, yields_rate = fence.bending_compliance(0, 0)
         gap, rate = gap + deflection, rate + deflection_rate
@@ -172,8 +172,8 @@ def _step(fidelity: Fidelity, given, memory: _Memory, begins: Array, ends: Array
         proposed = StepSize(ends - begins, jnp.full_like(ends, clock.unit))
         now = (Ends(force, gap, rate),)
         size = controlled(
-            Pair(law, blow.viscosity, parcel.mass), tolerance, clock, memory.step_size.control,
-            proposed, ends, stride, now, fence, memory.fence, fence_after,
+            ContactData(law, blow.viscosity, parcel.mass), tolerance, clock,
+            memory.step_size.control, proposed, ends, stride, now, fence, memory.fence, fence_after,
         )
     after = _Memory(
         advance=memory.advance + h * memory.rate - h * share * (memory.force / 3 + force / 6),

@@ -8,7 +8,7 @@ from ..model import Cover, PadState
 from .step_size import Stride
 
 
-class PadEnd(NamedTuple):
+class PadResponse(NamedTuple):
     """A cover at the end of a step, with the state `before` at its start.
 
     Its settled strain e_s is taken as linear over the step. e + tau edot = e_s is then solved
@@ -26,7 +26,7 @@ class PadEnd(NamedTuple):
     gain: Array
 
     @classmethod
-    def of(cls, cover: Cover, before: PadState, stride: Stride) -> "PadEnd":
+    def of(cls, cover: Cover, before: PadState, stride: Stride) -> "PadResponse":
         """Over a stride."""
         assert stride.pad_decay is not None
         assert stride.pad_gain is not None

@@ -27,8 +27,8 @@ from jaxtyping import Array
 
 from ..model import BeltDefect, FenceState, Forces, force_tolerance
 from ..parts import AbstractFriction
-from .fence_response import FenceEnd
-from .step_defect import INNER, Ends, Pair, defects, friction_defect, share_defect
+from .fence_response import FenceResponse
+from .step_defect import INNER, ContactData, Ends, defects, friction_defect, share_defect
 from .step_size import Clock, StepSize, Stride, is_whole
 
 # Share of the tolerance by which a defect may change the speed of approach.
@@ -111,14 +111,14 @@ def _ratio(found: Array, allowed: Array) -> Array:
 
 
 def _defect_ratios(
-    pair: Pair,
+    contact: ContactData,
     tolerance: float,
     clock: Clock,
     before: Control,
     stride: Stride,
     count: Array,
     now: tuple[Ends, ...],
-    fence: FenceEnd | None,
+    fence: FenceResponse | None,
     was: FenceState | None,
     after: FenceState | None,
     prediction_errors: tuple[Array, ...],
@@ -127,7 +127,7 @@ def _defect_ratios(
     largest such ratio of what only makes steps shorter (frictions, and forces that end at the tip);
     the largest allowed defect [N]; and the largest force so far [N]."""
     strides = tuple(clock.stride(theta * count) for theta in INNER)
-    found = defects(pair, strides, stride.length, before.ends, now, fence, was, after)
+    found = defects(contact, strides, stride.length, before.ends, now, fence, was, after)
     largest = before.largest
     for each in now:
         largest = jnp.maximum(largest, each.normal)
@@ -136,7 +136,7 @@ def _defect_ratios(
     tolerance = max(tolerance, 2 * force_tolerance(largest.dtype))
     for k, (force, a, b) in enumerate(zip(found, before.ends, now, strict=True)):
         speed = jnp.maximum(jnp.abs(a.gap_rate), jnp.abs(b.gap_rate))
-        give_rate = 0.5 * stride.length / pair.mass
+        give_rate = 0.5 * stride.length / contact.mass
         if fence is not None and fence.flexible and k < len(fence.shapes):
             give_rate = give_rate + fence.compliance(k, k, b.normal)[1]
         slows = give_rate > 0
@@ -150,10 +150,10 @@ def _defect_ratios(
         other_ratio = jnp.maximum(other_ratio, _ratio(share_defect(a, b), tolerance * largest))
     for off in prediction_errors:
         other_ratio = jnp.maximum(other_ratio, _ratio(jnp.abs(off), tolerance * largest))
-    for friction, a, b in zip(pair.frictions, before.ends, now, strict=False):
+    for friction, a, b in zip(contact.frictions, before.ends, now, strict=False):
         if friction is not None:
-            assert pair.smoothing is not None
-            off = friction_defect(friction, pair.smoothing, a, b)
+            assert contact.smoothing is not None
+            off = friction_defect(friction, contact.smoothing, a, b)
             other_ratio = jnp.maximum(other_ratio, _ratio(off, tolerance * largest))
     # No shorter step makes a non-finite state finite.
     force_ratio, other_ratio = (
@@ -163,7 +163,7 @@ def _defect_ratios(
 
 
 def controlled(
-    pair: Pair,
+    contact: ContactData,
     tolerance: float,
     clock: Clock,
     before: Control,
@@ -171,7 +171,7 @@ def controlled(
     end: Array,
     stride: Stride,
     now: tuple[Ends, ...],
-    fence: FenceEnd | None,
+    fence: FenceResponse | None,
     was: FenceState | None,
     after: FenceState | None,
     unsolved: Array | bool = False,
@@ -189,12 +189,12 @@ def controlled(
     """
     count = proposed.last
     force_ratio, other_ratio, allowed, largest = _defect_ratios(
-        pair, tolerance, clock, before, stride, count, now, fence, was, after, prediction_errors
+        contact, tolerance, clock, before, stride, count, now, fence, was, after, prediction_errors
     )
     if belt is not None and now:
         of_belt = min(_OF_BELT, _IN_TOLERANCES * tolerance)
         square = jnp.maximum((tolerance * largest) ** 2, of_belt**2 * belt.magnitude)
-        growth = 0.5 * stride.length * belt.fall / pair.mass
+        growth = 0.5 * stride.length * belt.fall / contact.mass
         over = jnp.maximum(jnp.sqrt(_ratio(belt.deviation, square)), growth / _GROWS)
         other_ratio = jnp.maximum(other_ratio, jnp.where(jnp.isfinite(over), over, 0.0))
     worst = jnp.maximum(force_ratio, other_ratio)

@@ -28,15 +28,15 @@ from ..model import (
     propagate,
 )
 from ..parts import AbstractContactLaw, AbstractFriction
-from .fence_response import FenceEnd
-from .pad_response import PadEnd
+from .fence_response import FenceResponse
+from .pad_response import PadResponse
 from .step_size import Stride
 
 INNER = (0.25, 0.5)
 """The points of a step [1] at which the contact law is evaluated."""
 
 
-class Pair(NamedTuple):
+class ContactData(NamedTuple):
     """The data of a contact force: the contact law, its `viscosity` for the parcel, and the
     parcel's `mass` [kg]; the friction of each contact, if it has any, and how it is smoothed."""
 
@@ -91,7 +91,7 @@ class _Ringing(NamedTuple):
 
 
 def _ringing(
-    fence: FenceEnd,
+    fence: FenceResponse,
     vibration: Vibration,
     residual: tuple[ResidualMode, ...],
     pads: tuple[PadState, ...],
@@ -118,7 +118,7 @@ def _ringing(
 
 
 def _inside(
-    fence: FenceEnd, before: FenceState, after: FenceState, inner: Stride, theta: float
+    fence: FenceResponse, before: FenceState, after: FenceState, inner: Stride, theta: float
 ) -> list[_Ringing]:
     """This part of the gap at each corner at theta h, the end of the shorter step `inner`."""
     load = tuple(
@@ -132,7 +132,7 @@ def _inside(
         rate = inner.lag_decay * start.rate + inner.lag_gain * change
         residual.append(ResidualMode(start.force + change, rate))
     pads = tuple(
-        PadEnd.of(pad.cover, start, inner).at(
+        PadResponse.of(pad.cover, start, inner).at(
             start.settled + theta * (end.settled - start.settled)
         )
         for pad, start, end in zip(fence.pads, before.pads, after.pads, strict=True)
@@ -189,18 +189,18 @@ def friction_defect(
 
 
 def defects(
-    pair: Pair,
+    contact: ContactData,
     strides: tuple[Stride, ...],
     length: Array,
     was: tuple[Ends, ...],
     now: tuple[Ends, ...],
-    fence: FenceEnd | None,
+    fence: FenceResponse | None,
     before: FenceState | None,
     after: FenceState | None,
 ) -> list[Array]:
     """The defect of each contact [N] for a step of the `length` [s] from `was` to `now`.
 
-    `pair` is what makes the contact forces; `strides` are the steps that lead to the points of
+    `contact` is what makes the contact forces; `strides` are the steps that lead to the points of
     `INNER`; the fence, if any, goes from the state `before` to the state `after`.
     """
     first = last = []
@@ -221,12 +221,12 @@ def defects(
             low = (a.gap - first[k].deflection, a.gap_rate - first[k].rate)
             high = (b.gap - last[k].deflection, b.gap_rate - last[k].rate)
         defect = jnp.zeros_like(a.gap)
-        bend = length * (b.normal - a.normal) / pair.mass
+        bend = length * (b.normal - a.normal) / contact.mass
         for theta, ringing in zip(INNER, inside, strict=True):
             gap, gap_rate = _smooth(theta, length, low, high, bend)
             if k < len(ringing):
                 gap, gap_rate = gap + ringing[k].deflection, gap_rate + ringing[k].rate
-            law = pair.law.force(gap, gap_rate, pair.viscosity).force
+            law = contact.law.force(gap, gap_rate, contact.viscosity).force
             if a.share is not None and b.share is not None:
                 law = (a.share + theta * (b.share - a.share)) * law
             line = a.normal + theta * (b.normal - a.normal)

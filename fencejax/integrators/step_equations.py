@@ -12,7 +12,7 @@ from jaxtyping import Array
 from ..model import Acceleration, FenceFrame, FencePoint, Forces, Mechanics, force_tolerance
 from ..scenes import Body
 from . import friction_tangent, friction_turn, newton_matrix
-from .fence_response import FenceEnd
+from .fence_response import FenceResponse
 from .sliding_corner import Start
 from .step_size import Stride
 
@@ -39,7 +39,7 @@ class StepEquations(eqx.Module):
     predicted: Array
     arms: dict[int, tuple[Array, Array]]
     frame: FenceFrame | None
-    fence: FenceEnd | None
+    fence: FenceResponse | None
     stride: Stride
 
     def body_at(self, rates) -> Body:

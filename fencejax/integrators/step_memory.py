@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..model import Acceleration, FenceState, Lean, Mechanics, Vibration
+from ..model import Acceleration, FenceState, Mechanics, TipLoad, Vibration
 from ..parts import DriveMotion
 from ..scenes import Body
 from . import friction_tangent
@@ -13,12 +13,12 @@ from .step_control import Control
 from .step_size import StepSize, stride_counts
 
 
-class Leans(NamedTuple):
+class TipLoads(NamedTuple):
     """How a corner loads the fence: now, one step back, and as predicted for now."""
 
-    now: Lean
-    before: Lean
-    foreseen: Lean
+    now: TipLoad
+    before: TipLoad
+    foreseen: TipLoad
 
 
 class Memory(NamedTuple):
@@ -39,7 +39,7 @@ class Memory(NamedTuple):
     - `sticking_acceleration`: the parcel's acceleration by static friction at sticking corners,
       each weighted by `sticking` [1]; `None` and `()` without friction;
     - `gone`: 1 for a corner that has left over the tip;
-    - `leans`: how each corner loads the fence, where the tip may carry a contact;
+    - `tip_loads`: how each corner loads the fence, where the tip may carry a contact;
     - `step_size`: the length of the next step and what decides it; `None` for fixed steps.
     """
 
@@ -57,7 +57,7 @@ class Memory(NamedTuple):
     sticking_acceleration: Acceleration | None
     sticking: tuple[Array, ...]
     gone: tuple[Array, ...]
-    leans: tuple[Leans, ...]
+    tip_loads: tuple[TipLoads, ...]
     step_size: StepSize | None
 
     @property
@@ -95,8 +95,8 @@ class Memory(NamedTuple):
             fence = FenceState.unloaded(mechanics.link, vibration, len(places))
         zeros = tuple(zero for _ in places)
         still = Acceleration(zero, zero, zero)
-        upright = Lean(zero + 1, zero)
-        leans = tuple(Leans(upright, upright, upright) for _ in places) if mechanics.sides else ()
+        upright = TipLoad(zero + 1, zero)
+        tip_loads = (TipLoads(upright, upright, upright),) * len(places) if mechanics.sides else ()
         size = StepSize(zero, zero + 1) if stride_counts(mechanics.fidelity)[-1] > 1 else None
         if mechanics.fidelity.step_tolerance is not None:
             size = StepSize(zero, zero + 1, Control.start(mechanics.frictions, len(places), zero))
@@ -108,5 +108,5 @@ class Memory(NamedTuple):
         )
         return cls(
             body, at_rest, still, still, fence, places, zeros, drifts, zeros, zeros, normals_still,
-            at_rest, sticking, zeros, leans, size,
+            at_rest, sticking, zeros, tip_loads, size,
         )  # fmt: skip

@@ -22,7 +22,7 @@ from .belt_edge import (
     BeltEdge as BeltEdge,
     strip_mean_distance as strip_mean_distance,
 )
-from .contact import (
+from .fading import (
     fade as fade,
 )
 from .fence_geometry import (
@@ -52,7 +52,7 @@ from .hinge import (
 )
 from .kinematics import (
     Acceleration as Acceleration,
-    Lean as Lean,
+    TipLoad as TipLoad,
     corner_from_arm as corner_from_arm,
     fence_pose as fence_pose,
     fence_touch as fence_touch,

@@ -93,11 +93,11 @@ class BeltContact(eqx.Module):
         """The belt's force, and (grip, d grip / d s^2) of `belt_grip`."""
         (x, y, turning, arm, lever), weight = self._carried(body)
         square = x**2 + y**2 + turning**2
-        grip, bend = belt_grip(self.friction, weight, square, smoothing)
+        grip, grip_slope = belt_grip(self.friction, weight, square, smoothing)
         moment = -grip * arm * turning
         if lever is not None:
             moment = moment - grip * lever * x
-        return BeltForce(-grip * x, -grip * y, moment, grip * square), (grip, bend)
+        return BeltForce(-grip * x, -grip * y, moment, grip * square), (grip, grip_slope)
 
     def defect(self, smoothing: Smoothing, was: Body, now: Body) -> BeltDefect:
         """The distance of the friction from its line inside a step in which the slip is linear; a
@@ -111,21 +111,22 @@ class BeltContact(eqx.Module):
             (1 - theta) (g - g_0) s_0 + theta (g - g_1) s_1.
         """
         start, end = (self.slip(body)[:3] for body in (was, now))
-        before, (after, bend) = self.force(was, smoothing)[1][0], self.force(now, smoothing)[1]
+        before, _ = self.force(was, smoothing)[1]
+        after, grip_slope = self.force(now, smoothing)[1]
         square_0, square_1 = _product(start, start), _product(end, end)
         both = _product(start, end)
         moved = square_0 + square_1 - 2 * both
         passes = (both < square_0) & (both < square_1)
         rest = jnp.where(passes, (square_0 - both) / jnp.where(passes, moved, 1.0), 0.5)
         deviation = magnitude = jnp.zeros_like(square_0)
-        fall = jnp.maximum(-belt_slope(after, bend, square_1), 0.0)
+        fall = jnp.maximum(-belt_slope(after, grip_slope, square_1), 0.0)
         for theta in (0.5 * rest, 0.5 + 0.5 * rest):
             left = 1 - theta
             square = left**2 * square_0 + 2 * theta * left * both + theta**2 * square_1
-            grip, bend = self.grip(now, square, smoothing)
+            grip, grip_slope = self.grip(now, square, smoothing)
             first, second = left * (grip - before), theta * (grip - after)
             of_line = first**2 * square_0 + 2 * first * second * both + second**2 * square_1
             deviation = jnp.maximum(deviation, of_line)
             magnitude = jnp.maximum(magnitude, grip**2 * square)
-            fall = jnp.maximum(fall, -belt_slope(grip, bend, square))
+            fall = jnp.maximum(fall, -belt_slope(grip, grip_slope, square))
         return BeltDefect(deviation, magnitude, fall)

@@ -28,7 +28,7 @@ from jaxtyping import Array
 
 from ..parts import Belt, Parcel
 from ..scenes import Body
-from .contact import fade
+from .fading import fade
 
 # Least distance of C_s to the edge [m], and least sine between the parcel's sides and the edge.
 # Smaller values are taken as these.

@@ -22,8 +22,8 @@ def corner_share(
     square = sliding * sliding
     mu, slope = friction.coefficient(square, smoothing.static_speed)
     inverse = jax.lax.rsqrt(square + smoothing.slip_speed**2)
-    bend = 2 * slope * square + mu * (smoothing.slip_speed * inverse) ** 2
-    return -mu * sliding * inverse, -bend * inverse
+    relative_slope = 2 * slope * square + mu * (smoothing.slip_speed * inverse) ** 2
+    return -mu * sliding * inverse, -relative_slope * inverse
 
 
 class Coefficient(NamedTuple):
@@ -83,7 +83,7 @@ def belt_grip(
     return grip * mu, grip * (slope - 0.5 * mu * inverse * inverse)
 
 
-def belt_slope(grip: Array, bend: Array, speed_squared: Array) -> Array:
+def belt_slope(grip: Array, grip_slope: Array, speed_squared: Array) -> Array:
     """Slope of the belt's friction grip s with the slip s [N s/m], below 0 where it falls: grip + 2
-    s^2 d grip / d s^2, with `grip` and `bend` of `belt_grip`."""
-    return grip + 2 * bend * speed_squared
+    s^2 d grip / d s^2, with `grip` and `grip_slope` of `belt_grip`."""
+    return grip + 2 * grip_slope * speed_squared

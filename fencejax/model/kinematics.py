@@ -30,7 +30,7 @@ class Corner(NamedTuple):
     y_rate: Array
 
 
-class Lean(NamedTuple):
+class TipLoad(NamedTuple):
     """The load of a contact near the tip on the fence: the `share` [1] of its force that bends it,
     and the `shift` [m] from the corner's foot towards the tip of the place where the line of that
     force meets the fence."""
@@ -38,11 +38,11 @@ class Lean(NamedTuple):
     share: Array
     shift: Array
 
-    def ahead(self, before: "Lean", ratio) -> "Lean":
+    def ahead(self, before: "TipLoad", ratio) -> "TipLoad":
         """Linear extrapolation over the next step, `ratio` times as long as the last one."""
         share = self.share + ratio * (self.share - before.share)
         shift = self.shift + ratio * (self.shift - before.shift)
-        return Lean(jnp.clip(share, -1.0, 1.0), shift)
+        return TipLoad(jnp.clip(share, -1.0, 1.0), shift)
 
 
 class Touch(NamedTuple):
@@ -51,7 +51,7 @@ class Touch(NamedTuple):
     `foot_offset` [m] is how far along the surface the foot of the corner lies from the point U;
     `normal` and `tangent` are the directions (x, y, moment) in which a unit force acts on the
     parcel; `rates` is the velocity of U along the normal and the tangent [m/s]. Where the tip may
-    carry the contact, `lean` says how it loads the fence, and `lasting` [1] is the share of the
+    carry the contact, `tip_load` says how it loads the fence, and `lasting` [1] is the share of the
     contact law that has not ended at the other end of the parcel's side; `missed` is 1.0 where a
     neighbouring corner that is not among the scene's `fence_corners` is under the fence, `None`
     where both neighbours are among them.
@@ -64,7 +64,7 @@ class Touch(NamedTuple):
     normal: tuple[Array, Array, Array]
     tangent: tuple[Array, Array, Array]
     rates: tuple[Array, Array]
-    lean: Lean | None = None
+    tip_load: TipLoad | None = None
     lasting: Array | None = None
     missed: Array | None = None
 

@@ -24,11 +24,11 @@ from ..parts import (
 )
 from ..scenes import Body, Scene
 from .belt_contact import BeltContact, BeltDefect, BeltForce, BeltSlip
-from .contact import fade
+from .fading import fade
 from .fence_geometry import FencePoint
 from .flexible_link import FlexibleLink
 from .friction import corner_share
-from .kinematics import Acceleration, Lean, Touch, corner_from_arm, fence_touch, surface_touch
+from .kinematics import Acceleration, TipLoad, Touch, corner_from_arm, fence_touch, surface_touch
 from .tip import LEAST_SHARE, Side, around
 
 _PREVIOUS_CORNER = {end: begin for begin, end in SIDES.items()}
@@ -72,7 +72,7 @@ class Meeting(NamedTuple):
     def outcome(self) -> "Meeting":
         """The part that is needed after the step is solved: without derivatives, and with
         directions only where they do not follow from the fence's slope."""
-        normal = () if self.touch.lean is None else self.touch.normal
+        normal = () if self.touch.tip_load is None else self.touch.normal
         return Meeting(self.contact, self.touch._replace(normal=normal, tangent=()), None, None)
 
 
@@ -221,13 +221,13 @@ class Mechanics(eqx.Module):
             edges = tuple(self.link.reach - p for p in (places if loaded is None else loaded))
         return FenceFrame(cos_sin(drive.angle), drive.speed, places, shares, edges)
 
-    def loaded(self, place: Array, lean: Lean) -> Array:
+    def loaded(self, place: Array, tip_load: TipLoad) -> Array:
         """Arc coordinate [m] at which a contact loads the fence, of a corner's foot at `place`."""
         assert self.link is not None
         last = self.link.reach
         if self.edge_radius is not None:
             last = last + self.edge_radius / LEAST_SHARE
-        return jnp.minimum(place + lean.shift, last)
+        return jnp.minimum(place + tip_load.shift, last)
 
     def belt_defect(self, was: Body, now: Body) -> BeltDefect | None:
         """The result of `BeltContact.defect`; `None` without a belt."""

@@ -40,8 +40,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .contact import fade
-from .kinematics import Lean, Touch
+from .fading import fade
+from .kinematics import TipLoad, Touch
 
 
 class Side(NamedTuple):
@@ -125,7 +125,9 @@ def around(
             by_depth * along_turn - by_place * up_turn,
         ),
         rates=(by_depth * across + by_place * along, by_depth * along - by_place * across),
-        lean=Lean(by_depth, (depth * by_place + by_turn) / jnp.maximum(by_depth, LEAST_SHARE)),
+        tip_load=TipLoad(
+            by_depth, (depth * by_place + by_turn) / jnp.maximum(by_depth, LEAST_SHARE)
+        ),
         lasting=lasting,
         missed=_missed(side, depth, before_tip, sine, cosine),
     )

@@ -272,10 +272,10 @@ def _release(step: Step, state: ContactTimes, change: Change) -> Array:
     """
     force, length = step.before.fence_force, step.span.length
     whole = change.length + state.length_before
-    bend = jnp.where(state.length_before > 0, change.rate - state.rate_before, 0.0)
-    bend = bend / jnp.where(whole > 0, whole, 1.0)
-    fall = -(change.rate + bend * change.length)
-    square = fall * fall - 4 * bend * force
+    curve = jnp.where(state.length_before > 0, change.rate - state.rate_before, 0.0)
+    curve = curve / jnp.where(whole > 0, whole, 1.0)
+    fall = -(change.rate + curve * change.length)
+    square = fall * fall - 4 * curve * force
     ends = (fall > 0) & (square > 0) & (length > 0)
     slope = jnp.where(ends, fall + jnp.sqrt(jnp.where(ends, square, 1.0)), 1.0)
     share = 2 * force / (slope * jnp.where(length > 0, length, 1.0))

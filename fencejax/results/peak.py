@@ -16,7 +16,7 @@ class Span(NamedTuple):
     ratio: Array | float
 
 
-def _bend(before: Array, now: Array, new: Array, span: Span) -> Array:
+def _half_difference(before: Array, now: Array, new: Array, span: Span) -> Array:
     """Half the second difference of three samples, for the length of the last step."""
     return (new - now + (before - now) / span.ratio) / (1 + span.ratio)
 
@@ -33,12 +33,12 @@ class Vertex(NamedTuple):
     @classmethod
     def of(cls, before: Array, now: Array, new: Array, span: Span) -> "Vertex":
         """The vertex at the sample `now`; `span` is that of the step from it to `new`."""
-        # now + lean s + bend s^2 through the samples at s = -ratio, 0, 1 in this step's length.
-        bend = _bend(before, now, new, span)
-        lean = new - now - bend
-        inner = (now >= before) & (now > new) & (bend < 0)
-        place = jnp.where(inner, -0.5 * lean / jnp.where(inner, bend, -1.0), 0.0)
-        return cls(inner, now + 0.5 * lean * place, place)
+        # now + slope s + curve s^2 through the samples at s = -ratio, 0, 1 in this step's length.
+        curve = _half_difference(before, now, new, span)
+        slope = new - now - curve
+        inner = (now >= before) & (now > new) & (curve < 0)
+        place = jnp.where(inner, -0.5 * slope / jnp.where(inner, curve, -1.0), 0.0)
+        return cls(inner, now + 0.5 * slope * place, place)
 
 
 class Peak(NamedTuple):
@@ -77,11 +77,11 @@ def signed_second_difference(
 ) -> Array:
     """Second difference [N] of a force over the last two steps, for the length of the last one;
     the plain difference at the second sample of a scene, 0 at its first one."""
-    bend = 2 * _bend(before, now, new, span)
-    return jnp.where(span.first, 0.0, jnp.where(second, new - now, bend))
+    difference = 2 * _half_difference(before, now, new, span)
+    return jnp.where(span.first, 0.0, jnp.where(second, new - now, difference))
 
 
 def second_difference(before: Array, now: Array, new: Array, span: Span, second: Array) -> Array:
     """The size of `signed_second_difference` [N], without derivatives."""
-    bend = signed_second_difference(before, now, new, span, second)
-    return jax.lax.stop_gradient(jnp.abs(bend))
+    difference = signed_second_difference(before, now, new, span, second)
+    return jax.lax.stop_gradient(jnp.abs(difference))

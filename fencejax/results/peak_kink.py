@@ -49,10 +49,10 @@ def _quotient(value: Array, by: Array) -> Array:
     return jnp.where(some, value / jnp.where(some, by, 1.0), 0.0)
 
 
-class Bend(NamedTuple):
-    """The bend of a force at a sample: its second divided `difference` [N/s^2], with its
-    derivatives; the lengths of the steps `before` and `after` the sample [s]; and the mean rates of
-    change of the force in these, `came` and `went` [N/s]."""
+class Parabola(NamedTuple):
+    """The parabola of a force through a sample and its two neighbours: the second divided
+    `difference` [N/s^2], with its derivatives; the lengths of the steps `before` and `after` the
+    sample [s]; and the mean rates of change of the force in these, `came` and `went` [N/s]."""
 
     difference: Array
     before: Array
@@ -61,13 +61,13 @@ class Bend(NamedTuple):
     went: Array
 
     @classmethod
-    def start(cls, zero: Array) -> "Bend":
+    def start(cls, zero: Array) -> "Parabola":
         return cls(*(zero,) * 5)
 
     @classmethod
-    def of(cls, before: Array, now: Array, new: Array, second: Array, span: Span) -> "Bend":
-        """The bend at the sample `now`, from its neighbours and their `second` difference for the
-        length of the last step, whose `span` this is."""
+    def of(cls, before: Array, now: Array, new: Array, second: Array, span: Span) -> "Parabola":
+        """The parabola at the sample `now`, from its neighbours and their `second` difference for
+        the length of the last step, whose `span` this is."""
         length = span.length
         first = span.ratio * length
         rates = _quotient(now - before, first), _quotient(new - now, length)
@@ -76,8 +76,8 @@ class Bend(NamedTuple):
 
     def vertex(self) -> Array:
         """Time of the parabola's vertex after this sample [s]."""
-        bend = jax.lax.stop_gradient(self.difference)
-        return -0.5 * _quotient(self.came + bend * self.before, bend)
+        curve = jax.lax.stop_gradient(self.difference)
+        return -0.5 * _quotient(self.came + curve * self.before, curve)
 
     def next_term(self, third: Array) -> Array:
         """The next term [N] of Newton's series, half a step from this sample on the vertex' side,
@@ -100,17 +100,17 @@ class Bend(NamedTuple):
         return jnp.minimum(jnp.abs(weight), 1.0)
 
 
-def span(last: Bend, next_: Bend) -> Array:
+def span(last: Parabola, next_: Parabola) -> Array:
     """The time between the first and the last of the four samples about two neighbours [s]."""
     return last.before + last.after + next_.after
 
 
-def third_difference(last: Bend, next_: Bend) -> Array:
+def third_difference(last: Parabola, next_: Parabola) -> Array:
     """The third divided difference over the four samples about two neighbours [N/s^3]."""
     return _quotient(next_.difference - last.difference, span(last, next_))
 
 
-def missed_by_kink(a: Bend, b: Bend, c: Bend, d: Bend) -> tuple[Array, Array]:
+def missed_by_kink(a: Parabola, b: Parabola, c: Parabola, d: Parabola) -> tuple[Array, Array]:
     """The errors [N] by a kink in the step from the second to the third of four samples: of a peak
     at the second sample, and of one at the third."""
     here = jax.lax.stop_gradient([each.difference for each in (a, b, c, d)])

@@ -200,7 +200,7 @@ def describe(
         power=power,
         carried=() if fence is None else carried(fence),
         directions=tuple(
-            meeting.touch.normal for meeting in forces.fence if meeting.touch.lean is not None
+            meeting.touch.normal for meeting in forces.fence if meeting.touch.tip_load is not None
         ),
         surfaces=tuple(
             tuple(meeting.contact for meeting in group) for group in forces.surfaces

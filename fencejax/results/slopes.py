@@ -47,7 +47,7 @@ from ..parts import AbstractFriction
 from ..scenes import NormalScene
 from .accumulators import FORCE, OVER_TIP, Accumulator, Step
 from .peak import Peak, signed_second_difference
-from .peak_kink import Bend, missed_by_kink, third_difference
+from .peak_kink import Parabola, missed_by_kink, third_difference
 from .resolution import ends_over_tip
 from .rivals import Rivals
 
@@ -70,7 +70,7 @@ class Slopes(NamedTuple):
       where friction reverses at the peak's sample or a neighbour, and of the error of the parabola.
     - `since`: the number of steps since the force was largest.
     - `turned`: 1.0 where friction has reversed in the last step.
-    - `bends`: the second differences at the three samples before the last, the last one first.
+    - `parabolas`: those at the three samples before the last, the last one first.
     - `falls` [N s], by corner: numbers that are 0, whose derivatives are the sizes of the last
       step's errors of the impulses of friction at the fence.
     """
@@ -80,7 +80,7 @@ class Slopes(NamedTuple):
     kink: Array
     since: Array
     turned: Array
-    bends: tuple[Bend, ...]
+    parabolas: tuple[Parabola, ...]
     falls: tuple[Array, ...]
 
 
@@ -118,8 +118,8 @@ def _(primals, tangents):
 def _start(nothing, body) -> Slopes:
     del body
     sums, corners = Sums(*(nothing.time,) * 3), len(nothing.fence)
-    bends = (Bend.start(nothing.time),) * 3
-    return Slopes(sums, sums, *(nothing.time,) * 3, bends=bends, falls=(nothing.time,) * corners)
+    parabolas, falls = (Parabola.start(nothing.time),) * 3, (nothing.time,) * corners
+    return Slopes(sums, sums, *(nothing.time,) * 3, parabolas=parabolas, falls=falls)
 
 
 def _friction_missed(step: Step) -> list[Array]:
@@ -231,8 +231,8 @@ def _update(state: Slopes, step: Step) -> Slopes:
     inside = ~ends_over_tip(step)
     near = (since <= 2) & (turned + state.turned > 0) & inside
     kink = _with_size(jnp.where(higher, 0.0, state.kink), jnp.where(near, second, 0.0))
-    c, b, a = state.bends
-    d = Bend.of(known.before, known.now, new, second, span)
+    c, b, a = state.parabolas
+    d = Parabola.of(known.before, known.now, new, second, span)
     third = third_difference(c, d)
     of_b, of_c = missed_by_kink(a, b, c, d)
     # By the number of steps since the peak's sample.

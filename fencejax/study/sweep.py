@@ -12,7 +12,7 @@ from jaxtyping import Array
 from .. import _check
 from .._identity import description, edition, refused
 from ..fidelity import Fidelity
-from ..results import MEASURES, Measure, Result
+from ..results import MEASURES, Ledger, Measure, Result
 from ..simulate import simulate
 from .sampling import Samples
 from .scene_family import SceneFamily, described
@@ -27,15 +27,9 @@ OUTPUTS: dict[str, str] = {
     "final.x_rate": "m/s",
     "final.y_rate": "m/s",
     "final.spin": "rad/s",
-    **{
-        f"energy.{name}": "J"
-        for name in (
-            "parcel_kinetic", "fence_kinetic", "strain", "contact_stored", "drive_work",
-            "belt_work", "geometry_work", "contact_loss", "fence_friction_loss",
-            "border_friction_loss", "belt_friction_loss", "damping_loss", "residual",
-        )
-    },
-}  # fmt: skip
+    **{f"energy.{field.name}": "J" for field in dataclasses.fields(Ledger)},
+    "energy.residual": "J",
+}
 """Fields of `fencejax.Result` that a sweep can keep, with their units."""
 
 @dataclasses.dataclass(frozen=True, eq=False)

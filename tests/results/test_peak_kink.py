@@ -17,7 +17,7 @@ def bends(force, times):
         ratio = (now - before) / length
         span = Span(jnp.asarray(length), jnp.asarray(False), jnp.asarray(ratio))
         second = 2 * (c - b + (a - b) / ratio) / (1 + ratio)
-        found.append(peak_kink.Bend.of(a, b, c, second, span))
+        found.append(peak_kink.Parabola.of(a, b, c, second, span))
     return found
 
 

@@ -100,9 +100,9 @@ class AbstractContactLaw(Part):
         before, peak, after = (
             jnp.take_along_axis(forces, (place + k)[None], axis=0)[0] for k in (-1, 0, 1)
         )
-        bend = before - 2 * peak + after
-        curved = bend < 0
-        rise = jnp.where(curved, (after - before) ** 2 / jnp.where(curved, bend, -1.0), 0.0)
+        difference = before - 2 * peak + after
+        curved = difference < 0
+        rise = jnp.where(curved, (after - before) ** 2 / jnp.where(curved, difference, -1.0), 0.0)
         return peak - rise / 8
 
     def _crossing_time(self, speed: Array, mass: Array) -> Array:

@@ -99,9 +99,9 @@ def _peak_table() -> tuple[np.ndarray, np.ndarray]:
         place = place + step / 6 * sum(w * s[0] for w, s in zip((1, 2, 2, 1), slopes, strict=True))
         rate = rate + step / 6 * sum(w * s[1] for w, s in zip((1, 2, 2, 1), slopes, strict=True))
         new = force(place, rate)
-        bend = before - 2 * now + new
-        inner = (now >= before) & (now > new) & (bend < 0)
-        safe = np.where(inner, bend, -1.0)
+        difference = before - 2 * now + new
+        inner = (now >= before) & (now > new) & (difference < 0)
+        safe = np.where(inner, difference, -1.0)
         peak = np.maximum(peak, np.where(inner, now - (new - before) ** 2 / (8 * safe), new))
         before, now = now, new
     return beta, peak
