@@ -3,7 +3,7 @@
 import math
 import operator
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -213,9 +213,25 @@ def choice(name: str, value: str, options: tuple[str, ...]) -> str:
     return value
 
 
-def several(value: str | Sequence[str]) -> tuple[str, ...]:
+def several(name: str, value: str | Sequence[str]) -> tuple[str, ...]:
     """Names as a tuple, from a sequence of names or a single one."""
-    return (value,) if isinstance(value, str) else tuple(value)
+    return (value,) if isinstance(value, str) else sequence(name, value, "names")
+
+
+def sequence(name: str, value: Iterable[Any], what: str, size: int | None = None) -> tuple:
+    """A sequence as a tuple. Raises `TypeError` for what is none and `ValueError` for one that is
+    not of the `size`; the message calls its members `what`."""
+    try:
+        found = tuple(value)
+    except TypeError:
+        raise TypeError(
+            f"Argument `{name}` must be a sequence of {what}, but is {value!r}."
+        ) from None
+    if size is not None and len(found) != size:
+        raise ValueError(
+            f"Argument `{name}` must be {size} {what}, but is {len(found)}: {value!r}."
+        )
+    return found
 
 
 def flag(name: str, value: object) -> bool:

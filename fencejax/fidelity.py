@@ -148,6 +148,7 @@ class Fidelity(Readable):
                     f"Argument `modes` must be at most 2 `elements` = {2 * self.elements}, but is "
                     f"{self.modes}. Raise `elements`, or write `modes=None` for all of them."
                 )
+        _check.flag("static_correction", self.static_correction)
         _check.count("iterations", self.iterations, least=1)
         _check.count("halvings", self.halvings)
         if self.step_tolerance is not None:

@@ -143,7 +143,7 @@ def simulate(
         )
     own = _own(measures)
     if only is not None:
-        only = _check.several(only)
+        only = _check.several("only", only)
         for name in only:
             _check.choice("only", name, (*MEASURES, *(m.name for m in own), *_PARTS, "status"))
         only = tuple(sorted({*only, "status"}))

@@ -59,7 +59,8 @@ class Evaluator:
     An evaluation has failed where a number is not finite, or a status that is not numerical is
     above `worst_status`. `estimate`, where set, gives the multipliers whose residual is recorded.
     With a journal, recorded evaluations are not computed again, and new ones are written to it. A
-    run that returns to a point that it has evaluated before goes in a circle and ends (`circling`).
+    run that returns to a point that it has evaluated before goes in a circle and ends (`circling`);
+    where `context` is set, if what it gives, on which the next step depends too, is the same again.
     """
 
     def __init__(
@@ -76,6 +77,8 @@ class Evaluator:
         self._compute, self._journal, self._data = compute, journal, data
         self.bounded, self.scale, self.budget = bounded, scale, budget
         self.circling = False
+        self.context: Callable[[], Vector] | None = None
+        self._met: list[Vector] = []
         self._worst_status, self._progress = worst_status, progress
         self.evaluations: list[Evaluation] = []
         self.records: list[Record] = []
@@ -98,10 +101,12 @@ class Evaluator:
     def __call__(self, point: Vector) -> Evaluation | None:
         """Evaluate, unless the budget is spent or the point is known."""
         point = np.asarray(point, dtype=float)
-        if any(_same(point, record.point) for record in self.records):
+        met = point if self.context is None else np.concatenate([point, self.context()])
+        if any(_same(met, other) for other in self._met if other.shape == met.shape):
             self.circling = True
         if self.spent or self.circling:
             return None
+        self._met.append(met)
         numbers, recalled = self._numbers(point)
         again = np.minimum(numbers.rungs, 1)
         self._least = again if self._least is None else np.maximum(self._least, again)

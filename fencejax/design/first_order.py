@@ -84,15 +84,18 @@ class FirstOrder:
             except TypeError as error:
                 raise ValueError(
                     "Argument `method` must be a transformation that needs the gradient and the "
-                    f"value alone, but optax says: {error}. Write, for example, "
-                    "optax.adam(1e-2), or optax.lbfgs(linesearch=None)."
+                    f"value alone, but optax says: {error}. Write, for example, optax.adam(1e-2)."
                 ) from error
         new = updated(at, self.multipliers, self.penalty)
         self.multipliers = Multipliers(*(
             old + self.share * (aim - old) for old, aim in zip(self.multipliers, new, strict=True)
         ))  # fmt: skip
         point = at.point + np.asarray(change, dtype=float)
-        return np.clip(point, 0.0, 1.0) if self.bounded else point
+        point = np.clip(point, 0.0, 1.0) if self.bounded else point
+        if np.array_equal(point, at.point):
+            # A quasi-Newton method learns from changes, and never moves again after one of 0.
+            self._state = None
+        return point
 
     def run(
         self, evaluate: Evaluate, at: Evaluation, tolerance: float, feasibility: float

@@ -135,7 +135,7 @@ class Settings:
         progress: Callable[[Record], None] | None = None,
     ) -> Optimum:
         """Minimise the problem computed by `compute`; see `minimize`."""
-        point = np.asarray(_check.vector("start", np.asarray(start, dtype=float)))
+        point = np.asarray(_check.vector("start", start), dtype=float)
         if self.bounded and not np.all((point >= 0) & (point <= 1)):
             raise ValueError(
                 f"Argument `start` must hold shares in [0, 1] [1], but is {point}. Write "
@@ -156,6 +156,7 @@ class Settings:
             descent = FirstOrder(
                 self.method, multipliers, penalty=self.penalty, bounded=self.bounded
             )
+            run.context = lambda: np.concatenate(descent.multipliers)
             run.estimate = lambda at: updated(at, descent.multipliers, descent.penalty)
             end, outcome = descent.run(run, at, self.tolerance, self.feasibility)
             multipliers = descent.multipliers

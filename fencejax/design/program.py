@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from .. import _check
 from .._xla import without_loops
 from ..lanes import each_lane
 from ..results import NUMERICAL, Status, climb, refined
@@ -17,6 +18,8 @@ from .lagrangian import Vector
 Problem = Callable[..., tuple[Array, Array, Array]]
 """z (n,), and data where there are any -> objectives (k,), margins (m,), statuses of any shape."""
 
+# What a problem returns, for messages.
+_RETURNED = "results (objectives, margins, statuses of the lanes, such as jnp.zeros(1, int))"
 _Five = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 _DOUBTS = np.array(sorted(NUMERICAL))
 
@@ -86,7 +89,9 @@ class Program:
 
         def at(chosen):
             def everything(z, *data):
-                objectives, margins, status = problem(z, *data, **chosen)
+                objectives, margins, status = _check.sequence(
+                    "problem(z)", problem(z, *data, **chosen), _RETURNED, 3
+                )
                 numbers = (jnp.atleast_1d(objectives), jnp.atleast_1d(margins))
                 return numbers, (numbers, _counted(status))
 

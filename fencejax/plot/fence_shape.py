@@ -95,12 +95,12 @@ def outline(
             turn = turn + np.asarray(history.twist)
         fence, back = bent.lines(turn)
         if history.directions:
-            points, normals = _near_tip(scene, history, arms)
-        else:
+            forces |= _contacts("fence", history.fence, *_near_tip(scene, history, arms))
+        elif history.fence:
             slopes = [bent.slope(np.asarray(c.place)) for c in history.fence]
             turned = turn[:, None] + np.stack(slopes, 1)
             points, normals = _at(arms, scene.fence_corners), (-np.sin(turned), np.cos(turned))
-        forces |= _contacts("fence", history.fence, points, normals)
+            forces |= _contacts("fence", history.fence, points, normals)
     if history.border:
         points = _at(arms, scene.border_corners)
         upright = np.zeros_like(points[0]), np.ones_like(points[1])

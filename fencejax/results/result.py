@@ -63,8 +63,11 @@ class Result(AbstractByName):
         named = {name: leaf for name, leaf in named.items() if leaf is not None}
         if not known(*named.values()):
             return None
-        if self.energy is None or self.final is None:
+        whole = self.energy is not None and self.final is not None
+        if not whole or not MEASURES.keys() <= self.measures.keys() or not self.status.size:
             rows = [(name, self._partial(name, leaf)) for name, leaf in named.items()]
+            if self.energy is not None:
+                rows.append(("energy.residual", numbers(self.energy.residual, "J")))
         elif self.status.ndim:
             rows = [("", self._summary())]
         else:

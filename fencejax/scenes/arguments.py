@@ -26,13 +26,14 @@ Default = Literal["default"]
 
 
 def corners_of(name: str, corners: tuple[int, ...]) -> tuple[int, ...]:
-    for corner in corners:
+    found = [_check.count(name, corner) for corner in _check.sequence(name, corners, "corners")]
+    for corner in found:
         if corner not in _CORNERS:
             raise ValueError(
                 f"Argument `{name}` must hold corners 1 ... 4 (1 leading lower, 2 trailing lower, "
                 f"3 trailing upper, 4 leading upper), but holds {corner!r}."
             )
-    return tuple(sorted(set(corners)))
+    return tuple(sorted(set(found)))
 
 
 def corners_with(corner: int, corners: tuple[int, ...] | None) -> tuple[int, ...]:

@@ -32,14 +32,14 @@ class Scene(Part):
 
     parcel: Parcel
     start: AbstractStart
-    belt: Belt | None
-    fence: Fence | None
-    drive: AbstractDrive | None
-    fence_friction: AbstractFriction | None
-    border: Border | None
-    fence_corners: tuple[int, ...] = eqx.field(static=True)
-    border_corners: tuple[int, ...] = eqx.field(static=True)
     duration: float = eqx.field(static=True)
+    belt: Belt | None = None
+    fence: Fence | None = None
+    drive: AbstractDrive | None = None
+    fence_friction: AbstractFriction | None = None
+    border: Border | None = None
+    fence_corners: tuple[int, ...] = eqx.field(static=True, default=())
+    border_corners: tuple[int, ...] = eqx.field(static=True, default=())
     tip_contact: bool = eqx.field(static=True, default=False)
     surfaces: tuple[AbstractSurface, ...] = ()
     surface_corners: tuple[int, ...] = eqx.field(static=True, default=())

@@ -73,9 +73,10 @@ def free_motion(
     >>> scene.fence is None, scene.duration
     (True, 0.5)
     """
+    x, y = _check.sequence("position", position, "numbers (x, y)", 2)
     motion = Body(
-        moving("position x", position[0], "x"),
-        moving("position y", position[1], "y"),
+        moving("position x", x, "x"),
+        moving("position y", y, "y"),
         moving("angle", angle, "angle"),
         *velocity_of(velocity),
     )
@@ -93,19 +94,14 @@ def free_motion(
     remedy = "Change `position` or `angle`."
     check_clear_of_surfaces(parcel, motion[:2], motion.angle, surfaces, corners, remedy)
     return Scene(
-        parcel,
-        AsGiven(motion),
-        belt_of(belt),
-        fence,
-        drive,
-        None,
-        None,
-        (),
-        (),
-        duration_of(duration, 0.5),
-        False,
-        surfaces,
-        corners,
+        parcel=parcel,
+        start=AsGiven(motion),
+        duration=duration_of(duration, 0.5),
+        belt=belt_of(belt),
+        fence=fence,
+        drive=drive,
+        surfaces=surfaces,
+        surface_corners=corners,
     )
 
 
@@ -180,20 +176,20 @@ def whole_sort(
         remedy = "Raise `offset`, lower `front`, or begin with the fence at rest at 0 rad."
         check_clear_of_fence(parcel, body[:2], body.angle, fence, tilt, remedy)
     return Scene(
-        parcel,
-        start,
-        belt_of(belt),
-        fence,
-        drive,
-        friction_of("fence_friction", fence_friction),
-        border,
-        corners_of("fence_corners", fence_corners),
-        () if border is None else corners_of("border_corners", border_corners),
-        duration_of(duration, cycle_of(drive) if duration is None else duration),
-        _check.flag("tip_contact", tip_contact),
-        surfaces,
-        surface_corners,
-        motor,
+        parcel=parcel,
+        start=start,
+        duration=duration_of(duration, cycle_of(drive) if duration is None else duration),
+        belt=belt_of(belt),
+        fence=fence,
+        drive=drive,
+        fence_friction=friction_of("fence_friction", fence_friction),
+        border=border,
+        fence_corners=corners_of("fence_corners", fence_corners),
+        border_corners=() if border is None else corners_of("border_corners", border_corners),
+        tip_contact=_check.flag("tip_contact", tip_contact),
+        surfaces=surfaces,
+        surface_corners=surface_corners,
+        motor=motor,
     )
 
 
@@ -238,17 +234,12 @@ def passive_sort(
         check_clear_of_surfaces(parcel, body[:2], body.angle, surfaces, corners, remedy)
     border = border_of(border)
     return Scene(
-        parcel,
-        start,
-        belt_of(belt),
-        None,
-        None,
-        None,
-        border,
-        (),
-        () if border is None else corners_of("border_corners", border_corners),
-        duration_of(duration, CYCLE_TIME),
-        False,
-        surfaces,
-        corners if surfaces else (),
+        parcel=parcel,
+        start=start,
+        duration=duration_of(duration, CYCLE_TIME),
+        belt=belt_of(belt),
+        border=border,
+        border_corners=() if border is None else corners_of("border_corners", border_corners),
+        surfaces=surfaces,
+        surface_corners=corners if surfaces else (),
     )

@@ -105,17 +105,15 @@ def oblique_impact(
     )  # fmt: skip
     _turned_clear(parcel, start, fence)
     return Scene(
-        parcel,
-        start,
-        belt_of(belt),
-        fence,
-        drive,
-        friction_of("fence_friction", fence_friction),
-        None,
-        corners_with(number, fence_corners),
-        (),
-        duration_of(duration, 0.25),
-        _check.flag("tip_contact", tip_contact),
+        parcel=parcel,
+        start=start,
+        duration=duration_of(duration, 0.25),
+        belt=belt_of(belt),
+        fence=fence,
+        drive=drive,
+        fence_friction=friction_of("fence_friction", fence_friction),
+        fence_corners=corners_with(number, fence_corners),
+        tip_contact=_check.flag("tip_contact", tip_contact),
     )
 
 
@@ -183,17 +181,15 @@ def along_fence(
     drive = drive_of(drive, fence)
     start = FlushOnFence(place_of(distance, fence), drive_angle_of(drive_angle, drive, fence))
     return Scene(
-        parcel_of(parcel),
-        start,
-        belt_of(belt),
-        fence,
-        drive,
-        friction_of("fence_friction", fence_friction),
-        None,
-        corners_of("fence_corners", fence_corners),
-        (),
-        duration_of(duration, 0.25),
-        _check.flag("tip_contact", tip_contact),
+        parcel=parcel_of(parcel),
+        start=start,
+        duration=duration_of(duration, 0.25),
+        belt=belt_of(belt),
+        fence=fence,
+        drive=drive,
+        fence_friction=friction_of("fence_friction", fence_friction),
+        fence_corners=corners_of("fence_corners", fence_corners),
+        tip_contact=_check.flag("tip_contact", tip_contact),
     )
 
 
@@ -257,15 +253,15 @@ def border_and_fence(
         remedy="The parcel does not span from the border to that point of the fence.",
     )
     return Scene(
-        parcel,
-        BetweenBorderAndFence(place, angle, first, second),
-        belt_of(belt),
-        fence,
-        drive,
-        friction_of("fence_friction", fence_friction),
-        border_of("default" if border is None else border),
-        corners_with(first, fence_corners),
-        (second,),
-        duration_of(duration, 0.25),
-        _check.flag("tip_contact", tip_contact),
+        parcel=parcel,
+        start=BetweenBorderAndFence(place, angle, first, second),
+        duration=duration_of(duration, 0.25),
+        belt=belt_of(belt),
+        fence=fence,
+        drive=drive,
+        fence_friction=friction_of("fence_friction", fence_friction),
+        border=border_of("default" if border is None else border),
+        fence_corners=corners_with(first, fence_corners),
+        border_corners=(second,),
+        tip_contact=_check.flag("tip_contact", tip_contact),
     )

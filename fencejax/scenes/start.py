@@ -41,7 +41,7 @@ def moving(argument: str, value: ArrayLike, field: str) -> Array:
 
 def velocity_of(velocity: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[Array, Array, Array]:
     """Check the velocity of a parcel, (xdot, ydot, phidot) [m/s, m/s, rad/s]."""
-    x, y, spin = velocity
+    x, y, spin = _check.sequence("velocity", velocity, "numbers (x, y, spin)", 3)
     return (
         moving("velocity x", x, "x_rate"),
         moving("velocity y", y, "y_rate"),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import jax
 import numpy as np
+from jax.core import Tracer
 
 from .. import _check
 from ..fidelity import Fidelity
@@ -60,20 +61,26 @@ def simulate_many(
 
     Returns a `Result` of NumPy arrays with the lanes first; `Result.rung` is the rung of each.
 
-    Raises `ValueError` where the leaves do not have one first axis of one length.
+    Raises `ValueError` where the leaves do not have one first axis of one length, and `TypeError`
+    inside a transformation.
 
     >>> scenes = jax.vmap(lambda v: fj.scenes.rigid_wall(speed=v))(jnp.array([1.0, 2.0]))
     >>> fj.simulate_many(scenes, only="peak_force").peak_force.round()
     array([ 832., 2440.])
     """
     fidelity = Fidelity.standard() if fidelity is None else fidelity
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(scenes)):
+        raise TypeError(
+            "Argument `scenes` must hold concrete numbers, but holds traced ones. Inside a "
+            "transformation write jax.vmap(fj.simulate)(scenes), whose `status` tells doubt."
+        )
     sizes = {np.shape(leaf)[:1] for leaf in jax.tree.leaves(scenes)}
     if len(sizes) != 1 or () in sizes:
         raise ValueError(
             "Argument `scenes` must have the lanes as the first axis of every leaf, but has the "
             f"first axes {sorted(sizes)}. Write jax.vmap(make_scene)(numbers)."
         )
-    names = None if only is None else _check.several(only)
+    names = None if only is None else _check.several("only", only)
     if names is not None and "history" in names:
         raise ValueError(
             "Argument `only` must not hold 'history': lanes of different fidelities have different "

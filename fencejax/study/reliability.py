@@ -14,6 +14,9 @@ from .curvature import STEADY, unsteadiness
 # The distance around the most probable point at which a limit's curvature is checked [standard
 # deviations].
 _NEAR = 0.5
+# Largest distance of a point from the nearest one of the limit [standard deviations] with which it
+# is the design point: it changes the reliability index by half its square.
+_STRAIGHT = 0.03
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -96,7 +99,9 @@ def failure_probability(
     - `scatter`: each number [SI] as a function of a standard normal one:
       `{"mass": lambda u: 8.0 * jnp.exp(0.4 * u)}` is lognormal about 8 kg,
       `lambda u: low + (high - low) * jax.scipy.stats.norm.cdf(u)` uniform.
-    - `tolerance`: how near to the limit, relative to the margin at the medians, the point is.
+    - `tolerance`: how near to the limit, relative to the margin at the medians, the point is. What
+      the precision of the numbers cannot tell is not asked for: less than the square root of its
+      round-off counts as that.
     - `budget`: the most evaluations of the margin and its gradient.
 
     Raises `ValueError` where `scatter` is empty, where the margin or a derivative is not finite,
@@ -149,15 +154,21 @@ def failure_probability(
     )
 
 
+class _SpentError(Exception):
+    """The budget of evaluations is used up."""
+
+
 class _Margin:
     """The margin of standard normal numbers u (n,), with its derivatives; `evaluations` counts
-    those of `at`, of which there may be `budget`."""
+    those of `at`, of which there may be `budget`, and `seen` has their points, margins and
+    gradients."""
 
     def __init__(self, margin, scatter, budget: int):
         self._scatter, self.budget = scatter, budget
         self._of = lambda u: margin(self.values(u))
         self._both = jax.jit(jax.value_and_grad(self._of))
         self._latest: tuple[bytes, float, np.ndarray] | None = None
+        self.seen: list[tuple[np.ndarray, float, np.ndarray]] = []
         self.evaluations = 0
 
     @property
@@ -178,10 +189,7 @@ class _Margin:
         u = np.asarray(u, dtype=float)
         if self._latest is None or self._latest[0] != u.tobytes():
             if self.evaluations >= self.budget:
-                raise ValueError(
-                    f"Argument `budget` of {self.budget} evaluations is used up, and no point of "
-                    "the limit is found. The limit may be out of reach of these numbers."
-                )
+                raise _SpentError
             value, slope = self._both(jnp.asarray(u))
             self.evaluations += 1
             value, slope = float(value), np.asarray(slope, dtype=float)
@@ -191,6 +199,7 @@ class _Margin:
                     f" with {slope} at {self.text(u)}."
                 )
             self._latest = u.tobytes(), value, slope
+            self.seen.append((u, value, slope))
         return self._latest[1], self._latest[2]
 
     def slope(self, u) -> np.ndarray:
@@ -213,23 +222,40 @@ def _design_point(limit: _Margin, tolerance: float) -> tuple[np.ndarray, np.ndar
             f"medians, {limit.text(limit.medians)}, are all 0."
         )
     scale = max(abs(begin), float(np.linalg.norm(slope)))
-    found = minimize(
-        lambda u: 0.5 * float(u @ u),
-        # The nearest point of the tangent plane; at the medians the objective is flat.
-        -begin * slope / (slope @ slope),
-        jac=lambda u: u,
-        method="SLSQP",
-        constraints={
-            "type": "eq",
-            "fun": lambda u: limit.at(u)[0] / scale,
-            "jac": lambda u: limit.at(u)[1] / scale,
-        },
-        options={"maxiter": limit.budget, "ftol": tolerance**2},
-    )
-    value, slope = limit.at(found.x)
-    if abs(value) > tolerance * scale:
+    # SLSQP ends where the margin and the distance change by less than this: round-off hides less.
+    least = float(np.sqrt(np.finfo(jnp.zeros(0).dtype).eps))
+    tolerance = max(tolerance, least)
+    message = f"the budget of {limit.budget} evaluations is used up"
+    try:
+        message = minimize(
+            lambda u: 0.5 * float(u @ u),
+            # The nearest point of the tangent plane; at the medians the objective is flat.
+            -begin * slope / (slope @ slope),
+            jac=lambda u: u,
+            method="SLSQP",
+            constraints={
+                "type": "eq",
+                "fun": lambda u: limit.at(u)[0] / scale,
+                "jac": lambda u: limit.at(u)[1] / scale,
+            },
+            options={"maxiter": limit.budget, "ftol": max(tolerance**2, least)},
+        ).message
+    except _SpentError:
+        pass
+    # The last of them may be the outcome of a line search amid round-off.
+    on_limit = [(u, slope) for u, margin, slope in limit.seen if abs(margin) <= tolerance * scale]
+    found = min(on_limit, key=lambda each: _astray(*each), default=None)
+    if found is None or _astray(*found) > _STRAIGHT:
+        point, nearest, _ = min(limit.seen, key=lambda each: abs(each[1]))
         raise ValueError(
-            f"No point of the limit is found: {found.message}. The margin is {begin:.4g} at the "
-            f"medians and {value:.4g} at {limit.text(found.x)}."
+            f"No point of the limit is found within `budget`: {message}. The margin is {begin:.4g} "
+            f"at the medians, and {nearest:.4g} at {limit.text(point)}, where it is nearest to 0. "
+            "The limit may be out of reach of these numbers."
         )
-    return found.x, slope
+    return found
+
+
+def _astray(point: np.ndarray, slope: np.ndarray) -> float:
+    """How far a point of the limit is from the foot of the perpendicular on the tangent plane there
+    [standard deviations]: 0 for the nearest one."""
+    return float(np.linalg.norm(point - (point @ slope) / (slope @ slope) * slope))

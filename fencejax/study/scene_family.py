@@ -91,7 +91,7 @@ class SceneFamily:
     def __init__(
         self,
         kind: str,
-        names: Sequence[str],
+        names: str | Sequence[str],
         *,
         fixed: Mapping[str, float] | None = None,
         fence: Fence | None = None,
@@ -107,7 +107,8 @@ class SceneFamily:
         """**Arguments:**
 
         - `kind`: of `KINDS`.
-        - `names`: of the numbers that vary, in the order of the vectors that `scene` takes.
+        - `names`: of the numbers that vary, in the order of the vectors that `scene` takes, or one
+          name.
         - `fixed`: other numbers by name [SI], instead of those of the parts.
         - `fence`, `drive`, `parcel`, `belt`, `fence_friction`, `border`: the parts, by default the
           paper's; the border acts in `border_and_fence` and `whole_sort` alone.
@@ -119,7 +120,7 @@ class SceneFamily:
         Raises `ValueError` for an unknown kind, name or option, and for names given twice.
         """
         self.kind = _check.choice("kind", kind, tuple(KINDS))
-        self.names = tuple(names)
+        self.names = _check.several("names", names)
         self.fixed = {
             name: _check.number(f"fixed[{name!r}]", value)
             for name, value in ({} if fixed is None else fixed).items()

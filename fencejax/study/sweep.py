@@ -67,7 +67,8 @@ class Sweep:
     refine: bool = True
 
     def __post_init__(self):
-        object.__setattr__(self, "outputs", tuple(dict.fromkeys(_check.several(self.outputs))))
+        outputs = _check.several("outputs", self.outputs)
+        object.__setattr__(self, "outputs", tuple(dict.fromkeys(outputs)))
         for name in self.outputs:
             _check.choice("outputs", name, tuple(self._known))
         if not self.outputs:

@@ -154,8 +154,20 @@ def test_transformation_that_asks_for_a_function_is_refused():
         minimize(_circle, [1.0, 1.0], bounded=False, method=optax.lbfgs())
 
 
+def test_a_point_that_comes_again_with_other_multipliers_is_no_circle():
+    """L-BFGS without a line search goes from bound to bound until the multiplier is right; the
+    least z_0 + 0.5 z_1 with z_0 + z_1 >= 1 is at (0, 1)."""
+    found = minimize(
+        lambda z: (z[0] + 0.5 * z[1] + 1, jnp.atleast_1d(z[0] + z[1] - 1), 0), [0.5, 0.6],
+        method=optax.lbfgs(linesearch=None), budget=300,
+    )
+    assert len(found.history) > 5
+    assert found.stop is not Stop.STAGNATED
+    np.testing.assert_allclose(found.point, [0.0, 1.0], atol=1e-2)
+
+
 def test_points_that_come_again_end_the_run():
-    # Steps that go there and back: the third point is the first again.
+    # Steps that go there and back: the fourth point is the second again, with its multipliers.
     def turning(updates, state, params=None, **extra):
         return jax.tree.map(lambda g: state * jnp.ones_like(g), updates), -state
 
@@ -163,7 +175,7 @@ def test_points_that_come_again_end_the_run():
     found = minimize(
         lambda z: (z @ z + 1, jnp.ones(1), 0), [0.25, 0.5], method=there_and_back, budget=50
     )
-    assert len(found.history) == 2
+    assert len(found.history) == 3
     assert found.stop is Stop.STAGNATED
     np.testing.assert_allclose(found.point, [0.25, 0.5])
 

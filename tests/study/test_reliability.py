@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from scipy import integrate, optimize, stats
 
 import fencejax as fj
 
@@ -64,6 +64,33 @@ def test_lognormal_impacts():
     # The peak force is within 1e-4 at this step, and moves the index by so much over the deviation.
     assert found.probability == pytest.approx(exact, rel=1e-2)
     assert found.importance["mass"] == pytest.approx((0.24 / deviation) ** 2, abs=1e-3)
+
+
+@pytest.mark.parametrize("limit", [2500.0, 3000.0, 4000.0, 6000.0])
+def test_the_search_ends_where_round_off_begins(limit):
+    """A limit that the margin reaches to its last digits, on which a line search would go on."""
+    found = fj.failure_probability(
+        lambda x: limit - 120 * x["mass"] ** 0.8 * x["speed"] ** 1.2,
+        {"mass": lambda u: 15 * jnp.exp(0.2 * u), "speed": lambda u: 2 + 0.2 * u},
+    )
+
+    def distance(v):
+        """Of the point of the limit at a speed of 2 + 0.2 v."""
+        return np.hypot(v, np.log((limit / 120 / (2 + 0.2 * v) ** 1.2) ** 1.25 / 15) / 0.2)
+
+    exact = optimize.minimize_scalar(distance, (-2.0, 2.0), tol=1e-10).fun
+    assert abs(found.index) == pytest.approx(exact, abs=1e-6)
+    assert found.evaluations < 20
+
+
+def test_single_precision():
+    with jax.enable_x64(False):
+        found = fj.failure_probability(
+            lambda p: p["limit"] - p["mass"],
+            {"mass": lambda u: 8.0 * jnp.exp(0.4 * u), "limit": lambda u: 25.0 + 2.0 * u},
+        )
+    # Points within the square root of round-off, 3e-4 of the margin at the medians.
+    assert found.index == pytest.approx(2.791, abs=2e-3)
 
 
 @pytest.mark.parametrize(
