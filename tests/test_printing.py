@@ -204,6 +204,14 @@ def test_an_optimum_says_what_decides_and_what_it_costs():
         optimum.summary(space, ("clearance",))
 
 
+def test_a_result_prints_what_was_asked_for():
+    wall = fj.scenes.rigid_wall()
+    text = str(fj.simulate(wall, only=("energy", "final", "contact_time")))
+    assert "contact_time" in text
+    assert "energy.residual" in text
+    assert "peak" not in text
+
+
 def test_results_sorters_and_spaces_print_themselves():
     result = fj.simulate(fj.scenes.rigid_wall(duration=0.02), history=False)
     assert repr(result).startswith("Result\n")

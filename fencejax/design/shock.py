@@ -211,13 +211,17 @@ def share_damaged(
     - `spread` s [1]: the standard deviation of the natural logarithm of both critical values among
       equal parcels, independent of each other; the values given are then medians, and a parcel
       counts with the probability Phi(ln(A / A_c) / s) Phi(ln(dV / dV_c) / s). With s = 0 a parcel
-      counts fully or not at all, and the share has no derivative.
-    - `weights`: the frequency of each parcel, of shape (n,); by default all equal.
+      counts fully or not at all, and the share has no derivative. At least 0.
+    - `weights`: the frequency of each parcel, of shape (n,), at least 0 and not all of them 0; by
+      default all equal.
+
+    Raises `ValueError` for another `spread` or other `weights`.
 
     >>> blows = {"load": [5.0, 8.0], "velocity_change": [2.0, 3.0]}
     >>> float(fj.shock.share_damaged(**blows, critical_load=6.0, critical_velocity_change=2.5))
     0.5
     """
+    _check.scalar("spread", spread, least=0)
     pairs = ((load, critical_load), (velocity_change, critical_velocity_change))
     ratios = [jnp.asarray(value) / jnp.asarray(critical) for value, critical in pairs]
     if spread == 0:
@@ -228,8 +232,10 @@ def share_damaged(
         damaged = chances[0] * chances[1]
     if weights is None:
         return jnp.mean(damaged)
-    given = jnp.asarray(weights)
-    return jnp.sum(given * damaged) / jnp.sum(given)
+    given = _check.vector("weights", weights, least=0)
+    total = jnp.sum(given)
+    _check.scalar("weights, in all,", total, above=0)
+    return jnp.sum(given * damaged) / total
 
 
 def pseudo_velocity_spectrum(
@@ -246,7 +252,8 @@ def pseudo_velocity_spectrum(
     **Arguments:** `time` [s] and `acceleration` [m/s^2], of shape (n,); `frequencies` f [Hz], of
     shape (k,), above 0; `damping_ratio` zeta [1], from 0 to below 1.
 
-    Raises `ValueError` for other frequencies and damping ratios.
+    Raises `ValueError` for other frequencies and damping ratios, for times that go back, and where
+    times and accelerations are not of one shape.
 
     Source: H. A. Gaberson, Shock severity estimation, Sound and Vibration 46 (1), 2012.
 
@@ -256,6 +263,14 @@ def pseudo_velocity_spectrum(
     [0.59, 0.584]
     """
     time, acceleration = jnp.asarray(time), jnp.asarray(acceleration)
+    if time.ndim != 1 or time.shape != acceleration.shape:
+        raise ValueError(
+            "Arguments `time` and `acceleration` must be of one shape (n,), but are of the shapes "
+            f"{time.shape} and {acceleration.shape}."
+        )
+    if time.size > 1:
+        remedy = "Sort the samples by their time."
+        _check.scalar("time's steps", jnp.diff(time), least=0, unit="s", remedy=remedy)
     frequencies = _check.vector("frequencies", frequencies, above=0, unit="Hz")
     zeta = _check.scalar("damping_ratio", damping_ratio, least=0)
     if not isinstance(zeta, Tracer) and float(zeta) >= 1:

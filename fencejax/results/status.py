@@ -48,8 +48,8 @@ class Status(enum.IntEnum):
 
 
 _AT_TIP = (
-    "write `tip_contact=True` in the scene, so that the tip goes on pushing the parcel's side, and "
-    "name in `fence_corners` every corner that can meet the fence"
+    "write `tip_contact=True` in the scene, unless it has it, so that the tip goes on pushing the "
+    "parcel's side, and name in `fence_corners` every corner that can meet the fence"
 )
 _TEXT = {
     Status.SUCCESSFUL: "successful",

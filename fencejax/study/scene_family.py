@@ -62,6 +62,10 @@ class _Arguments(eqx.Module):
     angle: Array | None
 
 
+# Arguments of a scene's function that are options, besides its corners.
+_OPTIONS = "tip_contact", "surfaces"
+
+
 class _Setting(eqx.Module):
     """The arguments of a scene's function, each number under its path in the scene: numbers are
     read and replaced by name here, and the function checks the result."""
@@ -115,7 +119,8 @@ class SceneFamily:
         - `motor`: of the drive, by default none: see `fencejax.scenes.Scene`.
         - `duration` [s], by default the scene's. It must be given where a whole sort's drive
           varies: the number of steps is the same for all.
-        - `options`: static arguments of the scene's function, such as `corner`.
+        - `options`: other arguments of the scene's function: its corners, `tip_contact` and
+          `surfaces`.
 
         Raises `ValueError` for an unknown kind, name or option, and for names given twice.
         """
@@ -191,7 +196,7 @@ class SceneFamily:
             if names:
                 scene_numbers.together(self._whole, names)
         function = inspect.signature(getattr(scenes, self.kind))
-        allowed = [name for name in function.parameters if "corner" in name]
+        allowed = [n for n in function.parameters if "corner" in n or n in _OPTIONS]
         for name in self.options:
             _check.choice("options", name, tuple(allowed))
 
@@ -224,7 +229,7 @@ class SceneFamily:
         if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(made)):
             for name in (*self.names, *self.fixed):
                 scene_numbers.check(made, name, float(scene_numbers.read(made, [name])[0]))
-            _check_together(made.parcel, made.drive)
+            _check_together(made.parcel, made.drive, made.fence)
         arguments: dict[str, Any] = {
             name: getattr(made.start, PATHS[name][0].rpartition(".")[2])
             for name in KINDS[self.kind]
@@ -287,9 +292,10 @@ def _with_inertia(parcel: Parcel) -> Parcel:
     )
 
 
-def _check_together(parcel: Parcel, drive: AbstractDrive) -> None:
-    """Have the constructors of parcel and drive check numbers that must fit together; a drive's
-    where these are its fields."""
+def _check_together(parcel: Parcel, drive: AbstractDrive, fence: Fence) -> None:
+    """Have the constructors of parcel, drive and fence check numbers that must fit together; a
+    drive's where these are its fields."""
+    Fence(flexible_length=fence.flexible_length, rest_shape=fence.rest_shape)
     Parcel(parcel.mass, parcel.length, parcel.breadth, parcel.center_x, parcel.center_y)
     fields = {field.name: getattr(drive, field.name) for field in dataclasses.fields(drive)}
     if set(inspect.signature(type(drive)).parameters) == set(fields):

@@ -61,6 +61,21 @@ def test_share_of_parcels_damaged():
     assert float(value) == pytest.approx(0.25)
     assert float(slope[0]) == pytest.approx(0.5 / np.sqrt(2 * np.pi) / (0.3 * 40), rel=1e-9)
     assert float(shock.share_damaged(0 * load, change, 40.0, 1.0, spread=0.3)) == 0.0
+    for refused, text in (
+        ({"spread": -1.0}, "`spread` must be at least 0"),
+        ({"weights": [1.0, -1, 1, 1]}, "`weights` must be at least 0"),
+        ({"weights": np.zeros(4)}, "in all.* must be above 0"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            shock.share_damaged(load, change, 40.0, 1.0, **refused)
+
+
+@pytest.mark.parametrize(
+    ("time", "text"), [([0.0, 2, 1], "`time's steps` must be at least 0"), ([0.0, 1], "one shape")]
+)
+def test_a_history_that_goes_back_has_no_spectrum(time, text):
+    with pytest.raises(ValueError, match=text):
+        shock.pseudo_velocity_spectrum(time, [0.0, 2, 0], [1.0])
 
 
 def filtered(acceleration, step, frequency, damping):

@@ -215,6 +215,13 @@ def test_scene_without_fence_and_belt():
     assert not [part for part in axes.collections if hasattr(part, "U")]
 
 
+def test_a_fence_that_nothing_can_touch_is_drawn():
+    scene = fj.scenes.free_motion(fence=fj.Fence(), duration=0.02)
+    drawn = outline(scene, fj.simulate(scene), [0.0, 0.01])
+    assert drawn.fence is not None
+    assert "fence" not in drawn.forces
+
+
 def test_refusals(impact):
     with pytest.raises(ValueError, match=r"`times` must be within the history, 0 .* \[s\]"):
         fj.plot.draw_scene(IMPACT, impact, 0.3)

@@ -10,6 +10,9 @@ From the folder `tests`:
 Designs are oblique impacts, log-uniform within what fences and parcels may really be (`USUAL` in
 `extreme_scenes`), centre of gravity anywhere in the parcel, all in one batch. The cost is the
 median of the ratios of five pairs of runs, as they are and refined, one after the other.
+
+Whole sorts, in which blow follows on blow, are counted at `standard`: such as are like the paper's
+(`random_scenes.sorts`), and such as a search looks at (`searched_scenes`, within realistic bounds).
 """
 
 import argparse
@@ -18,7 +21,9 @@ import time
 import figures
 import jax
 import numpy as np
+from robustness import random_scenes
 from robustness.extreme_scenes import USUAL, draw, impact
+from robustness.searched_scenes import KINDS
 
 import fencejax as fj
 from fencejax.results import counted
@@ -65,9 +70,26 @@ def measured(fidelity, scenes):
     return shares(plain.status), shares(refined.status), float(np.median(ratios))
 
 
+def sorts(count, seed):
+    """Random whole sorts by name, such as are like the paper's and such as a search looks at."""
+    kind = KINDS["sort"]
+    points = np.random.default_rng(seed).random((count, kind.count("realistic")))
+    return {
+        "like the paper's": random_scenes.sorts(seed, count),
+        "as searched": jax.vmap(kind.scene)(kind.numbers(points, "realistic")),
+    }
+
+
+def in_doubt(scenes):
+    """Percentages in numerical doubt at `standard`, as they are and refined."""
+    runs = (fj.simulate_many(scenes, only=_ONLY, refine=refine) for refine in (False, True))
+    return [shares(run.status)[_DOUBT] for run in runs]
+
+
 def main():
     flags = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     flags.add_argument("--designs", type=int, default=1024)
+    flags.add_argument("--sorts", type=int, default=256)
     flags.add_argument("--seed", type=int, default=20261123)
     flags.add_argument("--record", action="store_true", help="write the record anew")
     given = flags.parse_args()
@@ -79,6 +101,10 @@ def main():
         columns_of |= {f"`{name}`": plain, f"{name}, refined": refined}
         longer.append(round(ratio, 1))
         print(f"{name}: {plain}\nrefined: {refined}\n{ratio:.2f} times the time", flush=True)
+    of_sorts = {}
+    for name, some in sorts(given.sorts, given.seed).items():
+        of_sorts[f"sorts {name}"] = (in_doubt(some), "%")
+        print(f"sorts {name}: {of_sorts[f'sorts {name}'][0]}", flush=True)
     rows = {}
     for name in (*fj.Status.__members__, _DOUBT):
         meaning = said(fj.Status[name]) if name in fj.Status.__members__ else ""
@@ -92,6 +118,7 @@ def main():
         cost = {
             "designs": (given.designs, "1"), "time": (longer, "1"),
             "in doubt at standard": (before, "%"), "left in doubt": (after, "%"),
+            "sorts": (given.sorts, "1"), **of_sorts,
         }  # fmt: skip
         known["doubt's cost"] = figures.group(command, cost)
         figures.write(known)

@@ -249,6 +249,37 @@ def test_scenes_are_checked(build, text):
         build()
 
 
+@pytest.mark.parametrize(
+    ("build", "text"),
+    [
+        (lambda: scenes.oblique_impact(velocity=(1.0, 2.0)), r"`velocity` must be 3 numbers"),
+        (lambda: scenes.free_motion(velocity=(1, 2, 3, 4)), r"`velocity` must be 3 numbers"),
+        (lambda: scenes.free_motion(position=(1,)), r"`position` must be 2 numbers \(x, y\)"),
+        (lambda: scenes.free_motion(position=0.3), "`position` must be a sequence"),
+        (lambda: scenes.oblique_impact(fence_corners=2), "`fence_corners` must be a sequence"),
+        (lambda: scenes.oblique_impact(corner=True), "`corner` must be a whole number"),
+        (lambda: scenes.oblique_impact(corner=jnp.asarray(2)), "`corner` must be a whole number"),
+        (lambda: fj.simulate(scenes.rigid_wall(), only=3), "`only` must be a sequence of names"),
+        (lambda: fj.Fidelity(static_correction=3), "`static_correction` must be True or False"),
+        (
+            lambda: fj.minimize(lambda z: z @ z, [0.5]),
+            r"`problem\(z\)` must be a sequence of results \(objectives, margins",
+        ),
+        (
+            lambda: jax.jit(fj.simulate_many)(jax.vmap(_wall)(jnp.ones(2))),
+            "`scenes` must hold concrete numbers",
+        ),
+    ],
+)
+def test_what_is_no_such_thing_is_refused_by_name(build, text):
+    with pytest.raises((TypeError, ValueError), match=text):
+        build()
+
+
+def _wall(speed):
+    return scenes.rigid_wall(speed=speed)
+
+
 def test_a_scene_is_made_inside_a_program_with_parts_of_numbers():
     swing, push = fj.HarmonicDrive(), fj.TorqueDrive([60.0])
     fence = fj.Fence(rest_shape=fj.RestShape(0.01, 0.0))

@@ -52,6 +52,21 @@ def test_what_a_sweep_sets_is_what_is_read(kind, drive):
     np.testing.assert_allclose(read, values, rtol=1e-14)
 
 
+def test_a_family_takes_the_options_of_its_scene_and_checks_the_rest_shape():
+    wall = fj.surfaces.Deflector(angle=0.3, length=0.5, hinge_x=2.0, hinge_y=0.5)
+    family = SceneFamily(
+        "whole_sort", "mass", options={"tip_contact": False, "surfaces": (wall,)}, duration=1.0
+    )
+    scene = family.scene([8.0])
+    assert not scene.tip_contact
+    assert scene.surfaces == (wall,)
+    with pytest.raises(ValueError, match="`options` must be one of .*tip_contact"):
+        SceneFamily("whole_sort", "mass", options={"fence": None})
+    curved = fj.Fence(rest_shape=fj.RestShape(tip=0.05))
+    with pytest.raises(ValueError, match="`rest_shape.steepness` must be at most"):
+        SceneFamily("oblique_impact", "rest_tip", fence=curved).scene([3.0])
+
+
 def test_every_number_of_the_table_is_in_a_scene():
     paths = {path for scene in scenes().values() for path in scene_numbers.names(scene)}
     vectors = {scene_names.element(path)[0] for path in paths}
