@@ -54,7 +54,8 @@ class Fidelity(Readable):
 
     **Fields:**
 
-    - `modes`: bending modes kept; 0 makes the fence rigid; `None` keeps all of them.
+    - `modes`: bending modes kept; 0 makes the fence rigid; `None` keeps all of them. Whether they
+      are enough is judged by the same limit at every setting (`Status.MODES_TOO_FEW`).
     - `static_correction`: whether the static compliance of the modes left out is kept, as one
       massless mode under each contact, with its deflection, slope and damping.
     - `elements`: finite elements on the flexible link (20 in the paper).

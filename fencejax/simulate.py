@@ -91,9 +91,10 @@ def simulate(
       many steps (one where there is no friction): about twice the cost.
 
     **Derivatives** of the first and the second order are exact for the steps that are taken, by
-    `jax.grad`, `jax.jvp`, `jax.hessian` and their compositions. A Hessian in n numbers has n^2
-    columns in addition to the n of a gradient: it costs some n times as much, less the part that
-    both share, and takes several times as long to compile. Second derivatives require
+    `jax.grad`, `jax.jvp`, `jax.hessian` and their compositions, but where a corner comes to rest
+    within a few eps of a step's end: those of what comes later may be wrong then. A Hessian in n
+    numbers has n^2 columns in addition to the n of a gradient: it costs some n times as much, less
+    the part that both share, and takes several times as long to compile. Second derivatives require
     `Fidelity.gradient = "forward"`. Where friction reverses within its smoothing, or a force just
     begins or ends, they are large or jump: `fencejax.curvature` estimates the distance over which a
     Hessian is valid.

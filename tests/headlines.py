@@ -26,6 +26,8 @@ from typing import Any, NamedTuple
 
 import figures
 
+import fencejax as fj
+
 
 class Figure(NamedTuple):
     """A figure of a job's output: the keys that lead to it, its unit, and by what share of itself
@@ -43,6 +45,15 @@ class Run(NamedTuple):
     arguments: tuple[str, ...]
     file: str
     figures: dict[str, Figure]
+
+
+# Of a search: whether it ended at an optimum, how many of its evaluations failed, and how many of
+# the numbers that confirm it are in doubt.
+_SEARCH = {
+    "optimal": Figure(("optimal",), "1", 0.0),
+    "evaluations lost": Figure(("lost",), "1", 0.0),
+    "numbers in doubt": Figure(("in_doubt",), "1", 0.0),
+}
 
 
 def _force(*keys: str | int, tolerance: float = 0.01) -> Figure:
@@ -82,16 +93,20 @@ RUNS = {
     }),
     "co_design": Run("co_design", (), "co_design.json", {
         "worst sort before": Figure(("worst_force_before",), "N", 1e-3),
-        "worst sort": Figure(("worst_force_after",), "N", 0.02),
+        "worst sort": _force("worst_force_after"),
+        **_SEARCH,
     }),
     "co_design, honest": Run("co_design", ("--sorter", "honest"), "co_design.json", {
         "worst sort before": Figure(("worst_force_before",), "N", 1e-3),
-        "worst sort": Figure(("worst_force_after",), "N", 0.02),
+        "worst sort": _force("worst_force_after"),
+        **_SEARCH,
         "constant push": Figure(("constant_push",), "N", 0.02),
     }),
     # The optimiser's tolerance is 0.5 %; the sample's interval is wider, but it is drawn alike.
     "robust_design": Run("robust_design", (), "robust.json", {
         "severity, after over before": Figure(("ratio", "value"), "1", 0.03),
+        "optimal": _SEARCH["optimal"],
+        "parcels left out": Figure(("fresh", "after", "excluded"), "1", 0.0),
     }),
     # Designs within 2 % of each other are confirmed as one.
     "design": Run("design", (), "design.json", {
@@ -100,6 +115,7 @@ RUNS = {
     }),
     "pareto": Run("pareto", (), "front.json", {
         "least force on the front": _force("least_force", tolerance=0.02),
+        "numbers in doubt": _SEARCH["numbers in doubt"],
     }),
     "concepts": Run("concepts", (), "concepts.json", _concepts((
         "rigid", "rigid+pad", "rigid+shaft", "rigid+clutch", "rigid+motion", "rigid+torque",
@@ -191,6 +207,12 @@ def _with_summaries(content: dict[str, Any]) -> dict[str, Any]:
     if isinstance(content.get("points"), list):
         good = [p["peak_force"] for p in content["points"] if p["on_front"]]
         content["least_force"] = min(good)
+    content["optimal"] = str(content.get("stop", "")).startswith(fj.Stop.OPTIMAL.value)
+    content["lost"] = sum(each.get("failed", False) for each in content.get("history") or [])
+    points = content.get("points")
+    confirmed = [content, *(points if isinstance(points, list) else [])]
+    checks = [each["verified"] for each in confirmed if each.get("verified")]
+    content["in_doubt"] = sum(len(check["doubts"]) for check in checks)
     return content
 
 

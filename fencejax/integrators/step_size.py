@@ -159,6 +159,7 @@ def stride_counts(fidelity: Fidelity) -> tuple[float, ...]:
         return (0, *(2**k for k in range(longest)))
     return (0, 0.25, 0.5, *(2**k for k in range(fidelity.halvings + longest)))
 
+
 # Bound on the acceleration of a gap in free flight [m/s^2], by the drive's swing, friction and the
 # vibration of the fence, with a margin.
 _CHANGE = 50.0

@@ -18,6 +18,7 @@ import numpy as np
 from ..parts import AbstractTaper
 
 ARC_MODES = 3
+# Points of Gauss's rule in an element: exact for polynomials up to the degree 19.
 _GAUSS_POINTS = 10
 
 

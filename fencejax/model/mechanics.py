@@ -376,7 +376,7 @@ class Mechanics(eqx.Module):
         return Acceleration(x / self.mass, y / self.mass, moment / self.inertia)
 
     def force_scale(self, forces: Forces) -> Array:
-        """Size of the forces [N]: of the normal forces, and of the weight on a belt."""
+        """Size of the forces [N], never 0: of the normal forces, and of the weight on a belt."""
         scale = jnp.full_like(forces.acceleration.x, 1e-6)
         if self.belt is not None:
             scale = scale + self.belt.weight
