@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import threading
+import uuid
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 from .._identity import edition, refused, text
 from .program import Numbers
 
-_FORMAT = 3
+_FORMAT = 4
 
 
 def _address(point, data: Any) -> str:
@@ -37,8 +38,9 @@ class Journal:
     Every evaluation is written to the file at once. An optimisation is a deterministic function of
     its evaluations: run again with the same journal, it takes the same steps without computing the
     recorded evaluations again, and continues where it was interrupted. Lines damaged by a kill, a
-    full disk or a defect stay in the file, but are ignored; the others are used. Several runs of
-    one problem with different data may share a journal. Another version or source of fencejax may
+    full disk or a defect stay in the file, but are ignored, and so are lines of another problem,
+    whose digest each line carries; the others are used. Several runs of one problem with different
+    data may share a journal. Another version or source of fencejax may
     compute other numbers, so a journal is refused there.
 
     >>> journal = fj.Journal("evaluations.jsonl")
@@ -59,7 +61,7 @@ class Journal:
         Raises `ValueError` for a file of another problem, of another version or source of fencejax
         or of another kind, and `OSError` where it cannot be read or written.
         """
-        self.path, self.recalled, self.torn = Path(path), 0, 0
+        self.path, self.recalled, self.torn, self.foreign = Path(path), 0, 0, 0
         self._known: dict[str, list[np.ndarray]] = {}
         self._lock = threading.Lock()
         header = {
@@ -67,22 +69,32 @@ class Journal:
             "fencejax": edition(),
             "key": hashlib.sha256(key.encode()).hexdigest(),
         }
+        start = json.dumps(header)
+        self._job = hashlib.sha256(start.encode()).hexdigest()[:16]
         with self._with_remedy():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            raw = self.path.read_bytes() if self.path.exists() else b""
-        first, *rows = raw.decode(errors="replace").split("\n")
-        start = json.dumps(header)
-        if not rows and start.startswith(first):
-            # The file is new, or its header was not written completely.
-            with self._with_remedy():
-                self.path.write_text(start + "\n")
-            return
+            there = self.path.exists()
+            text_there = self._text() if there else ""
+            if "\n" not in text_there and start.startswith(text_there):
+                # The file is new, or its header was not written completely.
+                _claim(self.path, start.encode() + b"\n", there)
+                # Read back, as another job may have created it.
+                text_there = self._text()
+        first, *rows = text_there.split("\n")
         self._check(first, header)
         for row in filter(None, rows):
             try:
-                self._known.update([_evaluation(row)])
+                job, address, numbers = _evaluation(row)
             except (ValueError, KeyError, TypeError, IndexError, OverflowError):
                 self.torn += 1
+                continue
+            if job == self._job:
+                self._known[address] = numbers
+            else:
+                self.foreign += 1
+
+    def _text(self) -> str:
+        return self.path.read_bytes().decode(errors="replace")
 
     def _check(self, first: str, header: dict) -> None:
         """Raise `ValueError` where a file's first line is not the header of this problem."""
@@ -121,7 +133,8 @@ class Journal:
 
     def __str__(self) -> str:
         torn = f", {self.torn} torn lines passed over" if self.torn else ""
-        return f"{len(self)} evaluations known from {self.path}{torn}"
+        other = f", {self.foreign} lines of another problem passed over" if self.foreign else ""
+        return f"{len(self)} evaluations known from {self.path}{torn}{other}"
 
     def __len__(self) -> int:
         """Number of evaluations that are known."""
@@ -151,6 +164,7 @@ class Journal:
         name = _address(point, data)
         parts = [np.asarray(part) for part in numbers]
         line = json.dumps({
+            "job": self._job,
             "address": name,
             "point": np.asarray(point, dtype=float).tolist(),
             "numbers": [part.tolist() for part in parts],
@@ -158,6 +172,31 @@ class Journal:
         with self._lock, self._with_remedy():
             _append(self.path, line.encode() + b"\n")
             self._known[name] = parts
+
+
+def _claim(path: Path, header: bytes, there: bool) -> None:
+    """Create a file with its header, unless another process does so first; replace one that is
+    `there` with half a header.
+
+    The header is written under another name and then linked, which fails where a file exists: one
+    of several processes creates it, and none ever sees an incomplete one.
+    """
+    part = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    try:
+        part.write_bytes(header)
+        if there:
+            part.replace(path)
+            return
+        try:
+            os.link(part, path)
+        except FileExistsError:
+            pass
+        except OSError:
+            # A file system without links.
+            with contextlib.suppress(FileExistsError), path.open("xb") as file:
+                file.write(header)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _append(path: Path, line: bytes) -> None:
@@ -177,8 +216,8 @@ def _append(path: Path, line: bytes) -> None:
             raise
 
 
-def _evaluation(line: str) -> tuple[str, list[np.ndarray]]:
-    """Address and numbers of a line.
+def _evaluation(line: str) -> tuple[str, str, list[np.ndarray]]:
+    """Digest of the problem, address and numbers of a line.
 
     Raises `ValueError`, `KeyError`, `TypeError`, `IndexError` or `OverflowError` where the line is
     damaged.
@@ -194,4 +233,5 @@ def _evaluation(line: str) -> tuple[str, list[np.ndarray]]:
     # A list of no rows has lost their length.
     slopes = slopes.reshape(objectives.size, size)
     margin_slopes = margin_slopes.reshape(margins.size, size)
-    return str(row["address"]), [objectives, margins, slopes, margin_slopes, *counts]
+    numbers = [objectives, margins, slopes, margin_slopes, *counts]
+    return str(row["job"]), str(row["address"]), numbers

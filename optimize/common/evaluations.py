@@ -30,6 +30,6 @@ def journal(
     Raises `ValueError` where it belongs to another problem.
     """
     kept = Journal(config.out / f"{name}.jsonl", key(config) + more)
-    if len(kept) or kept.torn:
+    if len(kept) or kept.torn or kept.foreign:
         say(str(kept))
     return kept

@@ -113,6 +113,42 @@ def test_other_problems_are_refused(written):
         Journal(written, "b")
 
 
+@pytest.mark.parametrize("links", [True, False])
+def test_of_two_problems_at_once_in_one_folder_one_is_refused(path, monkeypatch, links):
+    """Both have seen no file when the first one creates it."""
+    real, claimed = type(path).exists, []
+
+    def exists(self, **settings):
+        if self == path and not claimed:
+            claimed.append(None)
+            claimed.append(Journal(path, "a"))
+            return False
+        return real(self, **settings)
+
+    def no_link(*places):
+        raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(type(path), "exists", exists)
+    if not links:
+        monkeypatch.setattr(os, "link", no_link)
+    with pytest.raises(ValueError, match="written with other settings"):
+        Journal(path, "b")
+    claimed[1].add([0, 0.0], DATA, numbers(0.0))
+    assert known(Journal(path, "a")) == [0]
+    assert [each.name for each in path.parent.iterdir()] == [path.name]
+
+
+def test_lines_of_another_problem_are_passed_over(written, tmp_path):
+    other = Journal(tmp_path / "other.jsonl", "b")
+    other.add([2, 0.0], DATA, numbers(7.0))
+    foreign = other.path.read_bytes().split(b"\n")[1]
+    written.write_bytes(written.read_bytes() + foreign + b"\n")
+    journal = Journal(written, "a")
+    assert (journal.torn, journal.foreign) == (0, 1)
+    assert "1 lines of another problem passed over" in str(journal)
+    assert known(journal) == [0, 1, 2, 3, 4]
+
+
 @pytest.mark.parametrize(
     ("change", "by"),
     [
