@@ -156,13 +156,19 @@ def _checked(name, value, above, least, most, size, unit, remedy) -> Array:
     return array
 
 
-def count(name: str, value: int, *, least: int = 0, remedy: str = "") -> int:
+def count(
+    name: str, value: int, *, least: int = 0, most: float = math.inf, remedy: str = ""
+) -> int:
     """Check a count, which is static: it changes the program."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
         raise TypeError(f"Argument `{name}` must be a whole number, but is {value!r}.")
     if value < least:
         raise ValueError(
             f"Argument `{name}` must be at least {least}, but is {value}. {remedy}".rstrip()
+        )
+    if value > most:
+        raise ValueError(
+            f"Argument `{name}` must be at most {most}, but is {value}. {remedy}".rstrip()
         )
     return int(value)
 
@@ -175,15 +181,18 @@ def _memory() -> float:
         return math.inf
 
 
-def room(name: str, rows: int, columns: int) -> None:
+def room(
+    name: str, rows: int, columns: int, *, what: str = "points",
+    remedy: str = "Write a smaller number.",
+) -> None:  # fmt: skip
     """Raise `ValueError` where a table of numbers, with the results computed from it (at least
-    another table of its size), does not fit into this machine's memory."""
+    another table of its size), does not fit into this machine's memory; the message calls its rows
+    `what`."""
     wanted, there = 16.0 * rows * columns, _memory()
     if wanted > there:
         raise ValueError(
-            f"Argument `{name}` must ask for points that fit into memory, but {rows:.3g} of them "
-            f"take {wanted / 1e9:.3g} GB, and this machine has {there / 1e9:.3g} GB. Write a "
-            "smaller number."
+            f"Argument `{name}` must ask for {what} that fit into memory, but {rows:.3g} of them "
+            f"take {wanted / 1e9:.3g} GB, and this machine has {there / 1e9:.3g} GB. {remedy}"
         )
 
 

@@ -11,6 +11,8 @@ from .scenes import NormalScene, Scene
 
 # Largest number of steps that is counted exactly in single and in double precision [1].
 _STEPS = {"float32": 2**24, "float64": 2**31 - 2}
+# The same of the shortest steps, which are counted as floating-point numbers alone [1].
+_SHORTEST = {"float32": 2**24, "float64": 2**53}
 
 
 def refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
@@ -43,6 +45,13 @@ def refuse(scene: NormalScene | Scene, fidelity: Fidelity) -> None:
         raise ValueError(
             f"Argument `duration` / `fidelity.step` must be at most {_STEPS[precision]} [1] in "
             f"{precision}, but is {steps:g}. Raise `step` or lower `duration`."
+        )
+    shortest = steps * 2**fidelity.halvings
+    if fidelity.step_tolerance is not None and shortest > _SHORTEST[precision]:
+        raise ValueError(
+            "Argument `duration` / `fidelity.step` * 2^`fidelity.halvings` must be at most "
+            f"{_SHORTEST[precision]} [1] in {precision}, but is {shortest:g}. Lower `halvings`, "
+            "raise `step` or lower `duration`."
         )
     if precision == "float64" or isinstance(scene, NormalScene):
         return

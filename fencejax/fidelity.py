@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 # Duration from which a scene counts as long [s], and the longest stride in it [s].
 _LONG, _STRIDE = 0.5, 2e-3
 
+# The most elements, halvings of a step, and steps in a stride [1]: beyond, a program takes hours to
+# make, or its counts of steps are no longer exact.
+_ELEMENTS, _HALVINGS, _LONGEST = 1000, 30, 2**20
+
 _INTEGRATORS = ("modal", "kvaerno5", "tsit5")
 
 # Least values that single precision resolves: of a step [s], and of a smoothing [m/s], some
@@ -58,7 +62,7 @@ class Fidelity(Readable):
       are enough is judged by the same limit at every setting (`Status.MODES_TOO_FEW`).
     - `static_correction`: whether the static compliance of the modes left out is kept, as one
       massless mode under each contact, with its deflection, slope and damping.
-    - `elements`: finite elements on the flexible link (20 in the paper).
+    - `elements`: finite elements on the flexible link (20 in the paper), at most 1000.
     - `geometry`: `"chord"`, the paper's (2.14)-(2.17) with the element chords turned by their
       angles; `"arc"`, the same to the third order in the slope; or `"small"`, a small deflection
       normal to the straight line.
@@ -70,8 +74,8 @@ class Fidelity(Readable):
       with a shorter length, and steps become longer where the distance is small, each lane by
       itself. In single precision it is at least 4e-3, the accuracy to which forces are balanced.
       `None`: no control, fixed steps of `step`, as in `reference`.
-    - `halvings`: how often a step may be halved for that. Where the shortest steps are still above
-      the tolerance, the status is `STEP_TOO_COARSE`.
+    - `halvings`: how often a step may be halved for that, at most 30. Where the shortest steps are
+      still above the tolerance, the status is `STEP_TOO_COARSE`.
     - `gradient_tolerance`: the largest estimated error of the peak force's gradient, relative to
       its norm (`Result.gradient_error`). Above it the status is `STEP_TOO_COARSE`, where a gradient
       is computed.
@@ -141,7 +145,10 @@ class Fidelity(Readable):
     gradient: str = "forward"
 
     def __post_init__(self):
-        _check.count("elements", self.elements, least=1)
+        _check.count(
+            "elements", self.elements, least=1, most=_ELEMENTS,
+            remedy="The modes are those of a dense matrix with two rows an element.",
+        )  # fmt: skip
         if self.modes is not None:
             _check.count("modes", self.modes)
             if self.modes > 2 * self.elements:
@@ -151,11 +158,11 @@ class Fidelity(Readable):
                 )
         _check.flag("static_correction", self.static_correction)
         _check.count("iterations", self.iterations, least=1)
-        _check.count("halvings", self.halvings)
+        _check.count("halvings", self.halvings, most=_HALVINGS)
         if self.step_tolerance is not None:
             _check.number("step_tolerance", self.step_tolerance, above=0.0)
         if self.longest_stride is not None:
-            _check.count("longest_stride", self.longest_stride, least=1)
+            _check.count("longest_stride", self.longest_stride, least=1, most=_LONGEST)
             if self.longest_stride & (self.longest_stride - 1):
                 raise ValueError(
                     "Argument `longest_stride` must be a power of two, but is "

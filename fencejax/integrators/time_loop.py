@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .. import _check
 from ..derivatives import complete, one_a_lane
 from ..fidelity import Fidelity
 from ..model import Mechanics
@@ -91,8 +92,16 @@ def run_steps(
 
     Returns the last state and the samples: `steps` + 1 of them, the last one repeated where longer
     steps have left room.
+
+    Raises `ValueError` where the samples do not fit into this machine's memory.
     """
     precision = jax.tree.leaves(begin)[0].dtype
+    if sample is not None:
+        columns = sum(leaf.size for leaf in jax.tree.leaves(jax.eval_shape(sample, begin)))
+        _check.room(
+            "step", steps + 1, columns, what="samples",
+            remedy="Raise `step`, or write history=False.",
+        )  # fmt: skip
 
     def strict(tree):
         return jax.tree.map(lambda leaf: leaf.astype(precision), tree)

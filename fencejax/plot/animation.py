@@ -14,6 +14,7 @@ from ..scenes import Scene
 from . import scene_drawing as picture, style
 from .fence_shape import Outline, outline
 from .time_series import force as draw_force, single_history
+from .whole_file import whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -152,9 +153,12 @@ class Film:
         path = Path(path)
         _check.number("dpi", dpi, above=0)
         if path.suffix == ".gif":
-            self._write(PillowWriter(fps=self.frames_per_second), path, dpi)
+            with whole(path) as part:
+                self._write(PillowWriter(fps=self.frames_per_second), part, dpi)
         elif path.suffix == ".html":
-            path.write_text(self.html(dpi=dpi), encoding="utf-8")
+            text = self.html(dpi=dpi)
+            with whole(path) as part:
+                part.write_text(text, encoding="utf-8")
         else:
             raise ValueError(
                 f"Argument `path` must end with .gif or .html, but is {str(path)!r}."

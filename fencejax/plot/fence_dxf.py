@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..parts import Fence
 from .fence_outline import FenceOutline, fence_outline
+from .whole_file import whole
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
@@ -116,6 +117,7 @@ def _save(drawing: "Drawing", path: Path) -> None:
         data = drawing.ezdxf_metadata()
         for name in ("CREATED_BY_EZDXF", "WRITTEN_BY_EZDXF"):
             data[name] = "fencejax"
-        drawing.saveas(path)
+        with whole(path) as part:
+            drawing.saveas(part)
     finally:
         options.write_fixed_meta_data_for_testing = before

@@ -22,7 +22,7 @@ from fencejax.design import (
 from fencejax.printing import shown
 from fencejax.results import Status
 
-from .files import write_whole
+from .files import write_figure, write_whole
 
 _FORCE = objectives.PEAK_FORCE
 # The most lanes named in a line.
@@ -252,7 +252,7 @@ def ended(optimum: Optimum) -> dict[str, Any]:
 
 def save(axes: Any, path: Path) -> None:
     """Write the figure that some axes are part of."""
-    axes.get_figure(root=True).savefig(path, dpi=150)
+    write_figure(path, axes.get_figure(root=True))
 
 
 def _plain(value):

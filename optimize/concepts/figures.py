@@ -6,6 +6,7 @@ import numpy as np
 
 from fencejax.plot import COLORS, figure as new_figure, legend_above, panel
 
+from ..common.files import write_figure
 from . import words
 from .outcome import Outcome
 from .problem import mass, torque
@@ -42,7 +43,7 @@ def fronts(outcome: Outcome, out: Path) -> None:
             _line(each, points, read, color, mark, concept.title)
         each.set_ylim(bottom=0)
     legend_above(first, columns=3)
-    figure.savefig(out / "concepts.png", dpi=150)
+    write_figure(out / "concepts.png", figure)
 
 
 def _line(axes, points: list[Point], read, color: str, mark: str, title: str) -> None:

@@ -19,12 +19,14 @@ interrupted job.
 
 import csv
 import dataclasses
+import io
 import time
 from typing import Any
 
 from fencejax.results import counted
 
 from ..common import command, machine
+from ..common.files import write_whole
 from ..common.report import write_json
 from . import figures, page, words
 from .configuration import ConceptsConfig, configure
@@ -115,10 +117,10 @@ def _write(outcome: Outcome, wins: str = "", complete: bool = False) -> None:
     }  # fmt: skip
     write_json(config.out / "concepts.json", content)
     rows = [_row(point) for point in points]
-    with (config.out / "concepts.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        titles = [f"{key} [{_UNITS[key]}]" if key in _UNITS else key for key in rows[0]]
-        writer.writerows([titles, *(row.values() for row in rows)])
+    text = io.StringIO(newline="")
+    titles = [f"{key} [{_UNITS[key]}]" if key in _UNITS else key for key in rows[0]]
+    csv.writer(text).writerows([titles, *(row.values() for row in rows)])
+    write_whole(config.out / "concepts.csv", text.getvalue())
 
 
 def _least(outcome: Outcome) -> dict[str, float | None]:

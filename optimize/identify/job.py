@@ -36,6 +36,7 @@ from fencejax.study import (
 )
 
 from ..common import command
+from ..common.files import write_figure
 from ..common.report import write_json
 from . import demo, figures, page
 from .configuration import IdentifyConfig, configure
@@ -129,8 +130,8 @@ def main(config: IdentifyConfig, *, quiet: bool = False) -> Outcome:
         for index, (experiment, fitted) in enumerate(zip(experiments, found.fitted, strict=True)):
             name = "fit" if len(experiments) == 1 else f"fit_{index + 1}"
             drawn = figures.fit(experiment, fitted, found.noise)
-            drawn.savefig(config.out / f"{name}.png", dpi=150)
-        figures.correlation(found).savefig(config.out / "correlation.png", dpi=150)
+            write_figure(config.out / f"{name}.png", drawn)
+        write_figure(config.out / "correlation.png", figures.correlation(found))
     hidden = demo.TRUTH if config.demo else {}
     page.write(config, found, experiments, outcome.deviations, hidden, outcome.succeeded)
     _report(config, outcome, say)

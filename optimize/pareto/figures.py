@@ -8,6 +8,7 @@ import numpy as np
 from fencejax.plot import COLORS, figure as new_figure, prepared
 from fencejax.printing import multiple
 
+from ..common.files import write_figure
 from .problem import Tradeoff
 from .trace import Point
 
@@ -46,7 +47,7 @@ def front(tradeoff: Tradeoff, points: list[Point], good, least, start, out: Path
     axes.set_ylabel("worst peak force [N]")
     axes.set_ylim(bottom=0)
     axes.legend(frameon=False, fontsize="small")
-    figure.savefig(out / "front.png", dpi=150)
+    write_figure(out / "front.png", figure)
 
 
 def designs(tradeoff: Tradeoff, points: list[Point], good, out: Path) -> None:
@@ -70,4 +71,4 @@ def designs(tradeoff: Tradeoff, points: list[Point], good, out: Path) -> None:
             axes.set_xlabel(f"{tradeoff.quantity.name.replace('_', ' ')} [{unit}]")
     for axes in every[len(variables):]:
         axes.remove()
-    figure.savefig(out / "designs.png", dpi=150)
+    write_figure(out / "designs.png", figure)

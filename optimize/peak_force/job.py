@@ -203,9 +203,6 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
     report.write_json(
         config.out / "history.json", report.history_rows(space, optimum, config.quantity)
     )
-    if config.plots:
-        # While whole sorts are compiled.
-        _draw(config, outcome, impacts, signals, bars)
     stacked = checks.sorts(after)
     sorts = {} if stacked is None else {
         name: {k: v[i] for k, v in stacked.items()} for i, name in enumerate(_THREE)
@@ -220,7 +217,11 @@ def _confirm(config, optimum, space, impacts, checks, before, after, say, begin)
     if optimum.stop is not Stop.FAILED_START:
         say("\n" + nearby.price_text(space, optimum, page.rows(outcome, impacts), unit))
         say("\n" + page.mine(config, outcome, impacts))
-    _write(config, outcome, impacts, bars)
+    rows = _side_by_side(outcome, config.one_link)
+    _write(config, outcome, impacts, bars, rows)
+    if config.plots:
+        _draw(config, outcome, impacts, signals, bars)
+    page.write(config, outcome, impacts, _verdict(outcome, impacts), rows)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
 
@@ -319,7 +320,7 @@ def _bars(config, outcome) -> dict[str, Any]:
     }
 
 
-def _write(config, outcome, impacts, bars) -> None:
+def _write(config, outcome, impacts, bars, rows) -> None:
     space, optimum = outcome.space, outcome.optimum
     content = {
         "config": dataclasses.asdict(config),
@@ -345,11 +346,10 @@ def _write(config, outcome, impacts, bars) -> None:
         "rigid_obstacle": outcome.stiff,
         "whole_sorts": outcome.sorts,
         "margins": batch.margins(config.limits, outcome.measured["after"]),
-        "side_by_side": _side_by_side(outcome, config.one_link),
+        "side_by_side": rows,
         "elasticities": bars,
     }
     report.write_json(config.out / "result.json", content)
-    page.write(config, outcome, impacts, _verdict(outcome, impacts), content["side_by_side"])
 
 
 def _draw(config, outcome, impacts, signals, bars) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import fencejax as fj
 from fencejax.plot import legend_above, panel, style
 
+from ..common.files import write_figure
 from . import fences
 from .case import lane
 from .cycle import Cycle, Stiff, first_and_last
@@ -215,4 +216,4 @@ def sensitivity_figure(found: Sensitivities) -> "Figure":
 def save(figures: dict[str, "Figure"], folder: Path) -> None:
     """Write every figure into `folder` as a PNG of its name."""
     for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=150)
+        write_figure(folder / f"{name}.png", figure)

@@ -123,11 +123,12 @@ def main(config: PaperConfig | None = None, *, quiet: bool = False) -> Outcome:
         impacts[0], slides[0], rigid, own, fine, found, findings,
         judged[0], list(zip(variants, judged[1:], strict=True)), {},
     )  # fmt: skip
+    outcome = dataclasses.replace(outcome, elapsed=clock.stop())
+    write_json(config.out / "result.json", _content(config, outcome, default))
     if config.plots:
         _draw(config, outcome)
         clock.lap("figures")
-    outcome = dataclasses.replace(outcome, elapsed=clock.stop())
-    write_json(config.out / "result.json", _content(config, outcome, default))
+        outcome = dataclasses.replace(outcome, elapsed=clock.stop())
     page.write(config, outcome)
     _report(config, outcome, say)
     return outcome

@@ -6,6 +6,7 @@ import numpy as np
 
 from fencejax.plot import COLORS, figure, legend, prepared
 
+from ..common.files import write_figure
 from ..common.report import save
 from .confidence import measure_of
 from .configuration import RobustConfig
@@ -68,4 +69,4 @@ def search(config: RobustConfig, found: Found, out: Path) -> None:
     lower.plot(number, [s.violation for s in found.steps], "o-", color=COLORS[2], markersize=3)
     lower.set_ylabel("largest violation [1]")
     lower.set_xlabel("evaluation" if config.method == "sample" else "step, each a fresh batch")
-    drawn.savefig(out / "search.png", dpi=150)
+    write_figure(out / "search.png", drawn)

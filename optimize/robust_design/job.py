@@ -29,6 +29,7 @@ from fencejax.results import counted
 
 from ..common import command, designs, evaluations, machine, nearby, report
 from ..common.encounters import Encounter
+from ..common.files import write_arrays
 from . import confidence, page
 from .configuration import RobustConfig, configure
 from .descent import by_batches, by_sample
@@ -193,7 +194,7 @@ def _write(population: Population, outcome: Outcome, fresh, both, journal: Journ
     columns = {f"parcel_{name}": np.asarray(part) for name, part in fresh._asdict().items()}
     for when, judgement in outcome.judged.items():
         columns |= {f"{when}_{name}": part for name, part in judgement.lanes.items()}
-    np.savez_compressed(config.out / "fresh.npz", **columns)  # type: ignore[arg-type]
+    write_arrays(config.out / "fresh.npz", **columns)
     if config.plots:
         from . import figures
 

@@ -30,6 +30,7 @@ from fencejax.scenes import numbers as scene_numbers
 from fencejax.study import UNITS_OF_RULES, Response
 
 from ..common import command
+from ..common.files import write_arrays, write_figure
 from ..common.report import write_json
 from . import figures, page, study, tables
 from .configuration import SensitivityConfig, configure
@@ -100,9 +101,9 @@ def main(config: SensitivityConfig | None = None, *, quiet: bool = False) -> Out
     outcome = Outcome(
         names, points, at, followed, samples, shares, refused, clock.elapsed
     )
+    write_json(config.out / "result.json", _content(config, inputs, outcome, response, line))
     if config.plots:
         _draw(config, outcome, response, line)
-    write_json(config.out / "result.json", _content(config, inputs, outcome, response, line))
     page.write(config, outcome, response, _titles(outcome), inputs)
     _report(config, outcome, response, line, say)
     return outcome
@@ -120,7 +121,7 @@ def _titles(outcome: Outcome) -> list[str]:
 
 def _write_samples(config: SensitivityConfig, names, samples: Samples) -> None:
     """Write every point u and value of the global study, before they are evaluated."""
-    np.savez_compressed(
+    write_arrays(
         config.out / "samples.npz",
         names=np.array(names),
         outputs=np.array(config.outputs),
@@ -153,7 +154,7 @@ def _draw(config: SensitivityConfig, outcome: Outcome, response: Response, line)
     if outcome.shares is not None:
         drawn["shares"] = figures.shares(outputs, outcome.names, outcome.shares, config.confidence)
     for name, figure in drawn.items():
-        figure.savefig(config.out / f"{name}.png", dpi=150)
+        write_figure(config.out / f"{name}.png", figure)
 
 
 def _named(found: Local, outputs, names) -> list[dict[str, Any]]:

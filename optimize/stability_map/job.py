@@ -153,11 +153,11 @@ def main(config: StabilityConfig, quiet: bool = False) -> bool:
         }
         counts = {k: v for k, v in report["fidelities"][name].items() if k != "off at"}
         say(f"{name}: {json.dumps(counts)}")
+    write_json(config.out / "stability_map.json", report)
     axes = {name: _along(name, config.points) for name in AXES}
     draw_axes(config.out / "stability_axes.png", axes, kinds)
     begin = len(AXES) * config.points
     draw_pairs(config.out / "stability_pairs.png", PAIRS, config.side, begin, kinds)
-    write_json(config.out / "stability_map.json", report)
     page.write(config, report, fine)
     say(f"written to {config.out}")
     return fine

@@ -10,6 +10,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from fencejax.plot import style
 
+from ..common.files import write_figure
 from .scenes import AXES, ORDINARY, TITLES
 
 _NAMES = ("right", "off: good status, beyond the promise", "warned", "refused")
@@ -73,7 +74,7 @@ def draw_axes(path: Path, axes: dict[str, np.ndarray], kinds: dict) -> None:
     for panel in panels[len(axes) :]:
         panel.set_axis_off()
     _legend(figure)
-    figure.savefig(path, dpi=110)
+    write_figure(path, figure, dpi=110)
 
 
 def draw_pairs(path: Path, pairs, side: int, begin: int, kinds: dict) -> None:
@@ -96,4 +97,4 @@ def draw_pairs(path: Path, pairs, side: int, begin: int, kinds: dict) -> None:
     for panel, (one, _) in zip(grid[-1], pairs, strict=True):
         panel.set_xlabel(_label(one), fontsize="small")
     _legend(figure)
-    figure.savefig(path, dpi=110)
+    write_figure(path, figure, dpi=110)

@@ -39,6 +39,7 @@ import fencejax as fj
 from fencejax.study import Progress, SweepTable, run_sweep, sweep_library
 
 from ..common import command
+from ..common.files import write_figure
 from ..common.report import write_json
 from . import page
 from .configuration import SweepConfig, configure
@@ -106,9 +107,6 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
     for name, number in missing.items():
         say(f"  {name}: not a number in {number} lanes whose status is good")
     share = 1 - float(np.mean(table.good))
-    drawn = table.plot() if config.plots else {}
-    for name, figure in drawn.items():
-        figure.savefig(config.out / f"{name}.png", dpi=150)
     outcome = Outcome(table, share <= config.tolerated, time.perf_counter() - begin)
     quantiles = _quantiles(table)
     write_json(config.out / "result.json", {
@@ -123,13 +121,16 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
         "units": table.units,
         "elapsed": outcome.elapsed,
     })  # fmt: skip
+    drawn = table.plot() if config.plots else {}
+    for name, figure in drawn.items():
+        write_figure(config.out / f"{name}.png", figure)
     page.write(config, sweep, outcome, quantiles, tuple(drawn))
     if not outcome.succeeded:
         say(
             f"{100 * share:.1f} % of the lanes have no good numbers, more than the "
             f"{100 * config.tolerated:g} % of --tolerated"
         )
-    say(f"wrote {config.out} ({outcome.elapsed:.1f} s in all)")
+    say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from fencejax.plot import legend_above, panel, style
 
+from ..common.files import write_figure
 from .cases import SYMBOLS, TITLES, VARIABLES
 from .errors import spread
 
@@ -291,4 +292,4 @@ def draw(report: "Report", out: Path) -> None:
     }
     for name, figure in drawn.items():
         if figure is not None:
-            figure.savefig(out / f"{name}.png", dpi=150)
+            write_figure(out / f"{name}.png", figure)

@@ -19,6 +19,7 @@ import fencejax as fj
 from fencejax.study import describe
 
 from ..common import command
+from ..common.files import write_whole
 from ..common.report import write_json
 from . import cases, cold, front, ladder as ladders, orders, page, tables
 from .cases import Family
@@ -281,7 +282,7 @@ def _write(report: Report, say) -> None:
     out = report.config.out
     write_json(out / "work_precision.json", tables.content(report))
     text = tables.document(report)
-    (out / "work_precision.md").write_text(text)
+    write_whole(out / "work_precision.md", text)
     say("\n" + text)
     if report.config.plots:
         from . import figures

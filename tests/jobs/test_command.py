@@ -3,7 +3,6 @@
 import dataclasses
 import errno
 import importlib
-import json
 import os
 import re
 import signal
@@ -14,10 +13,13 @@ import types
 from pathlib import Path
 
 import job_flags
+import numpy as np
 import pytest
 
+from fencejax import plot
 from optimize.common import assignments, command, flags
-from optimize.common.report import write_json
+from optimize.common.files import write_arrays
+from optimize.common.report import save, write_json
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,23 +81,38 @@ def test_errors_of_the_system_are_printed_with_a_remedy(tmp_path):
     assert message == "job: there is not enough memory (8 PiB). Ask for less."
 
 
-@pytest.mark.parametrize("there", [True, False])
-def test_a_full_disk_leaves_what_was_written_before(there, tmp_path, monkeypatch):
-    """The disk takes half of the file."""
-    path, real = tmp_path / "result.json", Path.write_text
+def draw(path, size):
+    axes = plot.prepared(None)
+    axes.bar([1], [size])
+    save(axes, path)
 
-    def half(self, text, **settings):
-        real(self, text[: len(text) // 2], **settings)
+
+@pytest.mark.parametrize("there", [True, False])
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [
+        ("result.json", lambda path, size: write_json(path, {"peak_force": size})),
+        ("force.png", draw),
+        ("samples.npz", lambda path, size: write_arrays(path, peak_force=np.array(size))),
+    ],
+)
+def test_a_full_disk_leaves_what_was_written_before(name, write, there, tmp_path, monkeypatch):
+    """The disk takes half of the file."""
+    path, real, before = tmp_path / name, Path.write_bytes, b""
+
+    def half(self, data):
+        real(self, data[: len(data) // 2])
         raise OSError(errno.ENOSPC, "No space left on device")
 
     if there:
-        write_json(path, {"peak_force": 1.0})
+        write(path, 1.0)
+        before = path.read_bytes()
     with monkeypatch.context() as patch:
-        patch.setattr(Path, "write_text", half)
+        patch.setattr(Path, "write_bytes", half)
         with pytest.raises(OSError, match="No space left"):
-            write_json(path, {"peak_force": 2.0})
-    assert [each.name for each in tmp_path.iterdir()] == (["result.json"] if there else [])
-    assert not there or json.loads(path.read_text()) == {"peak_force": 1.0}
+            write(path, 2.0)
+    assert [each.name for each in tmp_path.iterdir()] == ([name] if there else [])
+    assert not there or path.read_bytes() == before
 
 
 # ---- flags

@@ -7,14 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import report_pages
-from pictures import shows_data
+from pictures import numbers_first, shows_data
 
 import fencejax as fj
 from fencejax import plot
 from fencejax.design import Stop
 from optimize.common import nearby, report
 from optimize.common.encounters import Encounter
-from optimize.peak_force import main
+from optimize.peak_force import job, main
 from optimize.peak_force.configuration import PeakForceConfig, configure
 
 _SMALL = PeakForceConfig(
@@ -31,7 +31,8 @@ _SMALL = PeakForceConfig(
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     out = tmp_path_factory.mktemp("small")
-    return main(PeakForceConfig(**{**vars(_SMALL), "out": out})), out
+    with numbers_first(job):
+        return main(PeakForceConfig(**{**vars(_SMALL), "out": out})), out
 
 
 def test_peak_force_falls_within_the_limits(small):

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import report_pages
 from jobs.notebooks import FOLDER, assert_labelled, run
-from pictures import shows_data
+from pictures import numbers_first, shows_data
 
 import fencejax as fj
 from optimize import reproduce_paper
-from optimize.reproduce_paper import main, maps, statements, tables
+from optimize.reproduce_paper import job, main, maps, statements, tables
 from optimize.reproduce_paper.case import lane
 from optimize.reproduce_paper.configuration import PaperConfig
 from optimize.reproduce_paper.cycle import first_and_last
@@ -26,7 +26,8 @@ _FAST = fj.Fidelity.fast()
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory):
     out = tmp_path_factory.mktemp("paper")
-    return main(PaperConfig(out=out).quick(), quiet=True), out
+    with numbers_first(job):
+        return main(PaperConfig(out=out).quick(), quiet=True), out
 
 
 def finding(findings, key):

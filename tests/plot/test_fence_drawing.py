@@ -1,6 +1,9 @@
 """A fence for the workshop: its outline, its DXF file read again, its drawing sheet."""
 
+import errno
+
 import ezdxf
+import ezdxf.document
 import ezdxf.math
 import ezdxf.path
 import numpy as np
@@ -82,6 +85,22 @@ def test_layers_and_dimensions_of_the_dxf(tmp_path):
     first = one.read_bytes()
     write_dxf(one, fj.Fence.one_link())
     assert one.read_bytes() == first
+
+
+def test_a_full_disk_leaves_the_old_dxf(tmp_path, monkeypatch):
+    path = tmp_path / "fence.dxf"
+    write_dxf(path, fj.Fence.one_link())
+    before = path.read_bytes()
+
+    def half(drawing, place):
+        place.write_bytes(before[: len(before) // 2])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(ezdxf.document.Drawing, "saveas", half)
+    with pytest.raises(OSError, match="No space left"):
+        write_dxf(path, fj.Fence())
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("name", ["two-link", "power", "profile"])

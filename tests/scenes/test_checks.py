@@ -192,6 +192,9 @@ def test_vectors_of_constructors():
     [
         ({"elements": 0}, ValueError, "`elements` must be at least 1"),
         ({"elements": 2.0}, TypeError, "`elements` must be a whole number"),
+        ({"elements": 100_000}, ValueError, "`elements` must be at most 1000, but is 100000. The"),
+        ({"halvings": 1000}, ValueError, "`halvings` must be at most 30, but is 1000"),
+        ({"longest_stride": 2**60}, ValueError, "`longest_stride` must be at most 1048576, but is"),
         ({"modes": -1}, ValueError, "`modes` must be at least 0"),
         ({"modes": 41}, ValueError, "`modes` must be at most 2 `elements` = 40, but is 41"),
         ({"iterations": 0}, ValueError, "`iterations` must be at least 1"),
@@ -210,6 +213,22 @@ def test_fidelity_is_checked(changes, error, text):
         Fidelity(**changes)
     with pytest.raises(error, match=text):
         Fidelity().replace(**changes)
+
+
+def test_a_history_that_does_not_fit_into_memory_is_refused(monkeypatch):
+    # 240 samples of some thirty numbers.
+    monkeypatch.setattr(_check, "_memory", lambda: 1e3)
+    with pytest.raises(ValueError, match="`step` must ask for samples that fit into memory") as no:
+        fj.simulate(scenes.rigid_wall(duration=0.019))
+    assert str(no.value).endswith("Raise `step`, or write history=False.")
+    assert "\n" not in str(no.value)
+
+
+def test_steps_that_single_precision_cannot_count_are_refused():
+    with jax.enable_x64(False):
+        scene = scenes.rigid_wall()
+        with pytest.raises(ValueError, match=r"2\^`fidelity.halvings` must be at most 16777216"):
+            fj.simulate(scene, fidelity=Fidelity(halvings=30))
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 import report_pages
-from pictures import shows_data
+from pictures import numbers_first, shows_data
 
 import fencejax as fj
 from fencejax.parts import dimension
 from fencejax.scenes import numbers as scene_numbers
 from fencejax.study import Response, sensitivity
-from optimize.sensitivity import main
+from optimize.sensitivity import job, main
 from optimize.sensitivity.configuration import SensitivityConfig, configure
 
 # Ishigami and Homma (1990): f = sin x1 + a sin^2 x2 + b x3^4 sin x1, x uniform in [-pi, pi].
@@ -290,7 +290,8 @@ def study(tmp_path_factory):
         "--out", str(out), "--scene", "normal_impact", "--quick", "--outputs", "peak_force",
         "tip_deflection", "--ranges", "density=1000:1300",
     ])  # fmt: skip
-    return main(config, quiet=True), out
+    with numbers_first(job):
+        return main(config, quiet=True), out
 
 
 def test_study_of_the_normal_impact(study):

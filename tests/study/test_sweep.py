@@ -300,7 +300,9 @@ def test_arrays_are_drawn_as_a_table_is():
         fj.plot.sweep(table.axes, forces, status=status.T, units=units)
 
 
-def test_script_writes_its_files_and_says_whether_it_succeeded(whole, tmp_path, capsys):
+def test_script_writes_its_files_and_says_whether_it_succeeded(
+    whole, tmp_path, capsys, monkeypatch
+):
     outcome = main(small(tmp_path, plots=True))
     assert_same(outcome.table, whole)
     reported = capsys.readouterr().out
@@ -312,6 +314,17 @@ def test_script_writes_its_files_and_says_whether_it_succeeded(whole, tmp_path, 
     reported = report_pages.text(tmp_path / "report.html")
     assert "IMPOSSIBLE 10 there is no such scene" in reported
     assert outcome.succeeded
+    (tmp_path / "result.json").unlink()
+
+    def broken(table):
+        raise RuntimeError("no picture")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(outcome.table), "plot", broken)
+        with pytest.raises(RuntimeError, match="no picture"):
+            main(small(tmp_path, plots=True), quiet=True)
+    # Numbers are written before pictures.
+    assert json.loads((tmp_path / "result.json").read_text())["statuses"] == whole.counts()
     strict = main(small(tmp_path, tolerated=0.01))
     assert not strict.succeeded
     assert "more than the 1 % of --tolerated" in capsys.readouterr().out
