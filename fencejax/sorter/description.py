@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from .. import _text
 from ..fidelity import Fidelity
 from ..parts import AbstractDrive, AbstractFriction, Belt, Border, DataSheet, Fence, Motor
 from ..printing import Readable, Table, as_table
@@ -130,6 +131,7 @@ class Sorter(Readable):
         Raises `OSError` where it cannot be read, and `ValueError` naming the file otherwise.
         """
         path = Path(path)
+        _text.refuse_folder(path)
         try:
             text = path.read_text(encoding="utf-8")
         except UnicodeDecodeError as error:

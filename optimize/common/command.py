@@ -26,6 +26,7 @@ _REMEDIES = {
     errno.EEXIST: "Name another folder: this is a file.",
     errno.ENOTDIR: "Name another folder: there is a file in the way.",
     errno.EISDIR: "Name another folder: this one holds a folder where a file is to be.",
+    errno.ENAMETOOLONG: "Write a shorter name.",
     errno.ENOENT: "Name one that is there.",
     errno.EACCES: "Name one that you may read and write.",
     errno.EPERM: "Name one that you may read and write.",
@@ -103,6 +104,8 @@ def _message(error: OSError) -> str:
     """The message of an error of the system, with a remedy; an own message has one already."""
     if error.errno is None:
         return str(error)
-    place = f"{os.fsdecode(error.filename)}: " if error.filename is not None else ""
+    # Where a file is renamed, its own name and not that of the temporary one.
+    name = error.filename if error.filename2 is None else error.filename2
+    place = f"{os.fsdecode(name)}: " if name is not None else ""
     remedy = _REMEDIES.get(error.errno, "")
     return f"{place}{error.strerror}. {remedy}".strip()

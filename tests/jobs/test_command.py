@@ -16,8 +16,9 @@ import job_flags
 import numpy as np
 import pytest
 
+import fencejax as fj
 from fencejax import plot
-from optimize.common import assignments, command, flags
+from optimize.common import assignments, command, flags, machine
 from optimize.common.files import write_arrays
 from optimize.common.report import save, write_json
 
@@ -72,6 +73,14 @@ def test_errors_of_the_system_are_printed_with_a_remedy(tmp_path):
     assert message == f"job: {tmp_path}/file: File exists. Name another folder: this is a file."
     message = left(write(tmp_path / "file" / "out"))
     assert message.endswith("Not a directory. Name another folder: there is a file in the way.")
+    message = left(write(tmp_path / ("x" * 300)))
+    assert message.endswith("File name too long. Write a shorter name.")
+    (tmp_path / "result.json").mkdir()
+    message = left(lambda config: write_json(tmp_path / "result.json", {}))
+    assert message == (
+        f"job: {tmp_path}/result.json: Is a directory. Name another folder: this one holds a "
+        "folder where a file is to be."
+    )
     full = OSError(errno.ENOSPC, "No space left on device", tmp_path / "history.json")
     assert left(failing(full)).endswith(
         "history.json: No space left on device. Make room, and run the same command again."
@@ -113,6 +122,12 @@ def test_a_full_disk_leaves_what_was_written_before(name, write, there, tmp_path
             write(path, 2.0)
     assert [each.name for each in tmp_path.iterdir()] == ([name] if there else [])
     assert not there or path.read_bytes() == before
+
+
+@pytest.mark.parametrize("read", [machine.load, fj.study.read_recording])
+def test_a_folder_that_is_to_be_read_is_refused_in_one_line(read, tmp_path):
+    message = left(lambda config: read(str(tmp_path)))
+    assert message == f"job: {tmp_path} must be a file, but is a folder. Name a file in it."
 
 
 # ---- flags
