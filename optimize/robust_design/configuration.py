@@ -214,6 +214,7 @@ configure = flags.reader(
     RobustConfig,
     "optimize.robust_design",
     "The fence for parcels as they come: mean, CVaR or worst case of the blow over thousands "
-    "of sorts, with limits that hold for a stated fraction of parcels.",
+    "of sorts, with limits that hold for a stated fraction of parcels. With --sorter the parcels "
+    "are drawn from the distributions in its file, or by their weights from its list or CSV file.",
     quick="few parcels at the fast fidelity, where no flag for them says otherwise",
 )

@@ -3,9 +3,11 @@
     python -m optimize.robust_design --severity drop_height --out out
 
 Mass, size, stiffness, place, angle, timing and friction of the parcels are drawn from spans, each
-set by a flag. The objective is the mean, the CVaR (the mean of the worst 5 %) or the worst case of
-the peak force, of the g-load or of the equivalent drop height; each limit must hold for a stated
-fraction of the parcels. One compiled program simulates thousands of whole sorts.
+set by a flag. With a sorter file they are drawn from its distributions, or by their weights from
+the parcels that it lists or that its CSV file holds. The objective is the mean, the CVaR (the mean
+of the worst 5 %) or the worst case of the peak force, of the g-load or of the equivalent drop
+height; each limit must hold for a stated fraction of the parcels. One compiled program simulates
+thousands of whole sorts.
 
 There are two methods: one sample of parcels throughout, whose statistics are an ordinary design
 problem, or a fresh batch at every step. Both the paper's fence and the final design are then judged

@@ -10,6 +10,7 @@ from ..common.amounts import plain
 from ..common.encounters import Course, Encounter
 from ..common.html_report import Part, Report, Section, Table
 from .confidence import Interval
+from .configuration import RobustConfig
 from .outcome import Outcome
 from .problem import Population
 
@@ -53,7 +54,7 @@ def write(population: Population, outcome: Outcome, fresh: Encounter, verdict: s
             Section("What decides", _decides(population, outcome)),
             Section("Statuses and checks", _checks(outcome)),
             pages.assumptions(
-                "The parcels' numbers are independent of each other, spread as the table says.",
+                _spread(config),
                 f"Intervals are of {100 * config.confidence:g} %: bootstrap for the measures, "
                 "exact ones for the shares.",
                 "Parcels without numbers count as breaking every limit.",
@@ -81,6 +82,17 @@ def mine(outcome: Outcome) -> str:
         text += f" of {config.machine.title}"
     stiff = f"{outcome.stiff:.4g} {config.unit}"
     return f"{text}; by a fence of that shape that does not bend: {stiff}."
+
+
+def _spread(config: RobustConfig) -> str:
+    """What is assumed of the parcels' numbers."""
+    if config.machine is None:
+        return "The parcels' numbers are independent of each other, spread as the table says."
+    return (
+        "The parcels are those of the sorter file: its distributed numbers are independent of each "
+        "other, and of the parcels that it lists each comes as often as its weight says. Of "
+        "parcels that are not in the file the intervals say nothing."
+    )
 
 
 def _decides(population: Population, outcome: Outcome) -> list[Part | str]:

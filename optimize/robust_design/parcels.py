@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.stats import qmc
 
+import fencejax as fj
+
 from ..common import machine
 from ..common.encounters import Encounter
 from .configuration import LINEAR, LOGARITHMIC, RobustConfig
@@ -18,7 +20,8 @@ def draw(config: RobustConfig, count: int, stream: int) -> Encounter:
     for mass and stiffness).
 
     The sample and the batches are scrambled Sobol points, which cover the spans more evenly; the
-    fresh sample is drawn at random, so that its intervals are those of independent parcels.
+    fresh sample is drawn at random, so that its intervals are those of independent parcels. With a
+    sorter file the parcels are that file's: distributed, listed with weights, or both.
     """
     if config.machine is not None:
         return _of_sorter(config, count, stream)
@@ -52,15 +55,37 @@ def ends(config: RobustConfig) -> Encounter:
 
 
 def _of_sorter(config: RobustConfig, count: int, stream: int) -> Encounter:
-    """`count` parcels of a sorter file, drawn anew from its distributions."""
-    sizes = (f"parcels.count={count}", f"parcels.seed={1000 * config.seed + stream}")
+    """`count` parcels of a sorter file. Its distributions are drawn anew; of the parcels that it
+    lists, each at every place that it lists, one is drawn by its weight for each."""
     given = tuple(t for t in config.set if not t.startswith(("parcels.count=", "parcels.seed=")))
-    found = machine.load(config.sorter, (*given, *sizes), config.free).machine
-    if found.parcels.count != count:
+    seed = f"parcels.seed={1000 * config.seed + stream}"
+
+    def read(size: int) -> fj.sorter.Machine:
+        sizes = (f"parcels.count={size}", seed)
+        return machine.load(config.sorter, (*given, *sizes), config.free).machine
+
+    # One draw leaves the listed parcels at their places.
+    weights, found = read(1).parcels.weights, read(count)
+    if found.parcels.count == 1:
         raise ValueError(
-            "Argument `parcels` of the sorter file must be distributions, with one place or places "
-            f"that are distributed, too, but describes {found.parcels.count} parcels for each "
-            f"{count} that are drawn. Write, for example, mass = {{distribution = \"lognormal\", "
-            'median = "4 kg", spread = 0.8, upper = "30 kg"}.'
+            "Argument `parcels` of the sorter file must describe several parcels, with weights, or "
+            "distributions, but describes one parcel at one place. Write, for example, "
+            'file = "parcels.csv", or mass = {distribution = "lognormal", median = "4 kg", '
+            'spread = 0.8, upper = "30 kg"}.'
         )
-    return Encounter.of(found)
+    lanes = _rows(weights, config, count, stream)
+    if found.parcels.count > weights.size:
+        # Of every listed parcel there are all draws.
+        lanes = lanes * count + np.arange(count)
+    return Encounter(*(np.asarray(part)[lanes] for part in Encounter.of(found)))
+
+
+def _rows(weights: np.ndarray, config: RobustConfig, count: int, stream: int) -> np.ndarray:
+    """`count` rows by their weights, in random order: at random for the fresh sample, and
+    stratified otherwise, one in each of `count` equal parts of all weight."""
+    generator = np.random.default_rng((config.seed, stream))
+    shares = generator.random(count)
+    if stream != FRESH:
+        shares = (generator.permutation(count) + shares) / count
+    ends = np.cumsum(weights)
+    return np.searchsorted(ends / ends[-1], shares, side="right")

@@ -131,6 +131,60 @@ def test_parcels_lie_in_their_spans():
     assert not np.array_equal(draw(config, 50, 7).mass, draw(config, 50, 8).mass)
 
 
+def _sorted(folder, parcels, *given):
+    """The job for a sorter file with these parcels."""
+    path = folder / "sorter.toml"
+    path.write_text(f"[parcels]\n{parcels}\n")
+    return RobustConfig(sorter=str(path), set=given)
+
+
+def test_measured_parcels_come_as_often_as_their_weights_say(tmp_path):
+    titles, rows = "mass [g],length [mm],breadth [mm],weight", ["500,300,200,10", "2500,400,300,5"]
+    text = "\n".join([titles, *rows, "12000,500,350,2", "20000,600,400,0"])
+    (tmp_path / "measured.csv").write_text(text)
+    config = _sorted(tmp_path, 'file = "measured.csv"\noffset = "50 mm"')
+    listed = {(0.5, 0.3, 0.2): 10 / 17, (2.5, 0.4, 0.3): 5 / 17, (12.0, 0.5, 0.35): 2 / 17}
+    # 4 is the number of rows.
+    for count, stream in ((340, 0), (340, 7), (4, 0), (3400, FRESH)):
+        parcels = draw(config, count, stream)
+        assert parcels.lanes == count
+        sizes = (parcels.mass, parcels.length, parcels.breadth)
+        rows = list(zip(*(np.round(size, 9).tolist() for size in sizes), strict=True))
+        assert set(rows) <= set(listed)
+        for row, share in listed.items():
+            # Stratified: off by one parcel at either end of a row's weight. At random: by four
+            # standard deviations.
+            off = 4 * np.sqrt(share * (1 - share) * count) if stream == FRESH else 2
+            assert rows.count(row) == pytest.approx(share * count, abs=off)
+        np.testing.assert_allclose(parcels.offset, 0.05)
+    # In random order, another one for each stream.
+    first = draw(config, 340, 0).mass
+    np.testing.assert_array_equal(first, draw(config, 340, 0).mass)
+    assert not np.array_equal(first, draw(config, 340, 7).mass)
+    assert np.ptp(first[:40]) > 0
+
+
+def test_listed_parcels_come_at_places_that_are_drawn(tmp_path):
+    text = 'list = [{mass = "2 kg", weight = 3}, {mass = "8 kg", weight = 1}]\n'
+    text += 'offset = {distribution = "uniform", lower = "20 mm", upper = "80 mm"}\n'
+    config = _sorted(tmp_path, text + 'front = ["0 mm", "50 mm"]', "parcels.count=5")
+    parcels = draw(config, 64, 0)
+    assert (parcels.lanes, np.unique(parcels.offset).size) == (64, 64)
+    for front in (0.0, 0.05):
+        mass = parcels.mass[parcels.front == front]
+        assert mass.size == 32
+        assert np.sum(mass == 8) == 8
+    # Mass and place are independent of each other: four standard deviations.
+    heavy = draw(config, 1024, 3)
+    offset = heavy.offset[heavy.mass == 8]
+    assert np.mean(offset) == pytest.approx(0.05, abs=4 * 0.06 / np.sqrt(12 * offset.size))
+
+
+def test_one_parcel_is_no_sample(tmp_path):
+    with pytest.raises(ValueError, match="several parcels, .* one parcel at one place"):
+        draw(_sorted(tmp_path, 'mass = "2 kg"'), 32, 0)
+
+
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     out = tmp_path_factory.mktemp("robust")
