@@ -26,7 +26,7 @@ from ..design import (
     shock,
     sorting,
 )
-from ..parts import AbstractDrive, AbstractTorqueDrive, DataSheet, Motor, Parcel
+from ..parts import AbstractDrive, AbstractTorqueDrive, Belt, DataSheet, Motor, Parcel
 from ..results import DEEPEST, LARGEST_BEND
 from .amounts import amount, nearest, refuse_unknown
 
@@ -34,7 +34,12 @@ _SENSES = {"at_most": "at most", "at_least": "at least"}
 
 
 class Bounding(Protocol):
-    """The numbers of a sorter on which usual bounds depend."""
+    """The numbers of a sorter on which usual bounds and units of margins depend."""
+
+    @property
+    def belt(self) -> Belt:
+        """The belt."""
+        ...
 
     @property
     def motor(self) -> Motor:
@@ -69,6 +74,7 @@ class LimitRow:
     - `usual`: the default bound, from the sorter and the fence's material; without it, or where it
       gives `None`, there is no limit by default.
     - `scale` [the quantity's unit]: the unit of the margin; by default the bound's magnitude.
+      `scale_of` reads it from a sorter instead.
     - `of`: the quantity for a sorter and the settings, instead of `quantity`, whose unit it has.
     - `settings`: numbers that the file gives with the limit, by name; `chosen` are those given
       [SI]. `own`: those that the parcels may have themselves, with their names there.
@@ -93,6 +99,7 @@ class LimitRow:
     over: str = "worst"
     unit: str | None = None
     bound_of: Callable[[float, Bounding, DataSheet], Any] | None = None
+    scale_of: Callable[[Bounding], Any] | None = None
 
     def __post_init__(self):
         _check.choice("sense", self.sense, tuple(_SENSES.values()))
@@ -170,9 +177,12 @@ _FRAGILITY = {
 }
 
 _ROWS = (
-    # The parcel's centre passes the belt's far edge. The margin is relative to the width of the
-    # paper's belt, 0.7 m, as in `fj.LIMITS`.
-    LimitRow("sorted", objectives.CROSSING, "at least", lambda *_: 0.0, 0.7),
+    # The parcel's centre passes the belt's far edge. The margin is relative to the belt's width,
+    # which is 0.7 m of the paper's, as in `fj.LIMITS`.
+    LimitRow(
+        "sorted", objectives.CROSSING, "at least", lambda *_: 0.0,
+        scale_of=lambda sorter: sorter.belt.width,
+    ),
     LimitRow("tip_deflection", objectives.TIP_DEFLECTION),
     LimitRow("stress", objectives.PEAK_STRESS, usual=_of_material),
     # Given in sorts: the material's fatigue strength, for so many.
@@ -295,7 +305,7 @@ def read(table: Mapping[str, Any], own: Iterable[str] = ()) -> tuple[Bound, ...]
         bound = given[name] = amount(f"limits.{name}", raw, row.given_unit)
         if row.unit is not None:
             _check.scalar(f"limits.{name}", bound, above=0, unit=row.unit)
-        if bound == 0 and row.scale is None:
+        if bound == 0 and row.scale is None and row.scale_of is None:
             raise ValueError(
                 f"Argument `limits.{name}` must not be 0 [{row.quantity.unit}]: its margin would "
                 "have no measure. Give a small number, or a `fencejax.Limit` with a `scale`."
@@ -361,5 +371,6 @@ def settled(
             quantity = row.quantity if row.of is None else row.of(sorter, row.chosen)
             # A limit given in another unit has the name of the quantity that it bounds.
             name = row.name if row.bound_of is None else quantity.name
-            found.append((name, Limit(quantity, float(bound), row.sense, row.scale)))
+            scale = row.scale if row.scale_of is None else float(row.scale_of(sorter))
+            found.append((name, Limit(quantity, float(bound), row.sense, scale)))
     return tuple(found)

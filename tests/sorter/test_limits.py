@@ -45,6 +45,15 @@ def test_life_is_the_fatigue_strength_for_so_many_sorts():
         limits(limits={"life": 0})
 
 
+def test_the_margin_of_sorting_is_a_share_of_the_belts_width():
+    assert limits()["sorted"].unit_of_margin == 0.7
+    wide = limits(belt={"width": "1.4 m"}, limits={"sorted": "70 mm"})["sorted"]
+    assert float(wide.margin_of(0.0)) == pytest.approx(-0.05)
+    # A limit of one's own has its own unit.
+    own = limits(belt={"width": "1.4 m"}, limits={"sorted": objectives.diverted_limit(0.0, 0.2)})
+    assert own["sorted"].unit_of_margin == 0.2
+
+
 def test_a_motor_with_its_torque_alone_is_limited_by_it_alone():
     found = limits(motor={"torque": "400 N m"})
     assert found["torque"].quantity is objectives.PEAK_TORQUE
