@@ -175,8 +175,8 @@ def _logarithmic(axes: "Axes") -> None:
 
 
 class Evaluated(Protocol):
-    """The numbers of an evaluation that `convergence` draws: its number, the worst case,
-    the largest violation [1], the residual of the conditions of Karush, Kuhn and Tucker [1], and
+    """The numbers of an evaluation that `convergence` draws: its number, the objective, the
+    largest violation [1], the residual of the conditions of Karush, Kuhn and Tucker [1], and
     whether it failed."""
 
     @property
@@ -196,11 +196,13 @@ def convergence(
     *,
     unit: str = "N",
     scale: float = 1.0,
+    label: str = "worst case",
     tolerance: float | None = None,
     axes: "tuple[Axes, Axes] | None" = None,
 ) -> "tuple[Axes, Axes]":
-    """Above, the worst case [`unit`] at each evaluation; below, violation and the residual of the
-    conditions of Karush, Kuhn and Tucker [1], with `tolerance` as a line.
+    """Above, the objective [`unit`] at each evaluation; below, violation and the residual of the
+    conditions of Karush, Kuhn and Tucker [1], with `tolerance` as a line. `label`: what the
+    objective is, such as the worst case or a mean.
 
     Evaluations that failed are left out of the lines and marked on the horizontal axis; a point
     with no violation has no mark below.
@@ -218,9 +220,9 @@ def convergence(
     style.prepared(lower)
     good = [record for record in history if not record.failed]
     number = [record.evaluation for record in good]
-    worst = [scale * record.objective for record in good]
-    upper.plot(number, worst, "o-", color=style.BLUE, markersize=3)
-    upper.set_ylabel(f"worst case [{unit}]")
+    objective = [scale * record.objective for record in good]
+    upper.plot(number, objective, "o-", color=style.BLUE, markersize=3)
+    upper.set_ylabel(f"{label} [{unit}]")
     for label, color, values in (
         ("largest violation", style.RED, [record.violation for record in good]),
         ("KKT residual", style.BLUE, [record.kkt for record in good]),

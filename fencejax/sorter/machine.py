@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, ArrayLike
 
 from .. import _check, printing
 from .._check import Bounds
@@ -47,6 +48,13 @@ class Objective(eqx.Module):
     quantity: Quantity = eqx.field(static=True)
     over: str = eqx.field(static=True, default="worst")
     level: float = eqx.field(static=True, default=0.95)
+
+    def over_parcels(self, values: ArrayLike, weights: ArrayLike) -> Array:
+        """The worst case, mean or CVaR of one number a parcel (P,), with the parcels'
+        frequencies."""
+        if self.over == "worst":
+            return jnp.max(jnp.asarray(values))
+        return risk.risk(values, self.over, self.level, weights=weights)
 
 
 class MachineParts(eqx.Module):

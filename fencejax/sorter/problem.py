@@ -299,7 +299,7 @@ class SorterProblem:
         if objective.quantity.fields == ():
             wanted = wanted[:1]
         elif objective.over != "worst":
-            wanted = risk.risk(wanted, objective.over, objective.level, weights=lanes["weight"])
+            wanted = objective.over_parcels(wanted, lanes["weight"])
         margins = []
         for index, name in enumerate(self.limit_names):
             kept = 0.0 if self._quantities[name].fields == () else self.reserve

@@ -40,7 +40,7 @@ class Look(NamedTuple):
 
     @property
     def objective(self) -> float:
-        """The worst case."""
+        """The objective over the parcels: their worst case, or the measure that is minimised."""
         return float(np.max(self.objectives))
 
     @property

@@ -134,21 +134,26 @@ def machine_section(
 
 
 def parcel_table(parcels: fj.sorter.Parcels, most: int) -> Table:
-    """The parcels at their places, or the ranges of their numbers where there are many."""
+    """The parcels at their places, with their weights where these differ, or the ranges of their
+    numbers where there are many."""
     heads = [plain(path.rpartition(".")[2].removeprefix("given_")) for path in parcels.columns]
     units = [unit(path) for path in parcels.columns]
-    columns = list(parcels.columns.values())
+    columns, note = list(parcels.columns.values()), ""
+    if np.ptp(parcels.weights) > 0:
+        heads, units, columns = [*heads, "weight"], [*units, "1"], [*columns, parcels.weights]
+        note = "The weights add up to 1."
     if parcels.count <= most:
         rows = [
             [lane + 1, *(shown(float(c[lane]), u) for c, u in zip(columns, units, strict=True))]
             for lane in range(parcels.count)
         ]
-        return Table(["parcel", *heads], rows, f"The {parcels.count} parcels and places")
+        return Table(["parcel", *heads], rows, f"The {parcels.count} parcels and places", note)
     rows = [
         [head, *(shown(float(np.quantile(c, q)), u) for q in (0, 0.5, 1))]
         for head, c, u in zip(heads, columns, units, strict=True)
     ]
-    return Table(["number", "least", "median", "most"], rows, f"The {parcels.count} parcels")
+    titles = ["number", "least", "median", "most"]
+    return Table(titles, rows, f"The {parcels.count} parcels", note)
 
 
 def unit(path: str) -> str:

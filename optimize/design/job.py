@@ -14,8 +14,6 @@ import dataclasses
 import time
 from typing import Any
 
-import numpy as np
-
 import fencejax as fj
 from fencejax.design import Journal, objectives
 from fencejax.results import counted
@@ -58,16 +56,25 @@ def main(config: DesignConfig | None = None, *, quiet: bool = False) -> Outcome:
         say(f"  {words.verdict(found)}; {found.stop}{words.start_troubles(problem, found)}")
     solutions.sort(key=lambda one: one.rank)
     best = solutions[0]
-    stiff = float(np.max(rigid(problem, best, check).values[quantity.name]))
-    push = None
-    if quantity is objectives.PEAK_FORCE:
-        push = float(np.max(constant_push(problem, best)))
+    stiff, push = compared(problem, best, check)
     outcome = Outcome(config, problem, solutions, stiff, push, time.perf_counter() - begin)
     say("\n" + report_text(outcome))
     _write(outcome, journal)
     page.write(outcome)
     say(f"wrote {config.out} ({time.perf_counter() - begin:.1f} s in all)")
     return outcome
+
+
+def compared(
+    problem: SorterProblem, best: Solution, check: fj.Fidelity
+) -> tuple[float, float | None]:
+    """The objective of a rigid fence of the design's shape and, where it is a force, that of
+    constant pushes [N], by the same measure over the parcels."""
+    quantity = problem.machine.objective.quantity
+    stiff = words.measured(problem, rigid(problem, best, check).values[quantity.name])
+    if quantity is not objectives.PEAK_FORCE:
+        return stiff, None
+    return stiff, words.measured(problem, constant_push(problem, best))
 
 
 def report_text(outcome: Outcome) -> str:
@@ -130,6 +137,7 @@ def _write(outcome: Outcome, journal: Journal | None) -> None:
         "config": dataclasses.asdict(outcome.config),
         "succeeded": outcome.succeeded,
         "parcels": [parcels.text(lane) for lane in range(parcels.count)],
+        "weights": parcels.weights.tolist(),
         "solutions": [row(one) for one in outcome.solutions],
         "does_not_bend": outcome.stiff,
         "constant_push": outcome.push,

@@ -9,9 +9,10 @@ from .configuration import DesignConfig
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """The results of the job: a solution for each candidate, the best first; `stiff`, the largest
-    objective of a rigid fence of the best one's shape; and `push`, the constant force [N] that the
-    hardest parcel would need, where the objective is a force."""
+    """The results of the job: a solution for each candidate, the best first; `stiff`, the objective
+    of a rigid fence of the best one's shape; and `push`, where the objective is a force, the
+    constant force [N] that the parcels would need. Both are of the objective's measure over the
+    parcels."""
 
     config: DesignConfig
     problem: SorterProblem

@@ -50,13 +50,13 @@ def write(outcome: Outcome) -> None:
 
 def _question(outcome: Outcome) -> str:
     machine = outcome.problem.machine
-    over = "worst" if machine.objective.over == "worst" else machine.objective.over
+    worst = "worst " if machine.objective.over == "worst" else ""
     free = ", ".join(plain(n.rpartition(".")[2]) for n in outcome.problem.variable_names)
     kinds = len(outcome.problem.candidates)
     return (
         f"Which fence sorts the {machine.parcels.count} parcels and places of "
-        f"{machine.title or 'this machine'} with the smallest {over} "
-        f"{plain(machine.objective.quantity.name)}, within {len(outcome.problem.limit_names)} "
+        f"{machine.title or 'this machine'} with the smallest "
+        f"{worst}{words.objective(outcome.problem)}, within {len(outcome.problem.limit_names)} "
         f"limits? Free: {free or 'nothing'}; {kinds} candidate{'s' if kinds > 1 else ''} of "
         "material and sizes."
     )
@@ -133,7 +133,7 @@ def _results(outcome: Outcome) -> list[Part | str]:
     values = [shown(look.objective, quantity.unit) for look in looks.values()]
     titles = ["", "bound", *(each for name in looks for each in (name, "margin")), "where"]
     rows = [[
-        plain(quantity.name), "minimised", *(each for value in values for each in (value, "")),
+        words.objective(problem), "minimised", *(each for value in values for each in (value, "")),
         words.hardest(problem, best.after),
     ]]  # fmt: skip
     for name, limit in problem.limits(best.candidate):
@@ -171,9 +171,10 @@ def _parcels(outcome: Outcome) -> list[Part | str]:
     if parcels.count > _MOST_PARCELS:
         order = np.argsort(-measured.values[quantity.name], kind="stable")[:_MOST_PARCELS]
         caption = f"The {_MOST_PARCELS} hardest parcels of {parcels.count}"
-    titles = ["parcel", *(plain(q.name) for q in quantities), "status"]
+    weighted = [] if np.ptp(parcels.weights) == 0 else ["weight"]
+    titles = ["parcel", *weighted, *(plain(q.name) for q in quantities), "status"]
     rows = [
-        [parcels.text(int(k)),
+        [parcels.text(int(k)), *(f"{parcels.weights[k]:.4g}" for _ in weighted),
          *(shown(float(measured.values[q.name][k]), q.unit, 3) for q in quantities),
          fj.Status(int(measured.statuses[k])).name]
         for k in order
@@ -188,18 +189,22 @@ def _figures(outcome: Outcome) -> list[Part | str]:
         parts += _pictures(outcome)
     if best.optimum is None or len(best.optimum.history) < 2:
         return parts
-    quantity = problem.machine.objective.quantity
+    goal = problem.machine.objective
+    label = "worst case" if goal.over == "worst" else words.objective(problem)
     drawn = plot.convergence(
-        best.optimum.history, unit=quantity.unit, tolerance=outcome.config.tolerance
-    )[0]
-    caption = "The search: the objective's worst case, what limits are broken by, and how far the "
-    parts.append(Figure.of_axes(drawn, caption + "conditions of optimality are from holding."))
+        best.optimum.history, unit=goal.quantity.unit, label=label,
+        tolerance=outcome.config.tolerance,
+    )[0]  # fmt: skip
+    parts.append(Figure.of_axes(
+        drawn, f"The search: the {label}, what limits are broken by, and how far the conditions "
+        "of optimality are from holding.",
+    ))  # fmt: skip
     bars = _elasticities(outcome)
     if bars:
         parts.append(Figure.of_axes(
             plot.gradient_bars(bars),
-            "What 1 % more of a number does in percent, by the exact gradient, where each quantity "
-            "is at its worst.",
+            "What 1 % more of a number does in percent, by the exact gradient: to the "
+            f"{label}, and to limited quantities where they are at their worst.",
         ))  # fmt: skip
     return parts
 
@@ -232,6 +237,8 @@ def _elasticities(outcome: Outcome) -> dict[str, dict[str, float]]:
         return {}
     quantity, values = problem.machine.objective.quantity, best.after.measured.values
     bars = report.elasticities(problem.space, (), at, values, quantity)
+    if problem.machine.objective.over != "worst":
+        bars = {words.objective(problem): row for row in bars.values()}
     factor, start, near = report.to_logarithms(problem.space, at), 0, []
     limits = problem.limits(best.candidate)
     for (name, limit), rows in zip(limits, problem.margin_rows, strict=True):

@@ -22,10 +22,27 @@ def worst(problem: SorterProblem, look: Look, name: str) -> tuple[float, int | N
     raise KeyError(name)
 
 
+def measured(problem: SorterProblem, values: np.ndarray) -> float:
+    """One number a parcel by the objective's measure over the parcels."""
+    machine = problem.machine
+    return float(machine.objective.over_parcels(values, machine.parcels.weights))
+
+
+def objective(problem: SorterProblem) -> str:
+    """The objective by its name: `"peak force"` of a worst case, `"CVaR of the peak force"`."""
+    name, over = plain(problem.machine.objective.quantity.name), problem.machine.objective.over
+    return {"mean": f"mean {name}", "cvar": f"CVaR of the {name}"}.get(over, name)
+
+
 def hardest(problem: SorterProblem, look: Look) -> str:
-    """The parcel with the largest objective."""
-    values = look.measured.values[problem.machine.objective.quantity.name]
-    return problem.machine.parcels.text(int(np.argmax(values)))
+    """The parcel with the largest objective; beside a mean or a CVaR, with its own number."""
+    quantity = problem.machine.objective.quantity
+    values = look.measured.values[quantity.name]
+    lane = int(np.argmax(values))
+    text = problem.machine.parcels.text(lane)
+    if problem.machine.objective.over == "worst":
+        return text
+    return f"largest {shown(values[lane], quantity.unit)}, {text}"
 
 
 def ranking_rows(problem: SorterProblem, solutions: list[Solution]) -> list[list[str]]:
@@ -33,7 +50,7 @@ def ranking_rows(problem: SorterProblem, solutions: list[Solution]) -> list[list
     quantity = problem.machine.objective.quantity
     unit = lambda name: problem.limited(name).unit  # noqa: E731
     titles = ["candidate", *(name.partition(".")[2] for name in problem.variable_names)]
-    titles += [f"{plain(quantity.name)}", *map(plain, problem.limit_names), ""]
+    titles += [objective(problem), *map(plain, problem.limit_names), ""]
     rows = [titles]
     for one in solutions:
         design = problem.values(one.after.point)
@@ -79,7 +96,7 @@ def before_and_after(problem: SorterProblem, one: Solution) -> str:
             + f"   {shown(variable.lower, unit)} ... {shown(variable.upper, unit)}{note}"
         )  # fmt: skip
     quantity = problem.machine.objective.quantity
-    lines.append(f"{plain(quantity.name):<26}" + "".join(
+    lines.append(f"{objective(problem):<26}" + "".join(
         f"{shown(each.objective, quantity.unit):>20}" for each in looks)
         + f"   {hardest(problem, looks[-1])}")  # fmt: skip
     for name, limit in problem.limits(one.candidate):
@@ -131,10 +148,10 @@ def gained(problem: SorterProblem, one: Solution, price: Price) -> str:
 
 def decides_head(problem: SorterProblem, one: Solution) -> str:
     """The heading of the prices."""
-    quantity, optimum = problem.machine.objective.quantity, one.optimum
+    optimum = one.optimum
     assert optimum is not None
     if optimum.feasible:
-        head = f"What decides, and what relaxing it is worth in {plain(quantity.name)}"
+        head = f"What decides, and what relaxing it is worth in {objective(problem)}"
         head += ":" if optimum.converged else f" (nearly: {optimum.ended}):"
     elif optimum.stop is Stop.INFEASIBLE:
         head = "No design nearby holds all limits. These fight, and relaxing one is worth:"
@@ -164,16 +181,31 @@ def start_troubles(problem: SorterProblem, one: Solution) -> str:
 def mine(
     problem: SorterProblem, one: Solution, stiff: float | None, push: float | None = None
 ) -> str:
-    """The result for the machine in one sentence."""
-    machine, quantity = problem.machine, problem.machine.objective.quantity
-    over = "largest" if machine.objective.over == "worst" else machine.objective.over
+    """The result for the machine in one sentence; of a mean or a CVaR, how it is formed in
+    another."""
+    machine, goal = problem.machine, problem.machine.objective
+    largest = "largest " if goal.over == "worst" else ""
     of = (
-        f"{over} {plain(quantity.name)} over the {machine.parcels.count} parcels and places of "
+        f"{largest}{objective(problem)} over the {machine.parcels.count} parcels and places of "
         f"{machine.title or 'this machine'}, by a fence of {one.candidate.name}"
     )
-    where = hardest(problem, one.after) if machine.objective.over == "worst" else ""
-    return report.mine(
-        one.after.objective, quantity, of, where, stiff, push, feasible=one.feasible
+    where = hardest(problem, one.after) if largest else ""
+    text = report.mine(
+        one.after.objective, goal.quantity, of, where, stiff, push, feasible=one.feasible
+    )
+    return text if largest else f"{text} {_formed(problem)}"
+
+
+def _formed(problem: SorterProblem) -> str:
+    """How a mean or a CVaR is formed of the parcels' numbers, in a sentence."""
+    goal, weights = problem.machine.objective, problem.machine.parcels.weights
+    by = "by the parcels' weights" if np.ptp(weights) > 0 else "with all parcels counted alike"
+    if goal.over == "mean":
+        return f"Each of these numbers is the mean {by}."
+    share = shown(100 * (1 - goal.level), "1", 3)
+    return (
+        f"Each of these numbers is the mean of the largest {share} % (CVaR at level "
+        f"{goal.level:g}), {by}."
     )
 
 

@@ -10,8 +10,8 @@ import report_pages
 
 import fencejax as fj
 from fencejax.design import RELAXED
-from fencejax.sorter import Price
-from optimize.design import main, words
+from fencejax.sorter import Objective, Price, rigid
+from optimize.design import job, main, page, words
 from optimize.design.configuration import DesignConfig, configure
 from optimize.design.tolerances import tolerances
 
@@ -115,6 +115,47 @@ def test_what_it_says_and_writes(outcome):
     content = json.loads((outcome.config.out / "design.json").read_text())
     assert [row["feasible"] for row in content["solutions"]] == [True, True]
     assert content["parcels"] == ["5 kg", "30 kg"]
+
+
+@pytest.mark.parametrize(("over", "share"), [("cvar", 0.5), ("mean", 0.1)])
+def test_what_stands_beside_a_mean_or_a_cvar_is_one_too(outcome, over, share, monkeypatch):
+    """Of weights 0.9 and 0.1 the largest 20 % are one half of each parcel."""
+    goal = Objective(fj.objectives.PEAK_FORCE, over, 0.8)
+    problem = outcome.problem.with_objective(goal)
+    parcels = dataclasses.replace(problem.machine.parcels, weights=np.array([0.9, 0.1]))
+    problem.machine = dataclasses.replace(problem.machine, parcels=parcels)
+    check, best = fj.Fidelity.fast(), outcome.best
+
+    def of(forces):
+        # The heavier parcel has the larger force.
+        assert forces[1] > forces[0]
+        return pytest.approx((1 - share) * forces[0] + share * forces[1], rel=1e-12)
+
+    forces = best.after.measured.values["peak_force"]
+    own, *_ = problem.judged(best.after.measured, best.candidate)
+    assert own == of(forces)
+    # Neither parcel of `outcome` needs a push to get as far as its limit asks.
+    monkeypatch.setattr(job, "constant_push", lambda *_: np.array([10.0, 30.0]))
+    stiff, push = job.compared(problem, best, check)
+    assert stiff == of(rigid(problem, best, check).values["peak_force"])
+    assert push == of([10.0, 30.0])
+    after = best.after._replace(objectives=own)
+    best = dataclasses.replace(best, after=after, before=after)
+    name = {"cvar": "CVaR of the peak force", "mean": "mean peak force"}[over]
+    text = words.mine(problem, best, stiff, push)
+    assert f" N, the {name} over the 2 parcels" in text
+    assert ("(CVaR at level 0.8), by the parcels' weights." in text) == (over == "cvar")
+    assert text.endswith(" by the parcels' weights.")
+    # The hardest parcel has a force of its own, which is named.
+    largest = f"largest {fj.printing.shown(forces[1], 'N')}, 30 kg"
+    row = next(r for r in words.before_and_after(problem, best).splitlines() if name in r)
+    assert row.endswith(largest)
+    other = dataclasses.replace(outcome, problem=problem, solutions=[best])
+    results, every = page._results(other)
+    assert results.rows[0][0] == name
+    assert results.rows[0][-1] == largest
+    assert [row[1] for row in every.rows] == ["0.9", "0.1"]
+    assert f"The search: the {name}" in page._figures(other)[0].caption
 
 
 def test_what_decides_is_near(outcome):

@@ -105,6 +105,17 @@ def test_a_sorters_numbers_with_their_units():
     assert ["mass", "10 kg", "15 kg", "20 kg"] in spans.rows
 
 
+def test_weights_of_parcels_stand_beside_them():
+    rows = [{"mass": "2 kg", "weight": 3}, {"mass": "20 kg", "weight": 1}]
+    parcels = fj.Sorter(parcels={"list": rows}).machine.parcels
+    table = pages.parcel_table(parcels, 3)
+    assert table.titles[-1] == "weight"
+    assert [row[-1] for row in table.rows] == ["0.75", "0.25"]
+    assert ["weight", "0.25", "0.5", "0.75"] in pages.parcel_table(parcels, 1).rows
+    alike = fj.Sorter(parcels={"mass": ["2 kg", "20 kg"]}).machine.parcels
+    assert "weight" not in pages.parcel_table(alike, 3).titles
+
+
 def test_limits_with_margins():
     limits = (fj.objectives.tip_deflection_limit(0.08), fj.objectives.diverted_limit(0.0))
     measured = {"tip_deflection": np.array([0.04, 0.084]), "crossing": np.array([0.14, 0.07])}

@@ -198,6 +198,8 @@ def test_convergence_leaves_failed_evaluations_out():
     upper, lower = fj.plot.convergence(history, unit="N", scale=2.0, tolerance=1e-3)
     np.testing.assert_array_equal(upper.lines[0].get_data(), [[1, 3, 4], [18.0, 14.0, 13.0]])
     assert upper.get_ylabel() == "worst case [N]"
+    upper, _ = fj.plot.convergence(history, unit="J", label="mean work")
+    assert upper.get_ylabel() == "mean work [J]"
     assert lower.get_ylabel() == "violation, residual [1]"
     texts = [text.get_text() for text in lower.get_legend().get_texts()]
     assert texts == ["largest violation", "KKT residual", "tolerance", "failed"]
