@@ -59,7 +59,7 @@ def scene_table(
         ])  # fmt: skip
     law = getattr(scene, "drive", None)
     if law is not None and "drive" not in leave_out:
-        rows.append(["drive: law", type(law).__name__, ""])
+        rows.append(["drive: law", _word(law, fj.parts.DRIVES), ""])
     return _slim(Table(["number", "value", "remark"], rows, caption))
 
 
@@ -115,6 +115,19 @@ def material_table(sheets: Sequence[fj.parts.DataSheet]) -> Table:
               "amplitude borne 1e7 times", "exponent of that line", "at"]  # fmt: skip
     caption = "The material" if len(rows) == 1 else "Materials, each designed for itself"
     return _slim(Table(titles, rows, caption))
+
+
+def _word(part: Any, known: Mapping[str, type]) -> str:
+    """The word of a sorter file for the class of a part; the class's name where there is none."""
+    kind = type(part)
+    return next((name for name, each in known.items() if each is kind), kind.__name__)
+
+
+def _profile(taper: fj.AbstractTaper) -> str:
+    """A taper in words."""
+    if isinstance(taper, fj.SteppedTaper):
+        return f"{_profile(taper.profile)}, in {taper.steps} steps"
+    return _word(taper, fj.parts.TAPERS)
 
 
 def _title(path: str) -> str:
@@ -270,7 +283,7 @@ def fence_parts(
         ["thickness at the root, h_1", shown(float(fence.thickness), "m", 5)],
         ["thickness at the tip", shown(tip, "m", 5)],
         ["width, z", shown(float(fence.width), "m", 5)],
-        ["profile h(x)", type(fence.taper).__name__],
+        ["profile h(x)", _profile(fence.taper)],
         ["mass", shown(section * shape.area, "kg")],
     ]
     return [

@@ -372,9 +372,7 @@ def _own_assumptions(outcome: Outcome) -> list[str]:
     machine, best = outcome.problem.machine, outcome.best
     sheet = best.candidate.material
     lines = [
-        f"The material is {sheet.name}, with numbers for "
-        f"{sheet.conditions or 'no stated conditions'}: typical of its class, to be replaced by "
-        "the supplier's before anything is built.",
+        words.material(sheet),
         f"The {machine.parcels.count} parcels and places stand for all that the machine meets.",
     ]
     if sheet.fatigue_strength is not None:

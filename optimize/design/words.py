@@ -1,8 +1,10 @@
 """The reports of the designs: tables and sentences."""
 
+import jax
 import numpy as np
 
 from fencejax.design import Stop, fatigue
+from fencejax.parts import DataSheet, materials
 from fencejax.printing import shown
 from fencejax.sorter import Look, Price, Solution, SorterProblem
 
@@ -216,4 +218,17 @@ def doubts(one: Solution) -> str:
     return (
         f"at the finer fidelity the objective differs by {100 * one.verified.error:+.2f} %: "
         f"{one.verified.text}"
+    )
+
+
+def material(sheet: DataSheet) -> str:
+    """Where the numbers of a material come from, in a sentence."""
+    text = f"The material is {sheet.name}, with numbers "
+    conditions = f"for {sheet.conditions or 'no stated conditions'}"
+    named = materials.named(sheet.name) if materials.known(sheet.name) else None
+    if named is None or jax.tree.leaves(sheet) != jax.tree.leaves(named):
+        return f"{text}from the sorter file, {conditions}."
+    return (
+        f"{text}{conditions}: typical of its class, to be replaced by the supplier's before "
+        "anything is built."
     )

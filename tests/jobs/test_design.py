@@ -201,6 +201,19 @@ def test_the_page_and_the_drawing(outcome):
     assert measured == pytest.approx([1e3 * float(length) for length in lengths], rel=1e-9)
 
 
+def test_where_a_materials_numbers_come_from():
+    typical = "typical of its class, to be replaced by the supplier's"
+    own = {"youngs_modulus": "1.6 GPa", "density": 1010, "conditions": "dry"}
+    for given, said in (
+        ("POM", typical), ({"name": "POM"}, typical), ({**own, "name": "my PA12"}, "for dry."),
+        ({"name": "POM", "density": 1400}, "with numbers from the sorter file, for 23 C"),
+    ):  # fmt: skip
+        (sheet,) = fj.Sorter(fence={"material": given}).materials
+        text = words.material(sheet)
+        assert said in text
+        assert (typical in text) == (said == typical)
+
+
 def test_tolerances(outcome):
     problem, best = outcome.problem, outcome.best
     found = tolerances(problem, best, fj.Fidelity.fast())

@@ -98,7 +98,7 @@ def test_a_sorters_numbers_with_their_units():
     assert rows["fence: thickness"] == ("45 mm", "free, 10 mm ... 90 mm")
     assert rows["fence: length ratio"] == ("", "free, 0 ... 2")
     assert rows["motor: torque"] == ("1000 N m", "at the hinge")
-    assert rows["drive: law"] == ("HarmonicDrive", "")
+    assert rows["drive: law"] == ("harmonic", "")
     assert materials.rows[0][:2] == ["PA6 dry", "3 GPa"]
     assert len(parcels.rows) == sorter.parcels.count == 6
     spans = pages.parcel_table(sorter.parcels, 3)
@@ -114,6 +114,18 @@ def test_weights_of_parcels_stand_beside_them():
     assert ["weight", "0.25", "0.5", "0.75"] in pages.parcel_table(parcels, 1).rows
     alike = fj.Sorter(parcels={"mass": ["2 kg", "20 kg"]}).machine.parcels
     assert "weight" not in pages.parcel_table(alike, 3).titles
+
+
+@pytest.mark.parametrize(
+    ("taper", "said"),
+    [
+        (fj.Uniform(), "uniform"), (fj.ConstantStrength(), "constant_strength"),
+        (fj.SteppedTaper(fj.ConstantStrength(), 4), "constant_strength, in 4 steps"),
+    ],
+)  # fmt: skip
+def test_a_profile_has_the_word_of_a_sorter_file(taper, said, tmp_path):
+    dimensions, *_ = pages.fence_parts(tmp_path, fj.Fence(taper=taper), "fence")
+    assert ["profile h(x)", said] in dimensions.rows
 
 
 def test_limits_with_margins():
