@@ -173,6 +173,16 @@ class SceneFamily:
         )  # fmt: skip
 
     @property
+    def parts(self) -> Any:
+        """The parts and the function's own numbers under their paths in a scene, without the
+        `fixed` ones: `fencejax.scene_numbers` reads them like a scene, which need not be possible.
+
+        >>> fj.scene_numbers.has(fj.SceneFamily("whole_sort", []).parts, "distance")
+        False
+        """
+        return self._whole
+
+    @property
     def known(self) -> list[str]:
         """Names of the numbers that these scenes have; a vector's elements one by one."""
         found = scene_numbers.names(self._whole)

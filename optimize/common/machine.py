@@ -143,31 +143,67 @@ def family(
     sorter: str, kind: str, varied: Sequence[str], given: tuple[str, ...],
     duration: float | None = None,
 ) -> fj.SceneFamily:  # fmt: skip
-    """Scenes of a sorter in which some numbers vary and others are set. Settings that are no number
-    of a scene, such as `fence.material=POM`, are made in the sorter."""
-    scene = load(sorter).family(kind=kind).scene(np.zeros(0))
-
-    def of_sorter(text: str) -> bool:
-        name = text.partition("=")[0].strip()
-        return name.partition(".")[0] in SECTIONS and not scene_numbers.has(scene, name)
-
-    machine = load(sorter, tuple(text for text in given if of_sorter(text)))
+    """Scenes of a sorter in which some numbers vary and others are set; an impact for which no
+    distance is given is at `place`. Settings that are no number of a scene, such as
+    `fence.material=POM`, are made in the sorter."""
+    own, others = parted(sorter, kind, given)
+    machine = load(sorter, own).machine
+    parts = machine.family(kind=kind).parts
     fixed = {}
+    for text in others:
+        fixed |= numbers("set", text, parts)
+    return machine.family(
+        tuple(varied), kind=kind, fixed=_placed(parts, fixed, varied), duration=duration
+    )
+
+
+def parted(
+    sorter: str, kind: str, given: tuple[str, ...]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Settings as those made in the sorter, and those of numbers of its scenes."""
+    parts = load(sorter).family(kind=kind).parts
+    own = []
     for text in given:
-        if not of_sorter(text):
-            fixed |= numbers("set", text, scene)
-    return machine.family(tuple(varied), kind=kind, fixed=fixed, duration=duration)
+        name = text.partition("=")[0].strip()
+        if name.partition(".")[0] in SECTIONS and not scene_numbers.has(parts, name):
+            own.append(text)
+    return tuple(own), tuple(text for text in given if text not in own)
+
+
+def _placed(parts: Any, fixed: dict[str, float], varied: Sequence[str] = ()) -> dict[str, float]:
+    """Fixed numbers of an impact, with its distance where neither they nor those that vary have
+    it. `parts`: those of a `fencejax.SceneFamily`."""
+    if not scene_numbers.has(parts, "distance"):
+        return fixed
+    known = [name for name in (*fixed, *varied) if scene_numbers.has(parts, name)]
+    distance = scene_numbers.resolve(parts, "distance")
+    if distance in [scene_numbers.resolve(parts, name) for name in known]:
+        return fixed
+    changes = {name: value for name, value in fixed.items() if name in known}
+    fence = scene_numbers.replace(parts, tuple(changes), list(changes.values())).fence
+    return {**fixed, "distance": place(float(fence.reach))}
+
+
+PAPER_REACH, PAPER_PLACE = 1.2, 1.0
+"""The reach of the paper's fence, and where its impacts are [m]."""
+
+
+def place(reach: float, of_paper: float = PAPER_PLACE) -> float:
+    """The distance [m] on a fence of that reach [m] that is the same share of it as one `of_paper`
+    [m] is of the paper's, to 3 digits."""
+    return float(f"{of_paper * reach / PAPER_REACH:.3g}")
 
 
 def scene(sorter: str, kind: str, duration: float | None = None) -> AnyScene:
-    """A scene of a sorter's parts: of a kind of `fencejax.SceneFamily`, or of the normal direction
-    alone."""
+    """A scene of a sorter's parts: of a kind of `fencejax.SceneFamily`, then an impact at `place`,
+    or of the normal direction alone."""
     machine = load(sorter)
     if kind in ("normal_impact", "rigid_wall"):
         parts = {"fence": machine.fence} if kind == "normal_impact" else {}
         parcel = machine.family(kind="oblique_impact").parcel
         return getattr(fj.scenes, kind)(parcel=parcel, duration=duration, **parts)
-    return machine.family(kind=kind, duration=duration).scene(np.zeros(0))
+    fixed = _placed(machine.family(kind=kind).parts, {})
+    return machine.family(kind=kind, fixed=fixed, duration=duration).scene(np.zeros(0))
 
 
 def only_without(config: Any, *fields: str) -> None:

@@ -9,35 +9,14 @@ from fencejax.scenes import AnyScene, numbers as scene_numbers
 from fencejax.study import quantities_of
 
 from ..common import assignments, flags, machine, named
+from . import defaults
+from .defaults import RANGES
 
 SCENES = (
     "oblique_impact", "along_fence", "border_and_fence", "whole_sort", "normal_impact",
     "rigid_wall",
 )  # fmt: skip
 
-# name, lower, upper, unit, scaling: ranges of PA6, of a sorter's parcels and of its settings around
-# the paper's numbers, in which the corner stays on the fence.
-_RANGES = (
-    fj.DesignVariable("thickness", 0.040, 0.050, "m", "linear"),
-    fj.DesignVariable("length_ratio", 0.4, 0.8, "1", "linear"),
-    fj.DesignVariable("youngs_modulus", 2.0e9, 3.5e9, "Pa", "linear"),
-    fj.DesignVariable("density", 1080.0, 1180.0, "kg/m^3", "linear"),
-    fj.DesignVariable("damping_ratio", 0.02, 0.10, "1", "linear"),
-    fj.DesignVariable("mass", 5.0, 20.0, "kg", "linear"),
-    fj.DesignVariable("stiffness", 0.86e9, 3.44e9, "N/m^4"),
-    fj.DesignVariable("damping", 1.65e5, 6.6e5, "N s kg^-0.4 m^-3"),
-    fj.DesignVariable("belt_speed", 1.6, 2.4, "m/s", "linear"),
-    fj.DesignVariable("belt_kinetic_friction", 0.5, 0.8, "1", "linear"),
-    fj.DesignVariable("fence_kinetic_friction", 0.2, 0.5, "1", "linear"),
-    fj.DesignVariable("distance", 0.7, 1.0, "m", "linear"),
-    fj.DesignVariable("drive_angle", 0.25, 0.35, "rad", "linear"),
-    fj.DesignVariable("top_speed", 1.3, 1.8, "rad/s", "linear"),
-    fj.DesignVariable("offset", 0.0, 0.2, "m", "linear"),
-    fj.DesignVariable("speed", 1.5, 2.5, "m/s", "linear"),
-)
-RANGES = {variable.name: variable for variable in _RANGES}
-"""Inputs with default ranges; those that the scene has are studied by default."""
-DISTANCES, LINE = ("distance=0.8", "distance=1.0"), "distance=0.5:1.1"
 AS_IT_IS = "the scene as it is"
 
 
@@ -64,7 +43,11 @@ class SensitivityConfig:
     )
     ranges: tuple[str, ...] = flags.field(
         (),
-        "ranges [SI] instead of the default ones, as name=lower:upper[:logarithmic]",
+        "ranges [SI] instead of the default ones, as name=lower:upper[:logarithmic]; the default "
+        "ones are around the paper's numbers. With a sorter file they are the spans of its free "
+        "numbers and of its parcels; of the distance the same shares of the reach as of the "
+        "paper's fence; of any other number, where the paper's range does not hold the sorter's "
+        "own, 10 % either side of it",
         nargs="*",
         metavar="NAME=LOWER:UPPER",
     )
@@ -72,8 +55,9 @@ class SensitivityConfig:
     set: tuple[str, ...] = flags.field(
         (),
         "numbers that differ, each text as NAME=VALUE[,NAME=VALUE ...] (SI or a unit); of several "
-        "each is a point at which the local study is made. By default two distances, if the scene "
-        "has one",
+        "each is a point at which the local study is made. By default, if the scene has a "
+        "distance, two of them: 0.8 and 1 m on the paper's fence, and the same shares of the reach "
+        "on another",
         nargs="*",
         type=str,
         metavar="NAME=VALUE",
@@ -81,7 +65,8 @@ class SensitivityConfig:
     along: str = flags.field(
         "default",
         "what the elasticities are followed along, as name=lower:upper [SI]; '' for none; by "
-        "default the distance, if the scene has one",
+        "default the distance, if the scene has one, over 0.5:1.1 on the paper's fence, and the "
+        "same shares of the reach on another",
     )
     along_count: int = flags.field(61, "places along it", least=2)
     gradients: int = flags.field(512, "gradients for the bounds; a power of 2", least=2)
@@ -141,11 +126,13 @@ class SensitivityConfig:
         Raises `ValueError` for a name or a range that cannot be.
         """
         given = dict(_range(text) for text in self.ranges)
-        names = self.variables or tuple(dict.fromkeys([*_present(scene), *given]))
+        sorter = None if self.sorter == machine.NONE else machine.load(self.sorter).machine
+        usual = defaults.usual(scene, sorter)
+        names = self.variables or tuple(dict.fromkeys([*usual, *given]))
         scene_numbers.together(scene, names)
         chosen = []
         for name in names:
-            if name not in given and name not in RANGES:
+            if name not in given and name not in usual:
                 raise ValueError(
                     f"Argument `ranges` must hold one for {name!r}, which has no default one. "
                     f"Write {name}=lower:upper, or {name}=lower:upper:logarithmic."
@@ -155,7 +142,7 @@ class SensitivityConfig:
                 unit = scene_numbers.number(scene, name).unit
                 variable = fj.DesignVariable(name, lower, upper, unit, scaling)
             else:
-                variable = RANGES[name]
+                variable = usual[name]
             scene_numbers.check(scene, name, variable.lower)
             scene_numbers.check(scene, name, variable.upper)
             chosen.append(variable)
@@ -173,7 +160,7 @@ class SensitivityConfig:
         """
         texts = self.set
         if not texts:
-            texts = DISTANCES if "distance" in _present(scene) else ("",)
+            texts = defaults.distances(scene)
         found = {}
         for text in texts:
             numbers = machine.numbers("set", text, scene) if text else {}
@@ -192,7 +179,7 @@ class SensitivityConfig:
         """Name and bounds of the number along which elasticities are followed, if any."""
         text = self.along
         if text == "default":
-            text = LINE if "distance" in _present(scene) else ""
+            text = defaults.line(scene)
         if not text:
             return None
         name, (lower, upper, _) = _range(text)
@@ -222,11 +209,6 @@ def _range(text: str) -> tuple[str, tuple[float, float, str]]:
     if len(rest) > 1:
         raise assignments.refusal("ranges", text, form)
     return name, (lower, upper, rest[0] if rest else "linear")
-
-
-def _present(scene: AnyScene) -> list[str]:
-    """The inputs with default ranges that the scene has."""
-    return [name for name in RANGES if scene_numbers.has(scene, name)]
 
 
 configure = flags.reader(

@@ -13,6 +13,7 @@ from ..common import assignments, flags, machine, named
 # Cores that a machine may have.
 _MOST_ON_A_MACHINE = 1024
 _SAMPLINGS = ("grid", "latin_hypercube", "sobol")
+_VARY = ("mass=1:30", "distance=0.5:1.1")
 _FENCES = {"two_link": fj.Fence, "one_link": fj.Fence.one_link}
 
 
@@ -29,10 +30,11 @@ class SweepConfig:
         "oblique_impact", f"kind of scene: {', '.join(KINDS)}", choices=tuple(KINDS)
     )
     vary: tuple[str, ...] = flags.field(
-        ("mass=1:30", "distance=0.5:1.1"),
+        _VARY,
         "what varies, as name, name=lower:upper, or name=lower:upper:points for a grid, each "
         "with :linear or :logarithmic behind if wanted; names: the scene's own and "
-        f"{', '.join(VARIABLES)}",
+        f"{', '.join(VARIABLES)}. With a sorter file the default is the distance over the same "
+        "shares of the reach as of the paper's fence",
         metavar="NAME=LOWER:UPPER",
     )
     sampling: str = flags.field(
@@ -103,17 +105,35 @@ class SweepConfig:
                 f"Argument `tolerated` must be within 0 ... 1 [1], but is {self.tolerated:g}."
             )
 
+    @property
+    def machine(self) -> fj.sorter.Machine | None:
+        """The sorter that is named, if any, with those settings that are made in it."""
+        if self.sorter == machine.NONE:
+            return None
+        own, _ = machine.parted(self.sorter, self.scene, self.set)
+        return machine.load(self.sorter, own).machine
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """What varies: as given, or by default of a sorter the distance along its own fence."""
+        sorter = self.machine
+        if sorter is None or self.vary != _VARY:
+            return self.vary
+        lower, upper = (machine.place(float(sorter.fence.reach), end) for end in (0.5, 1.1))
+        return _VARY[0], f"distance={lower}:{upper}"
+
     def samples(self) -> Samples:
         """The points.
 
         Raises `ValueError` where `vary` cannot be read, or names a number without bounds.
         """
-        read = [_variable(text) for text in self.vary]
+        texts = self.varied
+        read = [_variable(text) for text in texts]
         variables = [variable for variable, _ in read]
         if self.sampling == "grid":
             counts = [self.points if count is None else count for _, count in read]
             return sampling.grid(variables, counts)
-        for text, (_, count) in zip(self.vary, read, strict=True):
+        for text, (_, count) in zip(texts, read, strict=True):
             if count is not None:
                 raise ValueError(
                     f"Argument `vary` must not give points a variable for {self.sampling}, but "

@@ -11,7 +11,7 @@ from fencejax.scenes import numbers as scene_numbers
 from optimize.common import machine
 from optimize.common.encounters import Course, Encounter
 from optimize.identify.configuration import IdentifyConfig
-from optimize.sensitivity.configuration import SensitivityConfig
+from optimize.sensitivity.configuration import RANGES, SensitivityConfig
 from optimize.sweep.configuration import SweepConfig
 
 HUB = dict(sorter="parcel_hub")
@@ -57,6 +57,77 @@ def test_identification_on_a_sorter():
     config = IdentifyConfig(records=("a.csv",), set=("distance=0.9,mass=12 kg",), **HUB)
     scene = config.base(config.numbers(0), 0.1)
     assert read(scene, "distance", "mass", "belt_speed") == [0.9, 12, 2.5]
+
+
+SHORT = """
+[parcels]
+mass = ["0.5 kg", "12 kg"]
+[fence]
+reach = "95 cm"
+thickness = {lower = "4 mm", upper = "50 mm", start = "20 mm"}
+material = "POM"
+[belt]
+speed = "4 m/s"
+"""
+
+
+@pytest.fixture
+def short(tmp_path):
+    """A sorter whose fence is shorter than the distance of the paper's impacts."""
+    file = tmp_path / "short.toml"
+    file.write_text(SHORT, encoding="utf-8")
+    return str(file)
+
+
+def test_a_fence_shorter_than_the_papers_impacts_are_far(short):
+    sweep = SweepConfig(sorter=short, vary=("mass=0.5:12", "distance=0.4:0.9")).sweep()
+    assert read(sweep.family.scene(np.array([5.0, 0.6])), "distance") == [0.6]
+    # By default at the same share of the reach, however the reach or the distance is named.
+    for given, distance in (
+        ((), 0.792), (("reach=0.48",), 0.4), (("fence.reach=60 cm",), 0.5),
+        (("start.place=0.7",), 0.7),
+    ):  # fmt: skip
+        family = SweepConfig(sorter=short, vary=("mass=0.5:12",), set=given).sweep().family
+        assert read(family.scene(np.array([5.0])), "distance") == [distance]
+    assert SweepConfig(sorter=short).varied == ("mass=1:30", "distance=0.396:0.871")
+    assert SweepConfig(sorter=short).sweep().samples.names == ("mass", "distance")
+    # No other mistake hides behind the distance.
+    with pytest.raises(ValueError, match="'masss'"):
+        SweepConfig(sorter=short, vary=("masss=1:2",)).sweep()
+    with pytest.raises(ValueError, match="`distance` must be at most 0.95.* but is 0.96"):
+        SweepConfig(sorter=short, vary=("mass=0.5:12",), set=("distance=0.96",)).sweep()
+    identify = IdentifyConfig(records=("a.csv",), sorter=short, set=("distance=0.6",))
+    assert read(identify.base(identify.numbers(0), 0.1), "distance") == [0.6]
+    for kind in ("along_fence", "border_and_fence"):
+        assert read(SensitivityConfig(scene=kind, sorter=short).base(), "distance") == [0.792]
+
+
+def test_the_ranges_of_a_sensitivity_study_are_the_sorters(short):
+    config = SensitivityConfig(sorter=short)
+    scene = config.base()
+    assert list(config.places(scene)) == ["distance=0.633 m", "distance=0.792 m"]
+    assert config.line(scene) == ("distance", 0.396, 0.871)
+    config.check()
+    ends = {v.name: (v.lower, v.upper) for v in config.inputs(scene)}
+    # A free number, the parcels, the reach's share, the number itself and the paper's range.
+    assert ends["thickness"] == (0.004, 0.05)
+    assert ends["mass"] == (0.5, 12)
+    assert ends["distance"] == (0.554, 0.792)
+    assert ends["belt_speed"] == (3.6, 4.4)
+    assert ends["stiffness"] == (0.86e9, 3.44e9)
+    # The paper's fence has the paper's numbers, with a sorter file and without one.
+    for paper in (SensitivityConfig(), SensitivityConfig(sorter="paper")):
+        scene = paper.base()
+        assert list(paper.places(scene)) == ["distance=0.8 m", "distance=1 m"]
+        assert paper.line(scene) == ("distance", 0.5, 1.1)
+        inputs = {v.name: v for v in paper.inputs(scene)}
+        assert inputs["distance"] == RANGES["distance"]
+        assert inputs["belt_speed"] == RANGES["belt_speed"]
+    own = SensitivityConfig()
+    assert own.inputs(own.base()) == tuple(v for n, v in RANGES.items() if n not in NOT_IMPACTS)
+
+
+NOT_IMPACTS = ("offset", "speed")
 
 
 @pytest.mark.parametrize(
