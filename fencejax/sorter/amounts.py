@@ -34,8 +34,11 @@ def amount(name: str, value: Any, unit: str) -> float:
     """A number in `unit` [SI] from a plain number, which is taken to be in that unit already, or
     from text such as `"45 mm"`, `"3 GPa"`, `"400 N m"`, `"60 deg"`.
 
-    Raises `ValueError` for text that is no number or has a unit of another dimension, and
-    `TypeError` for anything but numbers and text.
+    Where `unit` holds an angle, as rad/s does, the text's unit must hold one too: `"50 Hz"` may
+    count turns or radians, whose numbers differ by 2 pi.
+
+    Raises `ValueError` for text that is no number, has a unit of another dimension or lacks the
+    angle, and `TypeError` for anything but numbers and text.
     """
     if not isinstance(value, str):
         plain = isinstance(value, (int, float)) or hasattr(value, "dtype")
@@ -61,7 +64,9 @@ def amount(name: str, value: Any, unit: str) -> float:
     try:
         parsed = _registry().parse_units(written)
         powers, wanted = _exponents(parsed), dimension(unit)
-        size = float((_registry().Quantity(1.0, parsed)).to_base_units().magnitude)
+        quantity = _registry().Quantity(1.0, parsed)
+        size = float(quantity.to_base_units().magnitude)
+        turned = float(dict(quantity.to_root_units().unit_items()).get("radian", 0))
     except Exception as error:
         # The library raises errors of many kinds for text that it cannot read.
         raise ValueError(
@@ -73,7 +78,28 @@ def amount(name: str, value: Any, unit: str) -> float:
             f"Argument `{name}` must be in {unit} or a unit like it, such as "
             f'"{_example(unit)}", but is {value!r}, of another dimension.'
         )
+    if _angle(unit) not in (0, turned):
+        raise ValueError(
+            f"Argument `{name}` must be in {unit} or a unit like it, with an angle, but is "
+            f"{value!r}. {_with_angle(number * size, written, unit)}"
+        )
     return _finite(name, number * size, unit)
+
+
+def _angle(unit: str) -> int:
+    """The power of the angle in a unit [SI], in which rad stands once at most."""
+    above, _, below = unit.partition("/")
+    return above.split().count("rad") - re.split(r"[ /]", below).count("rad")
+
+
+def _with_angle(size: float, written: str, unit: str) -> str:
+    """What to write instead of a unit without an angle."""
+    if unit != "rad/s":
+        return f'Write, for example, "{_example(unit)}".'
+    return (
+        f'Write "{60 * size:.4g} rpm", which is "{2 * math.pi * size:.4g} rad/s", where {written} '
+        f'counts turns, and "{size:.4g} rad/s" where it counts radians.'
+    )
 
 
 def _finite(name: str, value: float, unit: str) -> float:

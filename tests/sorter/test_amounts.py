@@ -19,6 +19,10 @@ from fencejax.sorter import amount, span, value
         ("400 Nm", "N m", 400.0),
         ("60 deg", "rad", math.pi / 3),
         ("15 rpm", "rad/s", math.pi / 2),
+        ("3000 revolution/min", "rad/s", 100 * math.pi),
+        ("180 deg/s^2", "rad/s^2", math.pi),
+        ("2 N m/deg", "N m/rad", 360 / math.pi),
+        ("2 N m s/rad", "N m s/rad", 2.0),
         ("2.5 m/s", "m/s", 2.5),
         ("150 m/min", "m/s", 2.5),
         ("1.13 g/cm^3", "kg/m^3", 1130.0),
@@ -54,6 +58,24 @@ def test_numbers_with_units(given, unit, si):
 def test_what_is_no_such_number_is_refused(given, unit, message):
     with pytest.raises(ValueError, match=message):
         amount("belt.speed", given, unit)
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "remedy"),
+    [
+        ("3000 1/min", "rad/s", 'Write "3000 rpm", which is "314.2 rad/s", where 1/min counts'),
+        ("50 Hz", "rad/s", '"3000 rpm", .* and "50 rad/s" where it counts radians'),
+        ("2 1/s", "rad/s", "Write"),
+        ("2 1/s^2", "rad/s^2", 'Write, for example, "2 rad/s.2"'),
+        ("2 rad^2/s", "rad/s", "Write"),
+        ("2 N m/Hz", "N m s/rad", 'Write, for example, "2 N m s/rad"'),
+        ("2 N m", "N m/rad", 'Write, for example, "2 N m/rad"'),
+        ("30 %", "rad", 'Write, for example, "30 deg"'),
+    ],
+)
+def test_a_unit_without_the_angle_is_refused(given, unit, remedy):
+    with pytest.raises(ValueError, match=f"`drive.speed` must be in .* with an angle.*{remedy}"):
+        amount("drive.speed", given, unit)
 
 
 @pytest.mark.parametrize("given", [True, None, [1.0], {"a": 1}])
