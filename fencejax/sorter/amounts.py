@@ -66,7 +66,7 @@ def amount(name: str, value: Any, unit: str) -> float:
         powers, wanted = _exponents(parsed), dimension(unit)
         quantity = _registry().Quantity(1.0, parsed)
         size = float(quantity.to_base_units().magnitude)
-        turned = float(dict(quantity.to_root_units().unit_items()).get("radian", 0))
+        turned = dict(quantity.to_root_units().unit_items()).get("radian", 0)
     except Exception as error:
         # The library raises errors of many kinds for text that it cannot read.
         raise ValueError(

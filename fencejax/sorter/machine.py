@@ -269,7 +269,10 @@ class Machine(Readable):
                     found.append((f"fence.material.{key}", float(value), bounds.unit))
         for path, column in self.parcels.columns.items():
             unit = parcel_table.FIELDS[path.rpartition(".")[2].replace("given_", "")].unit
-            found += [(path, float(end), unit) for end in (np.min(column), np.max(column))]
+            found += [
+                (self.parcels.origin(path, int(lane)), float(column[lane]), unit)
+                for lane in (np.argmin(column), np.argmax(column))
+            ]
         for path, values in (*self.choices.items(), *((p, s[:2]) for p, s in self.free.items())):
             found += [(path, float(value), self.unit(path)) for value in values]
         if self.period is not None:

@@ -1,6 +1,5 @@
 """The parcels of a sorter and their places on the belt: lists, files and distributions."""
 
-import csv
 import dataclasses
 import math
 from collections.abc import Mapping
@@ -9,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from .. import _check, _text, printing
+from .. import _check, printing
 from .._check import Bounds
+from .._text import Rows, key, name_and_unit
 from ..parts import Parcel
 from ..printing import Readable, shown
 from ..scenes import OnBelt
@@ -41,11 +41,15 @@ class Parcels(Readable):
     - `columns`: the values [SI] of each given number, of shape (P,), by its path in a scene.
     - `weights`: the frequency of each parcel, of shape (P,), with the sum 1.
     - `corners`: the parcel's corners that can touch the fence.
+    - `origins`: where the list or the file has each parcel, `"parcels.csv:3"`; empty without one.
+    - `listed`: the paths of the numbers that it has there.
     """
 
     columns: dict[str, np.ndarray]
     weights: np.ndarray
     corners: tuple[int, ...]
+    origins: tuple[str, ...] = ()
+    listed: frozenset[str] = frozenset()
 
     @property
     def count(self) -> int:
@@ -56,6 +60,11 @@ class Parcels(Readable):
     def given(self) -> frozenset[str]:
         """The names of all given numbers."""
         return frozenset(name for name, path in PATHS.items() if path in self.columns)
+
+    def origin(self, path: str, lane: int) -> str:
+        """A parcel's number as its user knows it: `"parcels.mass"`, `"parcels.csv:3.mass"`."""
+        name = path.rpartition(".")[2].removeprefix("given_")
+        return f"{self.origins[lane] if path in self.listed else 'parcels'}.{name}"
 
     def _printed(self) -> printing.Table:
         rows = []
@@ -143,8 +152,12 @@ def read(table: Table, folder: Path, found: Reading) -> Parcels:
     refuse_unknown("parcels", table, (*FIELDS, *_SETTINGS))
     if "list" in table and "file" in table:
         raise ValueError("Argument `parcels` must give a `list` or a `file`, but gives both.")
-    rows = _file(folder / str(table["file"])) if "file" in table else None
-    rows = _rows(table["list"]) if "list" in table else rows
+    rows: dict[str, np.ndarray] | None = None
+    origins: list[str] = []
+    if "file" in table:
+        rows, origins = _file(folder / str(table["file"]))
+    elif "list" in table:
+        rows, origins = _rows(table["list"])
     table = {
         k: found.number(f"parcels.{k}", v, FIELDS[k]) if k in FIELDS and _is_span(v) else v
         for k, v in table.items()
@@ -183,7 +196,11 @@ def read(table: Table, folder: Path, found: Reading) -> Parcels:
     if not isinstance(corners, (list, tuple)):
         raise TypeError(f"Argument `parcels.corners` must be a list, but is {corners!r}.")
     return Parcels(
-        {PATHS[name]: columns[name] for name in order}, weights / np.sum(weights), tuple(corners)
+        {PATHS[name]: columns[name] for name in order},
+        weights / np.sum(weights),
+        tuple(corners),
+        tuple(origins[row] for row in places[0]) if rows else (),
+        frozenset(PATHS[name] for name in rows or {} if name in FIELDS),
     )
 
 
@@ -198,8 +215,8 @@ def _number(name: str, raw: Any, where: str = "parcels") -> float:
     return found
 
 
-def _rows(raw: Any) -> dict[str, np.ndarray]:
-    """The columns of a list of parcels, each a table of the same numbers."""
+def _rows(raw: Any) -> tuple[dict[str, np.ndarray], list[str]]:
+    """The columns of a list of parcels, each a table of the same numbers, and where each is."""
     if not isinstance(raw, (list, tuple)) or not raw:
         raise TypeError(
             f"Argument `parcels.list` must be a list of tables, such as "
@@ -219,35 +236,54 @@ def _rows(raw: Any) -> dict[str, np.ndarray]:
                 f"{', '.join(names)}, but gives {', '.join(row)}."
             )
         read_rows.append([_number(name, row[name], where) for name in names])
-    return {name: np.array(column) for name, column in zip(names, zip(*read_rows, strict=True),
-            strict=True)}  # fmt: skip
+    columns = zip(names, zip(*read_rows, strict=True), strict=True)
+    places = [f"parcels.list[{index}]" for index in range(len(raw))]
+    return {name: np.array(column) for name, column in columns}, places
 
 
-def _file(path: Path) -> dict[str, np.ndarray]:
-    """The columns of a CSV file: titles such as `mass [kg]` or `length [mm]`, then a row a parcel;
-    `weight` is its frequency. Columns may be separated by semicolons, and numbers then have decimal
-    commas. The encoding is UTF-8, UTF-16 or the Windows encoding of western Europe."""
-    text = _text.of(path)
-    semicolons = ";" in text.partition("\n")[0]
-    lines = list(csv.reader(text.splitlines(), delimiter=";" if semicolons else ","))
-    lines = [line for line in lines if any(cell.strip() for cell in line)]
-    if len(lines) < 2:
-        raise ValueError(f"{path} must hold a line of titles and one parcel at least.")
-    names, units = [], []
-    for title in lines[0]:
-        name, _, unit = title.partition("[")
-        names.append(name.strip())
-        units.append(unit.strip(" ]"))
-    refuse_unknown(str(path), dict.fromkeys(names), (*FIELDS, "weight"))
+def _file(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
+    """The columns of a CSV file, and where each parcel is: titles such as `mass [kg]` or
+    `Length (mm)`, then a row a parcel; `weight` is its frequency. Columns are separated by commas,
+    semicolons or tabs; numbers have a decimal point or, unless commas separate the columns, a
+    decimal comma. Empty lines and lines that start with # are ignored. The encoding is UTF-8,
+    UTF-16 or the Windows encoding of western Europe."""
+    try:
+        file = Rows(path)
+    except OSError as error:
+        raise ValueError(
+            f"Argument `parcels.file` must name a CSV file, but is {str(path)!r}: "
+            f"{error.strerror or error}. A relative name begins at the sorter file's folder."
+        ) from error
+    names = [key(title) or title for title in file.titles]
+    units = [name_and_unit(title)[1] or "" for title in file.titles]
+    refuse_unknown(f"{path}, line {file.first},", dict.fromkeys(names), (*FIELDS, "weight"))
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise ValueError(
+            f"{path}, line {file.first}: must name each column once, but names `{twice}` twice."
+        )
+    rows = [(line, cells) for line, cells in file.rows if any(cell.strip() for cell in cells)]
+    if not rows:
+        raise ValueError(f"{path}: must hold a line of titles and one parcel at least.")
+    commas = file.separator != "," and any("," in cell for _, cells in rows for cell in cells)
     columns: dict[str, list[float]] = {name: [] for name in names}
-    for number, line in enumerate(lines[1:], start=2):
-        where = f"{path}:{number}"
-        if len(line) != len(names):
-            raise ValueError(f"{where} must hold {len(names)} cells, but holds {len(line)}.")
-        for name, unit, cell in zip(names, units, line, strict=True):
-            plain = cell.strip().replace(",", ".") if semicolons else cell.strip()
+    for line, cells in rows:
+        where = f"{path}:{line}"
+        for name, unit, cell in zip(names, units, cells, strict=True):
+            plain = _with_point(f"{where}.{name}", cell.strip()) if commas else cell.strip()
             columns[name].append(_number(name, f"{plain} {unit}", where))
-    return {name: np.array(values) for name, values in columns.items()}
+    places = [f"{path}:{line}" for line, _ in rows]
+    return {name: np.array(values) for name, values in columns.items()}, places
+
+
+def _with_point(name: str, cell: str) -> str:
+    """A cell of a file with decimal commas, with a decimal point."""
+    if "." in cell or cell.count(",") > 1:
+        raise ValueError(
+            f"Argument `{name}` must be written with a decimal comma, as other numbers of the "
+            f"file, and without marks between thousands, but is {cell!r}."
+        )
+    return cell.replace(",", ".")
 
 
 def _draw(drawn: Mapping[str, Table], table: Table) -> dict[str, np.ndarray]:

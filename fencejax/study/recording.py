@@ -7,7 +7,6 @@
 
 import csv
 import difflib
-import io
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -16,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import _text
+from .._text import Rows, key, name_and_unit
 from .recorded_signals import SIGNALS as SIGNALS, Recording as Recording
 
 # Units that a header may name, with their factor to the SI.
@@ -26,7 +25,6 @@ _FACTORS = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
     "rad": {"rad": 1.0, "deg": np.pi / 180, "\u00b0": np.pi / 180, "mrad": 1e-3},
 }
-_HEADER = re.compile(r"\s*([^\[\]()]+?)\s*(?:[\[(]\s*([^\[\]()]*?)\s*[\])])?\s*")
 # Texts for a missing sample.
 _MISSING = {"", "-", "--", "nan", "na", "n/a", "null", "none"}
 # A number with a decimal comma, points between its thousands or none.
@@ -56,42 +54,8 @@ class _Column(NamedTuple):
     factor: float
 
 
-class _File:
-    """The lines of a file without comments and empty lines, split into cells."""
-
-    def __init__(self, path: Path):
-        self.path = path
-        lines = [
-            (number, line)
-            for number, line in enumerate(_text.of(path).splitlines(), start=1)
-            if line.strip() and not line.lstrip().startswith("#")
-        ]
-        if not lines:
-            raise ValueError(f"{path}: must hold a header and rows of numbers, but is empty.")
-        self.first, self.header = lines[0]
-        self.separator = max(",;\t", key=self.header.count)
-        self.titles = [title.strip() for title in self._cells(*lines[0])]
-        self.rows = [(number, self._row(number, line)) for number, line in lines[1:]]
-
-    def _cells(self, line: int, text: str) -> list[str]:
-        try:
-            return next(csv.reader(io.StringIO(text), delimiter=self.separator, strict=True))
-        except csv.Error as error:
-            raise ValueError(
-                f"{self.path}, line {line}: cannot be read as CSV: {error}."
-            ) from error
-
-    def _row(self, line: int, text: str) -> list[str]:
-        cells, wanted = self._cells(line, text), len(self.titles)
-        if len(cells) != wanted:
-            # Each number is split in two.
-            commas = self.separator == "," and len(cells) == 2 * wanted
-            remedy = " If these are decimal commas, separate columns by semicolons." * commas
-            raise ValueError(
-                f"{self.path}, line {line}: must have {wanted} columns as the header, but has "
-                f"{len(cells)}.{remedy}"
-            )
-        return cells
+class _File(Rows):
+    """The rows of a file, and the columns of time and signals in it."""
 
     def columns(self, named: Mapping[str, str]) -> dict[str, _Column]:
         """The columns of time and signals, by the titles in `named` or by their own names."""
@@ -113,7 +77,7 @@ class _File:
                 )
             found[name] = self._column(places[0], name)
         for place, title in enumerate(self.titles):
-            name = re.sub(r"[\s-]+", "_", _name_and_unit(title)[0].lower())
+            name = key(title)
             if name in named or (name != "time" and name not in SIGNALS):
                 continue
             if name in found:
@@ -123,7 +87,7 @@ class _File:
 
     def _column(self, place: int, name: str) -> _Column:
         title, unit = self.titles[place], "s" if name == "time" else SIGNALS[name]
-        given = _name_and_unit(title)[1]
+        given = name_and_unit(title)[1]
         where = f"{self.path}, line {self.first}, column `{title}`"
         return _Column(place, title, unit, _factor(where, unit if given is None else given, unit))
 
@@ -242,15 +206,9 @@ def read_recording(
     return Recording(time[timed], signals, str(path), int(np.sum(~timed)))
 
 
-def _name_and_unit(title: str) -> tuple[str, str | None]:
-    """A title's name and unit."""
-    match = _HEADER.fullmatch(title)
-    return ("", None) if match is None else (match[1].strip(), match[2])
-
-
 def _same(title: str, given: str) -> bool:
     """Whether a title is the one given, with or without its unit."""
-    return given.strip().lower() in (title.lower(), _name_and_unit(title)[0].lower())
+    return given.strip().lower() in (title.lower(), name_and_unit(title)[0].lower())
 
 
 def _factor(where: str, given: str, unit: str) -> float:

@@ -1,5 +1,7 @@
 """The parcels of a sorter: lists, rows, files and distributions."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,9 @@ def test_lists_and_rows_are_combined():
     [
         "mass [g],length [mm],weight\n500,200,3\n30000,600,1\n",
         "\ufeffmass;length [cm];weight\n0,5;20;3\n30;60,0;1\n\n",
+        "sep=;\nMass (g);Length [cm];Weight\n500;20;3\n30000;60,0;1\n;;\n",
+        "\n# measured on Monday\nmass [kg]\tLENGTH\tweight\n0,5\t0,2\t3\n\n30\t0,6\t1\n",
+        ";;\nmass;length;weight\n0.5;0.2;3\n30;0.6;1\n",
     ],
 )
 def test_parcels_from_a_file(tmp_path, text):
@@ -42,6 +47,47 @@ def test_a_files_defects_are_reported_with_their_line(tmp_path):
     (tmp_path / "parcels.csv").write_text("mas [kg]\n1\n")
     with pytest.raises(ValueError, match="unknown key `mas`. Did you mean `mass`"):
         fj.Sorter(parcels={"file": "parcels.csv"}, folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("mass [kg],mass [g],weight\n1,2,3\n", "line 1: must .* once, but names `mass` twice"),
+        ("Mass;mass [g]\n1;2\n", "names `mass` twice"),
+        ("mass [kg]\n\n# heavy ones\n1\nheavy\n", r"parcels.csv:5.mass` \[kg\] must be a number"),
+        ("\n\nmass [kg],length\n1,2\n3\n", "line 5: must have 2 columns as the header, but has 1"),
+        ("mass [g];weight\n1.600,5;1\n", "csv:2.mass` must .* decimal comma.* but is '1.600,5'"),
+        ("mass [g];weight\n1,5;1\n1.600;1\n", "csv:3.mass` must .* comma.* but is '1.600'"),
+        ("mass [g];weight\n1,600,5;1\n", "but is '1,600,5'"),
+        ("mass [kg\n1\n", r"unknown key `mass \[kg`"),
+        ("mass [kg]\n\n", "one parcel at least"),
+        ("\n", "parcels.csv: must hold a header"),
+    ],
+)
+def test_a_files_dialects_are_not_guessed(tmp_path, text, message):
+    (tmp_path / "parcels.csv").write_text(text)
+    with pytest.raises(ValueError, match=message):
+        fj.Sorter(parcels={"file": "parcels.csv"}, folder=tmp_path)
+
+
+def test_a_missing_file_is_named_with_its_key(tmp_path):
+    (tmp_path / "mine.toml").write_text('[parcels]\nfile = "none.csv"\n')
+    message = "mine.toml: Argument `parcels.file` must name a CSV file, but is .*none.csv': No such"
+    with pytest.raises(ValueError, match=message):
+        fj.Sorter.load(tmp_path / "mine.toml")
+
+
+def test_an_implausible_number_is_named_where_it_is_written(tmp_path):
+    (tmp_path / "parcels.csv").write_text("mass\n1\n\n5000\n2\n")
+    file, rows = {"file": "parcels.csv"}, {"list": [{"mass": 1}, {"mass": 5000}]}
+    for given, name in (
+        (file, r"parcels.csv:4.mass"),
+        (rows, r"`parcels.list\[1\].mass"),
+        ({**file, "length": [0.1, 50]}, "`parcels.length` is 50 "),
+    ):
+        with pytest.warns(fj.sorter.ImplausibleNumberWarning) as warned:
+            fj.Sorter(parcels={"offset": [0.1, 0.2], **given}, folder=tmp_path)
+        assert any(re.search(name, str(each.message)) for each in warned)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])

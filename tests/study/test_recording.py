@@ -23,7 +23,7 @@ def test_units_comments_and_separators(tmp_path):
     path = tmp_path / "b.csv"
     rows = "\n".join(f"{k};{0.1 * k};{-2.0 * k};note {k}" for k in range(6))
     path.write_text(
-        f"\ufeff# made by hand\nTime (ms);Force [kN];Tip deflection [mm];what\n\n{rows}\n"
+        f"\ufeffsep=;\n# made by hand\nTime (ms);Force [kN];Tip deflection [mm];what\n\n{rows}\n"
     )
     found = read_recording(path)
     assert found.time == pytest.approx(1e-3 * np.arange(6))
