@@ -73,15 +73,15 @@ class _Checks:
         name = "reference" if config.reference else config.fidelity
         fidelity = getattr(fj.Fidelity, name)()
         cycle = float(space.drive.cycle)
+        # Read here: the programs below are traced, in which no bound can be computed.
+        limits, quantity, sorter = config.limits, config.quantity, config.machine
 
         def impact(fence, drive):
-            return batch.measure(
-                fence, drive, impacts, config.limits, fidelity, objective=config.quantity
-            )
+            return batch.measure(fence, drive, impacts, limits, fidelity, objective=quantity)
 
         def sort(fence, drive):
             return batch.whole_sorts(
-                fence, drive, config.sort_front, config.sort_masses, cycle, config.machine
+                fence, drive, config.sort_front, config.sort_masses, cycle, sorter
             )
 
         self._space = space

@@ -11,10 +11,10 @@ from pictures import numbers_first, shows_data
 
 import fencejax as fj
 from fencejax import plot
-from fencejax.design import Stop
+from fencejax.design import Stop, fatigue
 from optimize.common import nearby, report
 from optimize.common.encounters import Encounter
-from optimize.peak_force import job, main
+from optimize.peak_force import impacts as batch, job, main
 from optimize.peak_force.configuration import PeakForceConfig, configure
 
 _SMALL = PeakForceConfig(
@@ -131,6 +131,24 @@ def test_prices_and_tolerances_are_the_gradients(small):
 
 def optimum_lanes(outcome):
     return outcome.measured["after"]["peak_force"].size
+
+
+def test_a_bound_on_the_life_is_computed_before_the_checks_are_traced(monkeypatch):
+    config = configure(["--sorter", "paper", "--set", "limits.life=1e6", "--sort-masses"])
+    seen = []
+    monkeypatch.setattr(
+        batch, "measure", lambda *parts, **rest: (seen.append(parts[3]), jnp.zeros(()))[1]
+    )
+    impacts = batch.Impacts(
+        config.distances, config.masses, config.drive_angle, config.duration, config.machine
+    )
+    checks = job._Checks(config, config.space, impacts)
+    # An error of the tracing appears here.
+    checks._impacts.result()
+    bounds = {limit.name: limit.bound for limit in seen[0]}
+    sheet = config.machine.materials[0]
+    wanted = fatigue.amplitude_for(1e6, sheet.fatigue_strength, fatigue.exponent_of(sheet.material))
+    assert bounds["fatigue_stress"] == pytest.approx(float(wanted))
 
 
 def test_no_feasible_design(tmp_path, capsys):
