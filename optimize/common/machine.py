@@ -283,10 +283,11 @@ def _machine(
 
 
 def limits(
-    jobs: tuple[fj.Limit, ...], machine: fj.sorter.Machine | None, without: tuple[str, ...] = ()
-) -> tuple[fj.Limit, ...]:
+    jobs: tuple[fj.Limit, ...], machine: fj.sorter.Machine | None, without: tuple[str, ...] = (),
+    sorts: bool = True,
+) -> tuple[fj.Limit, ...]:  # fmt: skip
     """A job's limits, replaced by and extended with those of a machine's table of limits, `without`
-    some of its rows."""
+    some of its rows and, unless the job's scenes are whole `sorts`, without those of `unheld`."""
     if machine is None:
         return jobs
     for row, _ in machine.bounds:
@@ -296,11 +297,42 @@ def limits(
                 "over the parcels. Write python -m optimize.design, or --set "
                 f"limits.{row.name}=false."
             )
-    given = [(row, bound) for row, bound in machine.bounds if bound is not None or _named(row)]
-    found = fj.sorter.settled(given, machine, machine.materials[0])
-    own = [limit for name, limit in found if name not in without]
+    without = (*without, *(() if sorts else unheld(machine)))
+    own = [limit for name, limit in _given_limits(machine) if name not in without]
     names = {limit.name for limit in own}
     return (*(limit for limit in jobs if limit.name not in names), *own)
+
+
+_OF_WHOLE_SORTS = (
+    "clear_period", "crossing_time", "ring_amplitude", "rms_torque", "drive_work", "net_work",
+)  # fmt: skip
+
+
+def unheld(machine: fj.sorter.Machine) -> tuple[str, ...]:
+    """The names of a machine's limits that bound the end of a whole sort, or a sum over it, and
+    not a single impact."""
+    found = _given_limits(machine)
+    return tuple(name for name, limit in found if limit.quantity.name in _OF_WHOLE_SORTS)
+
+
+def unheld_notes(machine: fj.sorter.Machine) -> list[str]:
+    """What a job that designs for single impacts says of those limits; a line, if there are any."""
+    names = [f"limits.{name}" for name in unheld(machine)]
+    if not names:
+        return []
+    them = "them" if len(names) > 1 else "it"
+    off = " ".join(f"{name}=false" for name in names)
+    return [
+        f"NOT held, as the job designs for single impacts and whole sorts alone can be bounded so: "
+        f"{', '.join(names)}; python -m optimize.design holds {them}, and --set {off} switches "
+        f"{them} off"
+    ]
+
+
+def _given_limits(machine: fj.sorter.Machine) -> tuple[tuple[str, fj.Limit], ...]:
+    """The limits that a machine's table gives, for its first material, by name."""
+    given = [(row, bound) for row, bound in machine.bounds if bound is not None or _named(row)]
+    return fj.sorter.settled(given, machine, machine.materials[0])
 
 
 _OWN = ("stress", "torque")

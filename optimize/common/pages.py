@@ -63,8 +63,11 @@ def scene_table(
     return _slim(Table(["number", "value", "remark"], rows, caption))
 
 
-def machine_tables(machine: fj.sorter.Machine, most: int = 24) -> list[Part | str]:
-    """A sorter's numbers with units, which of them are free, and its parcels."""
+def machine_tables(
+    machine: fj.sorter.Machine, most: int = 24, *, first: bool = False
+) -> list[Part | str]:
+    """A sorter's numbers with units, which of them are free, and its parcels; of its materials
+    the `first` alone, if no other is used."""
     remarks = {
         path: f"free, {shown(s.lower, machine.unit(path))} ... {shown(s.upper, machine.unit(path))}"
         for path, s in machine.free.items()
@@ -91,7 +94,8 @@ def machine_tables(machine: fj.sorter.Machine, most: int = 24) -> list[Part | st
         rows.append(["from one parcel to the next", shown(machine.period, "s"), ""])
     full = [[*row, ""][:3] for row in rows]
     parts = _slim(Table(["number", "value", "remark"], full, "Parts"))
-    return [parts, material_table(machine.materials), parcel_table(machine.parcels, most)]
+    used = machine.materials[:1] if first else machine.materials
+    return [parts, material_table(used), parcel_table(machine.parcels, most)]
 
 
 def material_table(sheets: Sequence[fj.parts.DataSheet]) -> Table:
@@ -137,11 +141,20 @@ def _title(path: str) -> str:
 
 
 def machine_section(
-    machine: fj.sorter.Machine | None, scene: AnyScene, title: str = "The machine"
-) -> Section:
-    """The sorter of a job or, without one, the numbers of one of its scenes."""
+    machine: fj.sorter.Machine | None, scene: AnyScene, notes: Sequence[str] = (),
+    title: str = "The machine", *, parcels: bool = True,
+) -> Section:  # fmt: skip
+    """The sorter of a job for its first material or, without one, the numbers of one of its scenes.
+
+    `notes`: what the job uses of the sorter, a line each; `parcels`: whether it sorts the sorter's
+    parcels. Otherwise the parcel of the scene is shown.
+    """
     if machine is not None:
-        return Section(title, machine_tables(machine))
+        tables = machine_tables(machine, first=True)
+        if not parcels:
+            others = ("belt", "fence", "drive", "fence_friction", "border", "start", "motor")
+            tables[-1] = scene_table(scene, "The parcel in the first of the impacts", others)
+        return Section(title, [*tables, *([sentences(*notes)] if notes else [])])
     table = scene_table(scene, "The job's own numbers, one of its scenes")
     return Section(title, [table])
 

@@ -167,7 +167,17 @@ class ParetoConfig:
         )
         if self.kind == "impacts":
             limits = (*limits, objectives.tip_clearance_limit(self.tip_clearance))
-        return named.limits(machine.limits(limits, self.machine), self.limit)
+        found = machine.limits(limits, self.machine, sorts=self.kind == "sorts")
+        return named.limits(found, self.limit)
+
+    @property
+    def notes(self) -> list[str]:
+        """What the job uses of the sorter that is named, and what it leaves out, a line each."""
+        sorter = self.machine
+        if sorter is None:
+            return []
+        unheld = machine.unheld_notes(sorter) if self.kind == "impacts" else []
+        return [*machine.notes(sorter), *unheld]
 
     def quick(self) -> "ParetoConfig":
         """A small version: few points and parcels, or those of the sorter file, the fast fidelity

@@ -24,7 +24,7 @@ import numpy as np
 from fencejax.design import Stop
 from fencejax.plot import non_dominated
 
-from ..common import command, designs, evaluations, machine, nearby
+from ..common import command, designs, evaluations, nearby
 from ..common.report import ended, failed_start, verified, write_json
 from . import figures, page
 from .configuration import ParetoConfig, configure
@@ -88,7 +88,7 @@ def main(config: ParetoConfig | None = None, *, quiet: bool = False) -> Front:
     tradeoff.check()
     config.out.mkdir(parents=True, exist_ok=True)
     journal = evaluations.journal(config, say)
-    for line in machine.notes(config.machine):
+    for line in config.notes:
         say(line)
     say(
         f"peak force against {config.against.replace('_', ' ')}: {tradeoff.encounters.lanes} "

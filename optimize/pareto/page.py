@@ -65,7 +65,7 @@ def write(front: Front, verdict: str, unit_of_margin: float) -> None:
         pages.sentences(mine(front), verdict),
         front.succeeded,
         [
-            pages.machine_section(machine, scene),
+            pages.machine_section(machine, scene, config.notes),
             Section("The front", [_points(front)]),
             pages.figures(config.out, _FIGURES if config.plots else {}),
             Section("A design from the front", _design(front, point)),

@@ -116,7 +116,28 @@ class PeakForceConfig:
             objectives.diverted_limit(self.crossing),
             objectives.tip_clearance_limit(self.tip_clearance),
         )
-        return named.limits(machine.limits(limits, self.machine), self.limit)
+        return named.limits(machine.limits(limits, self.machine, sorts=False), self.limit)
+
+    @property
+    def notes(self) -> list[str]:
+        """What the job uses of the sorter that is named, and what it leaves out, a line each."""
+        sorter = self.machine
+        if sorter is None:
+            return []
+        count, wanted = sorter.parcels.count, sorter.objective
+        which = f"first of the sorter's {count}" if count > 1 else "sorter's"
+        lines = [
+            *machine.notes(sorter),
+            f"the parcel is the {which}, with the masses of --masses (of --sort-masses in whole "
+            f"sorts), met at --distances{'; no other parcel is used' if count > 1 else ''}",
+        ]
+        if (wanted.over, wanted.quantity.name) != ("worst", self.quantity.name):
+            lines.append(
+                f"the objective is the worst {self.quantity.name} over the impacts, by "
+                f"--objective, and not the sorter's own, the {wanted.over} {wanted.quantity.name} "
+                "over its parcels, which python -m optimize.design takes"
+            )
+        return [*lines, *machine.unheld_notes(sorter)]
 
     @property
     def quantity(self) -> fj.Quantity:

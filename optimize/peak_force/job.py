@@ -40,7 +40,7 @@ from fencejax.design import (
 )
 from fencejax.plot import Trace
 
-from ..common import command, machine, nearby, report
+from ..common import command, nearby, report
 from . import impacts as batch, page
 from .configuration import PeakForceConfig, configure
 from .outcome import Outcome
@@ -139,7 +139,7 @@ def main(config: PeakForceConfig | None = None, *, quiet: bool = False) -> Outco
         compiler_options=_SELDOM_RUN,
     )  # fmt: skip
     start = np.asarray(space.to_shares(before))
-    for line in machine.notes(config.machine):
+    for line in config.notes:
         say(line)
     say(
         f"{len(impacts.lanes)} impacts, variables {', '.join(space.names)}; compiling, the first "
@@ -324,6 +324,7 @@ def _write(config, outcome, impacts, bars, rows) -> None:
     space, optimum = outcome.space, outcome.optimum
     content = {
         "config": dataclasses.asdict(config),
+        "notes": config.notes,
         **report.ended(optimum),
         "confirmed_by_reference": outcome.confirmed,
         "whole_sorts_diverted": outcome.sorted_out,

@@ -52,15 +52,16 @@ def write(
         ),
         outcome.succeeded,
         [
-            pages.machine_section(config.machine, impacts.scene(
-                space.fence, space.drive, *impacts.lanes[0]
-            )),
+            pages.machine_section(
+                config.machine, impacts.scene(space.fence, space.drive, *impacts.lanes[0]),
+                config.notes, parcels=False,
+            ),
             Section("The design", [
                 pages.design_table(space, {"before": outcome.before, "after": outcome.after}),
                 *pages.fence_parts(config.out, fence, name, material),
             ]),
             Section("Results and limits", [
-                _comparison(side_by_side),
+                _comparison(config, side_by_side),
                 pages.limit_table(limits, {t: measured[k] for t, k in designs.items()}),
                 _impacts(outcome, impacts, designs),
             ]),
@@ -101,7 +102,7 @@ def mine(config: PeakForceConfig, outcome: Outcome, impacts: Impacts) -> str:
     return report.mine(float(values[lane]), quantity, of, where, obstacle=force, feasible=feasible)
 
 
-def _comparison(side_by_side: dict[str, dict]) -> Table:
+def _comparison(config: PeakForceConfig, side_by_side: dict[str, dict]) -> Table:
     """The three fences, the worst of each number over the impacts."""
     names = [n for n in next(iter(side_by_side.values())) if n in _UNITS]
     rows = [
@@ -110,7 +111,13 @@ def _comparison(side_by_side: dict[str, dict]) -> Table:
            for row in side_by_side.values())]
         for name in names
     ]  # fmt: skip
-    return Table(["", *side_by_side], rows, "The paper's fences beside the optimum")
+    caption = "The paper's fences beside the optimum"
+    if config.machine is not None:
+        caption = (
+            "The sorter's own fence (two-link) and the same without its rigid link (one-link) "
+            "beside the optimum"
+        )
+    return Table(["", *side_by_side], rows, caption)
 
 
 def _impacts(outcome: Outcome, impacts: Impacts, designs: dict[str, str]) -> Table:

@@ -114,6 +114,21 @@ class SweepConfig:
         return machine.load(self.sorter, own).machine
 
     @property
+    def notes(self) -> list[str]:
+        """The choices of the sorter that is named where nothing else is set, a line each."""
+        sorter = self.machine
+        if sorter is None:
+            return []
+        lines = machine.notes(sorter)
+        if sorter.parcels.count > 1:
+            lines.append(
+                f"the parcel is the first of the sorter's {sorter.parcels.count}, apart from what "
+                "varies or is set; for another write --set or --vary with its numbers, such as "
+                "mass and length"
+            )
+        return lines
+
+    @property
     def varied(self) -> tuple[str, ...]:
         """What varies: as given, or by default of a sorter the distance along its own fence."""
         sorter = self.machine

@@ -80,6 +80,8 @@ def main(config: SweepConfig | None = None, *, quiet: bool = False) -> Outcome:
     for library in ("xarray", "zarr", "dask"):
         sweep_library(library)
     sweep = config.sweep()
+    for line in config.notes:
+        say(line)
     lanes = f"{sweep.samples.count} lanes of {config.scene} over {', '.join(sweep.samples.names)}"
     with _client(config) as client:
         if client is None:

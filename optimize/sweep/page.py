@@ -42,7 +42,7 @@ def write(
             Section("What varied", [
                 Table(["number", "from", "to", "scaling"], rows, f"{config.sampling} points"),
             ]),
-            Section("What was constant", _fixed(sweep, outcome)),
+            Section("What was constant", _fixed(config, sweep, outcome)),
             Section("Results", [
                 Table(["output", "least", "5 %", "median", "95 %", "most"], outputs,
                       "Outputs over the points with good numbers"),
@@ -55,10 +55,11 @@ def write(
     ).write(config.out)  # fmt: skip
 
 
-def _fixed(sweep: Sweep, outcome: Outcome) -> list[Part | str]:
+def _fixed(config: SweepConfig, sweep: Sweep, outcome: Outcome) -> list[Part | str]:
     """The numbers of a point with a scene."""
     good = np.flatnonzero(outcome.table.good)
     if not good.size:
         return ["No point has good numbers."]
     scene = sweep.family.scene(np.asarray(sweep.samples.values[good[0]]))
-    return [pages.scene_table(scene, "The scene of the first point with good numbers")]
+    table = pages.scene_table(scene, "The scene of the first point with good numbers")
+    return [table, *([pages.sentences(*config.notes)] if config.notes else [])]

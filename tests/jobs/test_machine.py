@@ -8,9 +8,10 @@ import pytest
 
 import fencejax as fj
 from fencejax.scenes import numbers as scene_numbers
-from optimize.common import machine
+from optimize.common import machine, pages
 from optimize.common.encounters import Course, Encounter
 from optimize.identify.configuration import IdentifyConfig
+from optimize.peak_force.configuration import PeakForceConfig
 from optimize.sensitivity.configuration import RANGES, SensitivityConfig
 from optimize.sweep.configuration import SweepConfig
 
@@ -174,6 +175,64 @@ def test_limits_that_a_sorter_names_hold_in_the_jobs_too():
     # What a job has no place for is refused, and not left as it is.
     with pytest.raises(ValueError, match="must name numbers of the fence or of the SplineDrive"):
         assert module.configure(["--sorter", "honest", "--free", "belt.speed=1:2"]).space
+
+
+def test_limits_of_whole_sorts_are_left_out_of_single_impacts_by_name():
+    whole = {"ring_amplitude", "clear_period"}
+    impacts = {"peak_force": [], "pareto": ["--scenes", "impacts"]}
+    for job, flags in impacts.items():
+        module = importlib.import_module(f"optimize.{job}.configuration")
+        config = module.configure(["--sorter", "honest", *flags])
+        names = {limit.name for limit in config.limits}
+        assert not names & whole
+        assert {"tip_share", "fatigue_stress"} <= names
+        # What remains can be computed in the impacts; the rest is named.
+        note = config.notes[-1]
+        assert "NOT held" in note
+        assert "--set limits.ring=false limits.clear_period=false" in note
+        off = ["--set", "limits.ring=false", "limits.clear_period=false"]
+        quiet = module.configure(["--sorter", "honest", *off, *flags])
+        assert quiet.limits == config.limits
+        assert not any("NOT held" in line for line in quiet.notes)
+    module = importlib.import_module("optimize.pareto.configuration")
+    sorts = module.configure(["--sorter", "honest"])
+    assert whole <= {limit.name for limit in sorts.limits}
+    assert not any("NOT held" in line for line in sorts.notes)
+
+
+def test_a_job_says_what_of_the_sorter_it_uses(short):
+    module = importlib.import_module("optimize.peak_force.configuration")
+    assert module.configure([]).notes == []
+    fence, parcel = module.configure(["--sorter", short]).notes
+    assert fence == "the fence is of POM"
+    assert "first of the sorter's 2" in parcel
+    assert "no other parcel is used" in parcel
+    mean = ["--sorter", short, "--set", "objective.over=cvar"]
+    assert "not the sorter's own, the cvar peak_force" in module.configure(mean).notes[2]
+    swept = SweepConfig(sorter=short, set=("fence.material=PA6 dry",)).notes
+    assert swept[0] == "the fence is of PA6 dry"
+    assert "first of the sorter's 2" in swept[1]
+    assert SweepConfig().notes == []
+
+
+def test_the_page_of_a_job_for_one_material_shows_no_other():
+    config = importlib.import_module("optimize.peak_force.configuration").configure(
+        ["--sorter", "parcel_hub"]
+    )
+    scene = config.machine.scene(0)
+    section = pages.machine_section(config.machine, scene, config.notes, parcels=False)
+    _, materials, parcel, notes = section.parts
+    assert [row[0] for row in materials.rows] == ["PA6 dry"]
+    assert materials.caption == "The material"
+    assert ["parcel: mass", "0.5 kg"] in parcel.rows
+    assert all(row[0].startswith("parcel: ") for row in parcel.rows)
+    assert "The fence is of PA6 dry, the first of the sorter's 4 materials" in notes
+    page = importlib.import_module("optimize.peak_force.page")
+    rows = {"two-link": {"thickness": 0.03}, "optimum": {"thickness": 0.04}}
+    assert page._comparison(config, rows).caption.startswith("The sorter's own fence")
+    assert page._comparison(PeakForceConfig(), rows).caption.startswith("The paper's fences")
+    # A job that sorts the sorter's parcels shows them.
+    assert len(pages.machine_section(config.machine, scene).parts[2].rows) == 6
 
 
 def test_a_job_for_one_material_says_which():
