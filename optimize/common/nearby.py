@@ -27,6 +27,8 @@ SHARE = 0.05
 """The share of itself by which each number of a design is changed."""
 NOTHING = 1e-6
 """Below this share of the larger bound a number counts as 0 and has no relative tolerance."""
+# No fence is made more exactly.
+_LEAST_PERCENT = 0.01
 
 
 class Rows(NamedTuple):
@@ -75,19 +77,25 @@ def along(
 
 def room_text(room: float) -> str:
     """The tolerance of a number in percent, from the number of steps of `SHARE`."""
-    return "> 100 %" if room * SHARE > 1 else f"{100 * SHARE * room:.2g} %"
+    percent = 100 * SHARE * room
+    if percent > 100:
+        return "> 100 %"
+    return f"{percent:.2g} %" if percent >= _LEAST_PERCENT else f"< {_LEAST_PERCENT:g} %"
 
 
 def tolerance_parts(
     space: DesignSpace, optimum: Optimum, rows: Sequence[Rows], unit: str, reserve: float
 ) -> list[Part | str]:
     """The effect of 5 % of each number of the design on objective and margins, by the exact
-    gradient; `reserve`: the search's reserve in each margin."""
+    gradient; `reserve`: the search's reserve in each margin. A design that breaks a limit has no
+    room until one is used up."""
     if optimum.last.failed:
         return ["The design cannot be evaluated."]
     at, names = optimum.last, [row.name for row in rows for _ in range(row.lanes)]
     values = np.asarray(space.from_shares(optimum.point))
     margins = at.margins + reserve
+    least = float(np.min(margins, initial=math.inf))
+    holds = optimum.feasible or least >= 0
     table, zero = [], []
     for index, variable in enumerate(space.variables):
         if abs(values[index]) <= NOTHING * max(abs(variable.lower), abs(variable.upper)):
@@ -101,16 +109,19 @@ def tolerance_parts(
                 plain(variable.name), shown(float(values[index]), variable.unit),
                 f"{100 * share:+.0f} %", changed(found.objective, optimum.objective),
                 f"{found.margin:+.3f}", plain(names[found.tightest]) if names else "",
-                room_text(found.room),
+                *([room_text(found.room)] if holds else []),
             ])  # fmt: skip
-    titles = ["number", "value", "moved by", "objective", "least margin", "of the limit",
-              "may be off by so much"]  # fmt: skip
+    titles = ["number", "value", "moved by", "objective", "least margin", "of the limit"]
     note = (
         "By the exact gradient at the optimum, along a straight line: nothing is simulated again. "
-        f"The design as it is: {shown(optimum.objective, unit)}, least margin "
-        f"{float(np.min(margins, initial=math.inf)):+.3f}. The last column: how far the number may "
-        "be off that way until the first limit is used up."
+        f"The design as it is: {shown(optimum.objective, unit)}, least margin {least:+.3f}."
     )
+    if holds:
+        titles.append("may be off by so much")
+        note += (
+            " The last column: how far the number may be off that way until the first limit is "
+            "used up."
+        )
     parts: list[Part | str] = [Table(titles, table, "", note)]
     if zero:
         parts.append(f"Of {', '.join(zero)} no share can be taken: it is 0.")

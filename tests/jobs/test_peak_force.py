@@ -1,5 +1,6 @@
 """The main job in a small version: the force falls, the limits hold, the reference agrees."""
 
+import dataclasses
 import json
 import types
 
@@ -127,6 +128,24 @@ def test_prices_and_tolerances_are_the_gradients(small):
     assert table.rows[1][:4] == [
         "thickness", table.rows[0][1], "+5 %", f"{100 * (exact / optimum.objective - 1):+.1f} %",
     ]  # fmt: skip
+
+
+def test_room_until_a_limit_is_used_up(small):
+    assert [nearby.room_text(room) for room in (0.0, 1e-12, 0.5, 19.0, 21.0)] == [
+        "< 0.01 %", "< 0.01 %", "2.5 %", "95 %", "> 100 %",
+    ]  # fmt: skip
+    outcome, _ = small
+    rows = [nearby.Rows.of(limit, optimum_lanes(outcome)) for limit in outcome.limits]
+    room = "may be off by so much"
+    table, *_ = nearby.tolerance_parts(outcome.space, outcome.optimum, rows, "N", 0.0)
+    assert table.titles[-1] == room
+    # A design that breaks a limit has no room in any number.
+    last = dataclasses.replace(outcome.optimum.last, margins=outcome.optimum.last.margins - 0.2)
+    broken = dataclasses.replace(outcome.optimum, last=last, feasible=False)
+    table, *_ = nearby.tolerance_parts(outcome.space, broken, rows, "N", 0.0)
+    assert room not in table.titles
+    assert all(len(row) == len(table.titles) for row in table.rows)
+    assert room not in table.note
 
 
 def optimum_lanes(outcome):
