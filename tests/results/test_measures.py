@@ -169,20 +169,60 @@ def test_contact_ends_with_the_force():
     assert float(slope) == pytest.approx(exact, rel=0.02)
 
 
-def test_first_contact_is_where_a_force_begins():
-    # With four corners the gap of one that lies behind the fence's line may be positive long before
-    # anything touches.
+@functools.cache
+def four_corners(offset, angle):
+    """A whole sort with four corners that ends in the air, and its samples' times and forces."""
     scene = fj.scenes.whole_sort(
-        offset=0.1, angle=0.2, fence_corners=(1, 2, 3, 4), duration=0.5, tip_contact=False
+        offset=offset, angle=angle, fence_corners=(1, 2, 3, 4), duration=0.75, tip_contact=False
     )
     plain = fj.Fidelity.coarse(
         longest_stride=1, modes=1, static_correction=False, geometry="small"
     )
-    result = fj.simulate(scene, fidelity=plain, only=("first_contact", "last_contact", "history"))
-    acts = np.flatnonzero(np.asarray(result.history.fence_force) > 0)
-    time = np.asarray(result.history.time)
-    assert time[acts[0] - 1] <= float(result.first_contact) <= time[acts[0]]
-    assert float(result.last_contact) >= time[acts[-1]]
+    wanted = ("first_contact", "last_contact", "leave_x", "leave_y", "history")
+    result = fj.simulate(scene, fidelity=plain, only=wanted)
+    return result, np.asarray(result.history.time), np.asarray(result.history.fence_force)
+
+
+SORTS = pytest.mark.parametrize(("offset", "angle"), [(0.1, 0.2), (0.3, 0.0)])
+
+
+@SORTS
+def test_first_contact_is_where_a_force_begins(offset, angle):
+    # With four corners the gap of one that lies behind the fence's line may be positive long before
+    # anything touches.
+    result, time, force = four_corners(offset, angle)
+    first = np.flatnonzero(force > 0)[0]
+    assert time[first - 1] <= float(result.first_contact) <= time[first]
+    # There the gap of the corner that presses is closed, to 5 % of its change between samples.
+    pressing = [c for c in result.history.fence if float(c.normal[first]) > 0]
+    gaps = [np.asarray(c.gap)[first - 1 : first + 1] for c in pressing]
+    left = [
+        np.interp(float(result.first_contact), time[first - 1 : first + 1], gap) / np.ptp(gap)
+        for gap in gaps
+    ]
+    assert np.min(np.abs(left)) < 0.05
+
+
+@SORTS
+def test_a_parcel_leaves_where_the_force_ends(offset, angle):
+    result, time, force = four_corners(offset, angle)
+    body, last = result.history.body, float(result.last_contact)
+    end = np.flatnonzero(force > 0)[-1]
+    step = time[end + 1] - time[end]
+    # The force's line through its last two samples ends where its parabola does, but for 5 % of the
+    # step; the gaps close up to many steps later.
+    fall = (force[end - 1] - force[end]) / (time[end] - time[end - 1])
+    assert last == pytest.approx(time[end] + force[end] / fall, abs=0.05 * step)
+    assert any(float(c.gap[end + 3]) > 0 for c in result.history.fence)
+    places = {"leave_x": np.asarray(body.x), "leave_y": np.asarray(body.y)}
+    moved = np.hypot(*(np.diff(place[end : end + 2]) for place in places.values()))[0]
+    for name, place in places.items():
+        # Between samples C_s moves by v h, about 1 mm; its line is off by a h^2 / 8, less than 1 %
+        # of that. At the step's end it would be off by more than half of v h in one direction.
+        wanted = np.interp(last, time, place)
+        assert float(getattr(result, name)) == pytest.approx(wanted, abs=0.01 * moved)
+    off = np.hypot(*(np.interp(last, time, p) - p[end + 1] for p in places.values()))
+    assert off > 0.5 * moved
 
 
 def test_deflection_has_one_sign():
