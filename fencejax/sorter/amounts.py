@@ -130,6 +130,17 @@ def as_written(name: str, unit: str) -> str:
     return f"{name} = {_WRITTEN.get(name, usual)}"
 
 
+def listed(path: str, raw: Any, unit: str) -> Any:
+    """The numbers of a vector, which must be a list."""
+    if isinstance(raw, str) or np.ndim(raw) != 1:
+        key = path.removesuffix(".start").rpartition(".")[2]
+        raise TypeError(
+            f"Argument `{path}` must be a list of numbers, but is {raw!r}. Write, for example, "
+            f"{as_written(key, unit)}."
+        )
+    return raw
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """`" Did you mean ...?"` with the known name nearest to an unknown one, or nothing. A known
     name that starts with the unknown one as its first word is preferred to similar spellings."""

@@ -31,7 +31,7 @@ from ..parts import (
     materials,
 )
 from ..printing import shown
-from .amounts import amount, as_written, nearest, refuse_unknown
+from .amounts import amount, as_written, listed, nearest, refuse_unknown
 
 _P = TypeVar("_P")
 Table = Mapping[str, Any]
@@ -57,7 +57,7 @@ class Reading:
 
     def number(self, path: str, raw: Any, bounds: Bounds) -> Any:
         """The number [SI] of a field: as given, the start value of a free one, or the first of a
-        list.
+        list; of a vector, the list of its numbers.
 
         Raises `ValueError` and `TypeError` where it cannot be read or is out of its bounds.
         """
@@ -70,7 +70,7 @@ class Reading:
         if isinstance(raw, Mapping):
             return self._span(path, raw, bounds.unit, read)
         if path.rpartition(".")[2] in VECTORS:
-            return [read(value) for value in raw]
+            return [read(value) for value in listed(path, raw, bounds.unit)]
         if isinstance(raw, (list, tuple)):
             if not raw:
                 raise ValueError(f"Argument `{path}` must hold at least one number, but is empty.")
@@ -100,6 +100,8 @@ class Reading:
             raise ValueError(
                 f"Argument `{path}.start` must be given: a list as long as the vector."
             )
+        if vector:
+            start = list(listed(f"{path}.start", start, unit))
         if lower < upper:
             scaling = raw.get("scaling", "linear" if lower <= 0 else None)
             self.spans[path] = Span(lower, upper, scaling)

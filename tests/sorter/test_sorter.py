@@ -233,6 +233,23 @@ REFUSED = [
         r"`drive` of law spline needs control_angles, e.g. control_angles = \[0, 0.3, 0.6\] \[rad",
     ),
     (
+        {"drive": {"law": "spline", "control_angles": 0.3}},
+        r"`drive.control_angles` must be a list of numbers, but is 0.3. Write, .* = \[0, 0.3",
+    ),
+    (
+        {"drive": {"law": "spline", "control_angles": "0.1 rad, 0.2 rad"}},
+        "`drive.control_angles` must be a list of numbers, but is '0.1 rad, 0.2 rad'",
+    ),
+    (
+        {"drive": {"law": "torque", "torques": 60}},
+        r"`drive.torques` must be a list .* but is 60. Write, for example, torques = \[60, 0",
+    ),
+    ({"fence": {"taper": {"law": "profile", "ratios": 0.5}}}, "`fence.taper.ratios` must be a li"),
+    (
+        {"drive": {"law": "spline", "control_angles": {"lower": 0, "upper": 1, "start": 0.3}}},
+        "`drive.control_angles.start` must be a list of numbers, but is 0.3",
+    ),
+    (
         {"fence_friction": {"law": "stribeck", "kinetic": 0.3}},
         "`fence_friction` of law stribeck needs static, stribeck_speed, e.g. static = 0.35, "
         'stribeck_speed = "20 mm/s"',
