@@ -67,7 +67,8 @@ class Motor(Part):
           results about torques are those at the shaft.
 
         Raises `ValueError` where a number is out of its bounds, the rated torque is above the
-        largest one, or there is a stall torque without a no-load speed or the other way round.
+        largest one, the stall torque is below it, or there is a stall torque without a no-load
+        speed or the other way round.
         """
         given = dict(
             torque=torque, rated_torque=rated_torque, no_load_speed=no_load_speed,
@@ -81,6 +82,10 @@ class Motor(Part):
             remedy = "Give the largest torque as `torque`, that of lasting use as `rated_torque`."
             share = self.rated_torque / self.torque
             _check.scalar("rated_torque / torque", share, most=1, remedy=remedy)
+        if self.torque is not None and self.stall_torque is not None:
+            remedy = "Give a torque that lasts at standstill as `rated_torque`."
+            share = self.stall_torque / self.torque
+            _check.scalar("stall_torque / torque", share, least=1, remedy=remedy)
         if self.no_load_speed is not None and self.stall_torque is None and self.torque is None:
             raise ValueError(
                 "Argument `stall_torque` [N m] must be given with `no_load_speed`, but is None: "

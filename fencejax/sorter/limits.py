@@ -30,6 +30,10 @@ from ..parts import AbstractDrive, AbstractTorqueDrive, Belt, DataSheet, Motor, 
 from ..results import DEEPEST, LARGEST_BEND
 from .amounts import amount, nearest, refuse_unknown
 
+# Quantities that can be negative, by name, and so can their bounds.
+_SIGNED = frozenset((
+    "crossing", "furthest_y", "leave_x", "leave_y", "net_work", "ring_energy", "tip_clearance",
+))  # fmt: skip
 _SENSES = {"at_most": "at most", "at_least": "at least"}
 
 
@@ -303,8 +307,8 @@ def read(table: Mapping[str, Any], own: Iterable[str] = ()) -> tuple[Bound, ...]
             continue
         row = rows[name]
         bound = given[name] = amount(f"limits.{name}", raw, row.given_unit)
-        if row.unit is not None:
-            _check.scalar(f"limits.{name}", bound, above=0, unit=row.unit)
+        if row.unit is not None or (bound < 0 and row.quantity.name not in _SIGNED):
+            _check.scalar(f"limits.{name}", bound, above=0, unit=row.given_unit)
         if bound == 0 and row.scale is None and row.scale_of is None:
             raise ValueError(
                 f"Argument `limits.{name}` must not be 0 [{row.quantity.unit}]: its margin would "

@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Array, ArrayLike
 
 from .. import _check, printing
-from .._check import Bounds
 from .._identity import refused, text
 from ..design import Quantity, risk
 from ..parts import (
@@ -308,6 +307,7 @@ def read(tables: Table, folder: Path) -> Machine:
     friction = reading.friction("fence_friction", tables.get("fence_friction", on_cover()), found)
     motor = _motor(tables.get("motor", {}), found)
     parcels = parcel_table.read(tables.get("parcels", {}), folder, found)
+    _refuse_beside(belt, parcels, found)
     period = tables.get("period")
     if period is not None:
         period = amount("period", period, "s")
@@ -334,6 +334,22 @@ def read(tables: Table, folder: Path) -> Machine:
         limit_table.read(tables.get("limits", {}), parcels.given),
         _objective(tables.get("objective", {})),
     )
+
+
+def _refuse_beside(belt: Belt, parcels: Parcels, found: Reading) -> None:
+    """Refuse a parcel that starts beside the belt, however wide the belt may get."""
+    choices = found.choices.get("belt.width", (float(belt.width),))
+    width = found.spans["belt.width"].upper if "belt.width" in found.spans else max(choices)
+    offsets = parcels.columns["start.offset"]
+    lane = int(np.argmax(offsets))
+    span = found.spans.get("parcels.offset")
+    offset = float(offsets[lane]) if span is None else span.upper
+    if offset >= width:
+        raise ValueError(
+            f"Argument `{parcels.origin('start.offset', lane)}` must be below the belt's width, "
+            f"{shown(width, 'm')}, but is {shown(offset, 'm')}: the parcel would start beside "
+            "the belt. It is the distance of the parcel's nearest corner from the border."
+        )
 
 
 def _motor(raw: Any, found: Reading) -> Motor:
@@ -375,7 +391,12 @@ def _objective(raw: Any) -> Objective:
     wanted = _check.part("objective", wanted, Quantity, "objective='peak_force'")
     over = _check.choice("objective.over", table.get("over", "worst"), risk.MEASURES)
     level = amount("objective.level", table.get("level", 0.95), "1")
-    _check.scalar("objective.level", level, **Bounds(above=0, most=1)._asdict())
+    _check.scalar("objective.level", level, above=0)
+    if level >= 1:
+        raise ValueError(
+            f"Argument `objective.level` must be below 1 [1], but is {level:g}. Write over = "
+            '"worst" for the largest value.'
+        )
     return Objective(wanted, over, level)
 
 

@@ -45,7 +45,7 @@ _USUAL: Mapping[str, tuple[float, float]] = {
     "drive.inertia": (0.0, 1e4),
     "drive.damping": (0.0, 1e6),
     "drive.stiffness": (0.0, 1e6),
-    "drive.pressure": (0.0, 1e8),
+    "drive.pressure": (1e4, 1e7),
     "drive.area": (1e-6, 1.0),
     "drive.lever": (1e-3, 2.0),
     "drive.fill_time": (1e-4, 10.0),
@@ -77,7 +77,7 @@ _USUAL: Mapping[str, tuple[float, float]] = {
 # Units that are often typed instead of the SI unit.
 _SLIPS: Mapping[str, tuple[str, ...]] = {
     "m": ("mm", "cm", "in"),
-    "Pa": ("GPa", "MPa", "kPa"),
+    "Pa": ("GPa", "MPa", "kPa", "bar"),
     "kg/m^3": ("g/cm^3",),
     "kg": ("g",),
     "s": ("ms", "min"),

@@ -27,6 +27,10 @@ def test_rotor_behind_a_gear():
         ({"efficiency": 1.1}, "`efficiency` must be at most 1"),
         ({"gear_ratio": 0}, "`gear_ratio` must be above 0"),
         ({"torque": 100.0, "rated_torque": 200.0}, "rated_torque / torque` must be at most 1"),
+        (
+            {"torque": 100.0, "stall_torque": 60.0, "no_load_speed": 8.0},
+            "stall_torque / torque` must be at least 1 .*, but is 0.6. Give .* `rated_torque`",
+        ),
         ({"no_load_speed": 8.0}, "`stall_torque` .* must be given with `no_load_speed`"),
         ({"stall_torque": 8.0}, "`no_load_speed` .* must be given with `stall_torque`"),
         ({"rotor_inertia": np.nan}, "`rotor_inertia` must be finite"),

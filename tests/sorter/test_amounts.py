@@ -115,6 +115,7 @@ def test_texts_of_flags():
         ),
         ({"fence_friction": {"kinetic": 35, "static": 0.5}}, "is 35 .* Is it 35 %"),
         ({"drive": {"cycle_time": 1360, "top_speed": 0.01}, "period": 1.5}, "Is it 1360 ms"),
+        ({"drive": {"law": "pneumatic", "pressure": 6}}, "pressure` is 6 .* Is it 6 MPa or 6 bar"),
         ({"belt": {"speed": 250}}, "belt.speed` is 250 .* Is it 250 mm/s"),
         ({"parcels": {"mass": [5, 5000]}}, "mass` is 5000 .* Is it 5000 g"),
     ],

@@ -263,6 +263,23 @@ REFUSED = [
     ({"limits": {"impulse": {"below": 3}}}, "`at_most` or `at_least`"),
     ({"objective": "peak_forse"}, "Did you mean `peak_force`"),
     ({"objective": {"over": "median"}}, "`objective.over` must be one of"),
+    ({"objective": {"over": "cvar", "level": 1}}, "`objective.level` must be below 1 .* is 1. "),
+    ({"objective": {"over": "cvar", "level": 0}}, "`objective.level` must be above 0"),
+    ({"limits": {"power": -3}}, r"`limits.power` must be above 0 \[W\], but is -3"),
+    ({"limits": {"rms_torque": "-3 N m"}}, r"`limits.rms_torque` must be above 0 \[N m\]"),
+    (
+        {"motor": {"torque": 9, "stall_torque": 3, "no_load_speed": 3}},
+        "stall_torque / torque` must be at least 1",
+    ),
+    (
+        {"belt": {"width": "0.8 m"}, "parcels": {"offset": [0.1, "0.9 m"]}},
+        "`parcels.offset` must be below the belt's width, 800 mm, but is 900 mm: .* beside the bel",
+    ),
+    (
+        {"parcels": {"list": [{"offset": 0.1}, {"offset": 2}]}},
+        r"`parcels.list\[1\].offset` must be below the belt's width",
+    ),
+    ({"parcels": {"offset": {"lower": 0, "upper": 2}}}, "`parcels.offset` must be below"),
     ({"parcels": {"mass": []}}, "`parcels.mass` must hold one at least"),
     ({"parcels": {"masses": 3}}, "Did you mean `mass`"),
     ({"parcels": {"list": [{"mass": 1}, {"length": 1}]}}, "must give the same numbers"),
@@ -284,6 +301,15 @@ REFUSED = [
 def test_what_cannot_be_is_refused_where_it_is_given(tables, message):
     with pytest.raises((ValueError, TypeError), match=message):
         fj.Sorter(**tables)
+
+
+def test_bounds_of_what_can_be_negative_and_wide_belts_are_accepted():
+    limits = {"net_energy": -5, "sorted": "-10 mm", "crossing_time": 1}
+    sorter = fj.Sorter(limits=limits, objective={"over": "cvar", "level": 0.99})
+    bounds = {row.name: bound for row, bound in sorter.machine.bounds}
+    assert (bounds["net_energy"], bounds["sorted"]) == (-5, pytest.approx(-0.01))
+    for width in ([0.5, 1.0], {"lower": 0.5, "upper": 1.0, "start": 0.6}):
+        assert fj.Sorter(belt={"width": width}, parcels={"offset": 0.8}).parcels.count == 1
 
 
 def test_a_file_names_itself_in_its_refusals(tmp_path):
