@@ -26,7 +26,7 @@ from ..design import (
     shock,
     sorting,
 )
-from ..parts import AbstractDrive, AbstractTorqueDrive, Belt, DataSheet, Motor, Parcel
+from ..parts import AbstractDrive, AbstractTorqueDrive, Belt, DataSheet, HeldDrive, Motor, Parcel
 from ..results import DEEPEST, LARGEST_BEND
 from .amounts import amount, nearest, refuse_unknown
 
@@ -152,7 +152,9 @@ def _line(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
 
 def _of_period(sorter: Bounding, sheet: DataSheet):
     # For a drive without free numbers it is checked once, in `SorterProblem`.
-    return sorter.period if sorter.drive_varies else None
+    # A held fence is never away.
+    leaves = sorter.drive_varies and not isinstance(sorter.drive, HeldDrive)
+    return sorter.period if leaves else None
 
 
 _LIFE = fatigue.ENDURANCE

@@ -16,7 +16,7 @@ from jaxtyping import Array, ArrayLike
 from .. import _check
 from ..design import DesignSpace, LaneProgram, Limit, Quantity, fatigue, risk, variable
 from ..fidelity import Fidelity
-from ..parts import DataSheet, Material
+from ..parts import DataSheet, HeldDrive, Material
 from ..results import Status, refined
 from ..scenes import consistent, numbers as scene_numbers
 from ..study import measured
@@ -258,13 +258,15 @@ class SorterProblem:
         """Refuse a drive that is not home when the next parcel comes, and a parcel whose sort is
         impossible at the start of the first candidate: of many parcels the first ones are tried,
         and those with inconsistent numbers."""
-        cycle, period = float(self.machine.drive.cycle), self.machine.period
-        if period is not None and not self.machine.drive_varies and cycle > period * (1 + 1e-9):
+        machine = self.machine
+        cycle, period = float(machine.drive.cycle), machine.period
+        leaves = not isinstance(machine.drive, HeldDrive) and not machine.drive_varies
+        if period is not None and leaves and cycle > period * (1 + 1e-9):
             raise ValueError(
                 f"Argument `period` must be at least the drive's cycle, {cycle:g} [s], but is "
                 f"{period:g}: the fence would not be home when the next parcel comes."
             )
-        parcels, start = self.machine.parcels, self._base_values()
+        parcels, start = machine.parcels, self._base_values()
         lanes = self.lanes(self.candidates[0])
         fine = jax.vmap(lambda lane: consistent(self._scene(start, lane)))(lanes)
         suspects = np.flatnonzero(~np.asarray(fine))

@@ -402,3 +402,12 @@ def test_materials_are_plausible_and_differentiable():
 def test_a_drive_that_is_not_home_in_time_is_refused():
     with pytest.raises(ValueError, match="`period` must be at least the drive's cycle, 1.36"):
         fj.Sorter(period="1.2 s").problem()
+
+
+def test_a_held_fence_is_home_in_any_period():
+    for angle in (0.3, {"lower": 0.2, "upper": 0.5}):
+        drive = {"law": "held", "held_angle": angle}
+        problem = fj.Sorter(period="1 s", drive=drive, parcels={"front": -0.3}).problem()
+        assert "cycle" not in problem.limit_names
+        lane = problem.scene(problem.start, problem.candidates[0], 0)
+        assert float(lane.duration) == 1.0
