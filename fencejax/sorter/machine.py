@@ -391,12 +391,9 @@ def _objective(raw: Any) -> Objective:
     wanted = _check.part("objective", wanted, Quantity, "objective='peak_force'")
     over = _check.choice("objective.over", table.get("over", "worst"), risk.MEASURES)
     level = amount("objective.level", table.get("level", 0.95), "1")
-    _check.scalar("objective.level", level, above=0)
-    if level >= 1:
+    if not 0 < level < 1:
         raise ValueError(
-            f"Argument `objective.level` must be below 1 [1], but is {level:g}. Write over = "
-            '"worst" for the largest value.'
+            f"Argument `objective.level` must be above 0 and below 1 [1], but is {level:g}. Write "
+            'over = "worst" for the largest value.'
         )
     return Objective(wanted, over, level)
-
-

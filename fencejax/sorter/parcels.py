@@ -49,7 +49,7 @@ class Parcels(Readable):
     weights: np.ndarray
     corners: tuple[int, ...]
     origins: tuple[str, ...] = ()
-    listed: frozenset[str] = frozenset()
+    listed: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -200,7 +200,7 @@ def read(table: Table, folder: Path, found: Reading) -> Parcels:
         weights / np.sum(weights),
         tuple(corners),
         tuple(origins[row] for row in places[0]) if rows else (),
-        frozenset(PATHS[name] for name in rows or {} if name in FIELDS),
+        tuple(PATHS[name] for name in rows or {} if name in FIELDS),
     )
 
 
