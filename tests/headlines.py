@@ -14,13 +14,16 @@ statistics. The README takes its figures from there (`python tests/figures.py --
 
 import argparse
 import concurrent.futures
+import functools
 import json
+import operator
 import os
 import shlex
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,21 +42,21 @@ class Figure(NamedTuple):
 
 
 class Run(NamedTuple):
-    """A job's module, its arguments, the file that it writes and the figures in it."""
+    """A job's module, its arguments, the file that it writes and the figures in it; and what else
+    is `demanded` of it, by name: the keys that lead to it and what must stand there."""
 
     module: str
     arguments: tuple[str, ...]
     file: str
     figures: dict[str, Figure]
+    demanded: Mapping[str, tuple[tuple[str, ...], Any]] = {}
 
 
 # Of a search: whether it ended at an optimum, how many of its evaluations failed, and how many of
 # the numbers that confirm it are in doubt.
-_SEARCH = {
-    "optimal": Figure(("optimal",), "1", 0.0),
-    "evaluations lost": Figure(("lost",), "1", 0.0),
-    "numbers in doubt": Figure(("in_doubt",), "1", 0.0),
-}
+_OPTIMAL = {"optimal": (("optimal",), True)}
+_CONFIRMED = {"numbers in doubt": (("in_doubt",), 0)}
+_SEARCH = _OPTIMAL | _CONFIRMED | {"evaluations lost": (("lost",), 0)}
 
 
 def _force(*keys: str | int, tolerance: float = 0.01) -> Figure:
@@ -94,20 +97,16 @@ RUNS = {
     "co_design": Run("co_design", (), "co_design.json", {
         "worst sort before": Figure(("worst_force_before",), "N", 1e-3),
         "worst sort": _force("worst_force_after"),
-        **_SEARCH,
-    }),
+    }, _SEARCH),
     "co_design, honest": Run("co_design", ("--sorter", "honest"), "co_design.json", {
         "worst sort before": Figure(("worst_force_before",), "N", 1e-3),
         "worst sort": _force("worst_force_after"),
-        **_SEARCH,
         "constant push": Figure(("constant_push",), "N", 0.02),
-    }),
+    }, _SEARCH),
     # The optimiser's tolerance is 0.5 %; the sample's interval is wider, but it is drawn alike.
     "robust_design": Run("robust_design", (), "robust.json", {
         "severity, after over before": Figure(("ratio", "value"), "1", 0.03),
-        "optimal": _SEARCH["optimal"],
-        "parcels left out": Figure(("fresh", "after", "excluded"), "1", 0.0),
-    }),
+    }, _OPTIMAL | {"parcels left out": (("fresh", "after", "excluded"), 0)}),
     # Designs within 2 % of each other are confirmed as one.
     "design": Run("design", (), "design.json", {
         "worst sort before": Figure(("solutions", 0, "objective", "before"), "N", 1e-3),
@@ -115,8 +114,7 @@ RUNS = {
     }),
     "pareto": Run("pareto", (), "front.json", {
         "least force on the front": _force("least_force", tolerance=0.02),
-        "numbers in doubt": _SEARCH["numbers in doubt"],
-    }),
+    }, _CONFIRMED),
     "concepts": Run("concepts", (), "concepts.json", _concepts((
         "rigid", "rigid+pad", "rigid+shaft", "rigid+clutch", "rigid+motion", "rigid+torque",
         "one_link", "one_link+clutch", "two_link", "two_link+curved", "two_link+pad",
@@ -237,7 +235,7 @@ def ended(process: subprocess.Popen, limit: float | None) -> tuple[int, float]:
     return _TOO_LONG if late.is_set() else process.returncode, used.ru_utime + used.ru_stime
 
 
-def read(job: Run, folder: Path) -> dict[str, float]:
+def read(job: Run, folder: Path) -> dict[str, Any]:
     """The figures in what a job has written."""
     content, found = _with_summaries(json.loads((folder / job.file).read_text())), {}
     for label, figure in job.figures.items():
@@ -245,6 +243,8 @@ def read(job: Run, folder: Path) -> dict[str, float]:
         for key in figure.keys:
             value = value[key]
         found[label] = float(value)
+    for label, (keys, _) in job.demanded.items():
+        found[label] = functools.reduce(operator.getitem, keys, content)
     return found
 
 
@@ -286,6 +286,9 @@ def differences(name: str, found: dict[str, Any], known: dict[str, Any]) -> list
                 f"{name}: {label}: {value:.5g} {figure.unit}, {expected:.5g} on record, "
                 f"may differ by {100 * figure.tolerance:g} %"
             )
+    for label, (_, wanted) in RUNS[name].demanded.items():
+        if found.get(label) != wanted:
+            wrong.append(f"{name}: {label}: {found.get(label)} found, {wanted} demanded")
     return wrong
 
 

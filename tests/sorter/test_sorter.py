@@ -263,7 +263,7 @@ REFUSED = [
     ({"limits": {"impulse": {"below": 3}}}, "`at_most` or `at_least`"),
     ({"objective": "peak_forse"}, "Did you mean `peak_force`"),
     ({"objective": {"over": "median"}}, "`objective.over` must be one of"),
-    ({"objective": {"over": "cvar", "level": 1}}, "`objective.level` must be above 0 and below 1 .* is 1. "),
+    ({"objective": {"over": "cvar", "level": 1}}, "above 0 and below 1 .* is 1. "),
     ({"objective": {"over": "cvar", "level": 0}}, "`objective.level` must be above 0"),
     ({"limits": {"power": -3}}, r"`limits.power` must be above 0 \[W\], but is -3"),
     ({"limits": {"rms_torque": "-3 N m"}}, r"`limits.rms_torque` must be above 0 \[N m\]"),
