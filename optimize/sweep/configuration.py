@@ -6,6 +6,7 @@ from pathlib import Path
 
 import fencejax as fj
 from fencejax.design import DesignVariable
+from fencejax.scenes import numbers as scene_numbers
 from fencejax.study import KINDS, OUTPUTS, VARIABLES, Samples, SceneFamily, Sweep, sampling
 
 from ..common import assignments, flags, machine, named
@@ -119,7 +120,16 @@ class SweepConfig:
         sorter = self.machine
         if sorter is None:
             return []
-        lines = machine.notes(sorter)
+        parts = sorter.family(kind=self.scene).parts
+        names = [text.partition("=")[0].strip() for text in (*self.set, *self.varied)]
+        given = {
+            scene_numbers.resolve(parts, name) for name in names if scene_numbers.has(parts, name)
+        }
+        left = {
+            path: values for path, values in sorter.choices.items()
+            if fj.sorter.scene_path(path) not in given
+        }  # fmt: skip
+        lines = machine.notes(dataclasses.replace(sorter, choices=left))
         if sorter.parcels.count > 1:
             lines.append(
                 f"the parcel is the first of the sorter's {sorter.parcels.count}, apart from what "

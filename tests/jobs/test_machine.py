@@ -1,6 +1,7 @@
 """The sorter that a job is for: one vocabulary for every job."""
 
 import importlib
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -213,6 +214,13 @@ def test_a_job_says_what_of_the_sorter_it_uses(short):
     assert swept[0] == "the fence is of PA6 dry"
     assert "first of the sorter's 2" in swept[1]
     assert SweepConfig().notes == []
+    # A list is said to be cut short only where nothing else is set.
+    file = Path(short)
+    listed = SHORT.replace('{lower = "4 mm", upper = "50 mm", start = "20 mm"}', "[0.02, 0.03]")
+    file.write_text(listed, encoding="utf-8")
+    assert SweepConfig(sorter=short).notes[1].startswith("fence.thickness is 0.02, the first of")
+    for given in (dict(set=("thickness=0.04",)), dict(vary=("fence.thickness=0.02:0.03",))):
+        assert len(SweepConfig(sorter=short, **given).notes) == 2
 
 
 def test_the_page_of_a_job_for_one_material_shows_no_other():
