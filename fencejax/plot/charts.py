@@ -252,7 +252,8 @@ def gradient_bars(
 ) -> "Axes":
     """Elasticities d ln Q / d ln p [1] as bars: by quantity Q, then by variable p.
 
-    1 means that a 1 % larger p makes Q 1 % larger.
+    1 means that a 1 % larger p makes Q 1 % larger. `fencejax.Gradient.elasticities` gives those of
+    a quantity.
 
     >>> axes = fj.plot.gradient_bars({"peak_force": {"thickness": 0.8, "mass": 0.5}})
     >>> axes.get_xlabel()

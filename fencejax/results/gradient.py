@@ -65,6 +65,23 @@ class Gradient(Readable):
             scene_numbers.slopes_in(self.at, (name,), lanes, self.values[None, None])[0, 0, 0]
         )
 
+    def elasticities(self, value: float) -> dict[str, float]:
+        """The elasticities d ln Q / d ln p [1] of a quantity with the `value` Q, by the short name
+        of the number p: as `fencejax.plot.gradient_bars` draws them. Numbers that are 0, or have no
+        effect, are left out.
+
+        >>> belt = fj.Belt()
+        >>> slope = jax.grad(lambda belt: belt.speed**2)(belt)
+        >>> fj.Gradient(slope, belt).elasticities(belt.speed**2)
+        {'speed': 2.0}
+        """
+        at = np.asarray(scene_numbers.values(self.at))
+        return {
+            scene_numbers.short(self.at, path): float(slope * number / value)
+            for path, slope, number in zip(self.names, self.values, at, strict=True)
+            if slope * number != 0
+        }
+
     def _printed(self) -> Table:
         title = f"derivatives of {self.of.replace('_', ' ')}"
         if not known(*jax.tree.leaves((self.gradient, self.at))):
