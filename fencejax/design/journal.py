@@ -40,8 +40,8 @@ class Journal:
     recorded evaluations again, and continues where it was interrupted. Lines damaged by a kill, a
     full disk or a defect stay in the file, but are ignored, and so are lines of another problem,
     whose digest each line carries; the others are used. Several runs of one problem with different
-    data may share a journal. Another version or source of fencejax may
-    compute other numbers, so a journal is refused there.
+    data may share a journal. Another version or source of fencejax may compute other numbers, so a
+    journal is refused there.
 
     >>> journal = fj.Journal("evaluations.jsonl")
     >>> problem = fj.Program(lambda z: (z**2, z - 0.5, jnp.zeros(1, int)))
