@@ -141,12 +141,13 @@ def listed(path: str, raw: Any, unit: str) -> Any:
     return raw
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
     """`" Did you mean ...?"` with the known name nearest to an unknown one, or nothing. A known
-    name that starts with the unknown one as its first word is preferred to similar spellings."""
+    name that starts with the unknown one as its first word is preferred to similar spellings,
+    which are alike by `likeness` [1] at least."""
     known = list(known)
     begun = [one for one in known if one.startswith(f"{name}_")]
-    found = begun or difflib.get_close_matches(name, known, 1, 0.5)
+    found = begun or difflib.get_close_matches(name, known, 1, likeness)
     return f" Did you mean `{found[0]}`?" if found else ""
 
 

@@ -136,7 +136,8 @@ class Sorter(Readable):
             text = path.read_text(encoding="utf-8")
         except UnicodeDecodeError as error:
             raise ValueError(
-                f"{path}: must be text in UTF-8, but byte {error.start} is not. Name a sorter file."
+                f"{path}: must be text in UTF-8, but byte {error.start} is not. "
+                "Save it as UTF-8, or name a sorter file."
             ) from error
         if not text.strip():
             raise ValueError(

@@ -380,3 +380,23 @@ def settled(
             scale = row.scale if row.scale_of is None else float(row.scale_of(sorter))
             found.append((name, Limit(quantity, float(bound), row.sense, scale)))
     return tuple(found)
+
+
+# The limits by numbers of the material, with these and the limits' keys.
+_BY_MATERIAL = {
+    "stress": ("allowed_stress", "stress"),
+    fatigue.FATIGUE_STRESS.name: ("fatigue_strength", "life"),
+}
+
+
+def refuse_unlike(*found: tuple[str, list[str]]) -> None:
+    """Raise `ValueError` where one of two materials, each with its name and its limits' names,
+    lacks a number, so that a limit holds for the other one alone."""
+    for (name, names), (other, others) in (found, found[::-1]):
+        for limit in others:
+            if limit not in names:
+                number, key = _BY_MATERIAL.get(limit, (limit, limit))
+                raise ValueError(
+                    f"Argument `fence.material` must give `{number}` for {name}, as for {other}. "
+                    f"Or write limits.{key} = false, which leaves the limit out for all."
+                )

@@ -306,6 +306,12 @@ def read(tables: Table, folder: Path) -> Machine:
     border = reading.border(tables.get("border", {}), found)
     friction = reading.friction("fence_friction", tables.get("fence_friction", on_cover()), found)
     motor = _motor(tables.get("motor", {}), found)
+    for name, example in (("parcels", 'mass = "2 kg"'), ("limits", 'stress = "30 MPa"')):
+        if not isinstance(tables.get(name, {}), Mapping):
+            raise TypeError(
+                f"Argument `{name}` must be a table, but is {tables[name]!r}. Write [{name}], once "
+                f"and in single brackets, with {example} below it."
+            )
     parcels = parcel_table.read(tables.get("parcels", {}), folder, found)
     _refuse_beside(belt, parcels, found)
     period = tables.get("period")

@@ -1,17 +1,28 @@
 """Setting and freeing numbers of a sorter's tables by their paths."""
 
+import dataclasses
 import tomllib
 from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
 
-from ..parts import AbstractFriction, Belt, Border, Fence, Motor, on_cover
+from ..parts import (
+    AbstractDrive,
+    AbstractFriction,
+    AbstractTaper,
+    Belt,
+    Border,
+    DataSheet,
+    Fence,
+    Motor,
+    on_cover,
+)
 from ..scenes import DERIVED, PATHS, names
 from . import parcels
 from .amounts import amount, nearest
 from .machine import SECTIONS, scene_path
-from .reading import VECTORS, Table, as_table
+from .reading import IN_FENCE, VECTORS, Table
 
 _PAIRS = (("rigid_length", "flexible_length"), ("reach", "length_ratio"))
 
@@ -52,10 +63,11 @@ def path_of(name: str) -> tuple[str, ...]:
     if first in ("parcel", "start"):
         first, rest = "parcels", [part.replace("given_", "") for part in rest]
     if first not in SECTIONS:
+        meant = f" Did you mean `fence.{name}`?" if name in IN_FENCE else ""
         known = (*SECTIONS, *PATHS, *parcels.FIELDS)
         raise ValueError(
             f"Argument `set` must name a number of the sorter, such as fence.thickness, but names "
-            f"{name!r}.{nearest(name, known)}"
+            f"{name!r}.{meant or nearest(name, known, 0.75)}"
         )
     return first, *rest
 
@@ -167,3 +179,20 @@ def _present(tables: Table, path: tuple[str, ...]) -> Any:
     if isinstance(found, (list, tuple)):
         return list(found) if path[-1] in VECTORS else None
     return found
+
+
+def as_table(part: Any) -> dict[str, Any]:
+    """The table that describes a part, so that one of its numbers can be changed; inner parts stay
+    parts."""
+    table = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
+    if isinstance(part, (AbstractDrive, AbstractTaper, AbstractFriction)):
+        table["law"] = type(part)
+    if isinstance(part, DataSheet):
+        material = table.pop("material")
+        table |= as_table(material)
+    plain = {}
+    for name, value in table.items():
+        if value is not None:
+            vector = name in VECTORS
+            plain[name] = [float(v) for v in value] if vector else value
+    return plain

@@ -195,6 +195,11 @@ def read(table: Table, folder: Path, found: Reading) -> Parcels:
     corners = table.get("corners", (1, 2))
     if not isinstance(corners, (list, tuple)):
         raise TypeError(f"Argument `parcels.corners` must be a list, but is {corners!r}.")
+    if not corners or any(isinstance(one, bool) or one not in (1, 2, 3, 4) for one in corners):
+        raise ValueError(
+            "Argument `parcels.corners` must hold corners 1 ... 4 (1 leading lower, 2 trailing "
+            f"lower, 3 trailing upper, 4 leading upper), but is {corners!r}."
+        )
     return Parcels(
         {PATHS[name]: columns[name] for name in order},
         weights / np.sum(weights),

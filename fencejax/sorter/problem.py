@@ -188,13 +188,10 @@ class SorterProblem:
     def limits(self, candidate: Candidate) -> tuple[tuple[str, Limit], ...]:
         """The limits by name, with their bounds for a candidate."""
         found, first = (self._limits_of(c) for c in (candidate, self.candidates[0]))
-        names, expected = (", ".join(name for name, _ in each) for each in (found, first))
-        if names != expected:
-            raise ValueError(
-                f"Argument `limits` must bound the same for all materials, but {candidate.name} "
-                f"has {names} where {self.candidates[0].name} has {expected}. Give the bound, or "
-                "the material's allowed stress and fatigue strength; `false` leaves a limit out."
-            )
+        limit_table.refuse_unlike(
+            (candidate.material.name, [name for name, _ in found]),
+            (self.candidates[0].material.name, [name for name, _ in first]),
+        )
         return found
 
     def lanes(self, candidate: Candidate) -> dict[str, np.ndarray]:

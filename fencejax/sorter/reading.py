@@ -104,6 +104,8 @@ class Reading:
             start = list(listed(f"{path}.start", start, unit))
         if lower < upper:
             scaling = raw.get("scaling", "linear" if lower <= 0 else None)
+            if scaling is not None:
+                _check.choice(f"{path}.scaling", scaling, ("logarithmic", "linear"))
             self.spans[path] = Span(lower, upper, scaling)
         if isinstance(start, (list, tuple)):
             return [min(max(read(value), lower), upper) for value in start]
@@ -202,6 +204,8 @@ _ON_FENCE: Mapping[str, type[_OnFence]] = {
     "pad": Pad, "shaft": Shaft, "rest_shape": RestShape, "shear": Shear,
     "second_order": SecondOrderLoads,
 }  # fmt: skip
+IN_FENCE = ("material", "taper", *_ON_FENCE)
+"""The parts of a fence."""
 
 
 def _on_fence(name: str, raw: Any, reading: Reading) -> _OnFence | None:
@@ -212,7 +216,7 @@ def _on_fence(name: str, raw: Any, reading: Reading) -> _OnFence | None:
         return kind()
     if raw is False or isinstance(raw, kind):
         return raw or None
-    return _made(path, kind, _a_table(path, raw, f"{name}=fj.{kind.__name__}()"), reading)
+    return _made(path, kind, _a_table(path, raw, _example(name, kind), kind), reading)
 
 
 def _law(
@@ -232,7 +236,8 @@ def _rubbing(path: str, raw: Any, kind: type[_P], reading: Reading) -> _P:
     """A part with a friction: the part itself, or from its numbers and those of its friction."""
     if isinstance(raw, kind):
         return raw
-    table = dict(_a_table(path, raw, f"{path}=fj.{kind.__name__}()"))
+    example = f"{path} = {{friction = {{kinetic = 0.6, static = 0.8}}}}"
+    table = dict(_a_table(path, raw, example, kind))
     inner = {}
     if "friction" in table:
         inner["friction"] = friction(f"{path}.friction", table.pop("friction"), reading)
@@ -251,8 +256,8 @@ def fence(raw: Any, reading: Reading) -> tuple[Fence, tuple[DataSheet, ...]]:
     """The fence, made of the first of its materials, and all materials."""
     if isinstance(raw, Fence):
         return raw, (DataSheet("as given", raw.material),)
-    table = dict(_a_table("fence", raw, "fence=fj.Fence(thickness=0.045)"))
-    known = ("width", "thickness", "material", "taper", "edge_radius", *_ON_FENCE, *_LENGTHS)
+    table = dict(_a_table("fence", raw, 'fence = {thickness = "45 mm"}', Fence))
+    known = ("width", "thickness", "edge_radius", *IN_FENCE, *_LENGTHS)
     refuse_unknown("fence", table, known)
     sheets = _materials(table.pop("material", "PA6 dry"), reading)
     inner: dict[str, Any] = {"material": sheets[0].material}
@@ -334,7 +339,7 @@ def _material(raw: Any, reading: Reading) -> DataSheet:
         return DataSheet("as given", raw)
     if isinstance(raw, str):
         return materials.named(raw)
-    table = dict(_a_table("fence.material", raw, "material='POM'"))
+    table = dict(_a_table("fence.material", raw, 'material = "POM"', Material))
     name = table.pop("name", None)
     fields = {**Material.bounds, **DataSheet.bounds}
     refuse_unknown("fence.material", table, (*fields, "conditions", "name"))
@@ -366,28 +371,18 @@ def _material(raw: Any, reading: Reading) -> DataSheet:
     )
 
 
-def _a_table(path: str, raw: Any, example: str) -> Table:
+def _example(name: str, kind: type) -> str:
+    """How an optional part of a fence is written in a sorter file."""
+    for field, each in getattr(kind, "bounds", {}).items():
+        return f"{name} = {{{as_written(field, each.unit)}}}"
+    return f"{name} = true"
+
+
+def _a_table(path: str, raw: Any, example: str, kind: type) -> Table:
     if isinstance(raw, Mapping):
         return raw
     what = f"the class {raw.__name__}" if isinstance(raw, type) else repr(raw)
     raise TypeError(
         f"Argument `{path}` must be a table of numbers or the part itself, but is {what}. Write, "
-        f"for example, {example}."
+        f"for example, {example}, or in Python fj.{kind.__name__}(...)."
     )
-
-
-def as_table(part: Any) -> dict[str, Any]:
-    """The table that describes a part, so that one of its numbers can be changed; inner parts stay
-    parts."""
-    table = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
-    if isinstance(part, (AbstractDrive, AbstractTaper, AbstractFriction)):
-        table["law"] = type(part)
-    if isinstance(part, DataSheet):
-        material = table.pop("material")
-        table |= as_table(material)
-    plain = {}
-    for name, value in table.items():
-        if value is not None:
-            vector = name in VECTORS
-            plain[name] = [float(v) for v in value] if vector else value
-    return plain

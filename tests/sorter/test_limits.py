@@ -77,6 +77,19 @@ def test_a_motor_with_its_torque_alone_is_limited_by_it_alone():
     assert objective is drivability.DRIVE_WORK
 
 
+def test_a_material_without_a_number_that_others_have_is_named_with_it():
+    own = {"name": "mine", "youngs_modulus": "3 GPa", "density": 1130}
+    strong, lasting = {**own, "allowed_stress": "30 MPa"}, {**own, "fatigue_strength": "9 MPa"}
+    for materials, number, key in (
+        (["POM", lasting], "allowed_stress", "stress"),
+        ([lasting, "POM"], "allowed_stress", "stress"),
+        (["POM", strong], "fatigue_strength", "life"),
+    ):
+        problem = fj.Sorter(fence={"material": materials}).problem()
+        with pytest.raises(ValueError, match=f"`{number}` for mine, as for POM.*limits.{key} ="):
+            problem.limits(problem.candidates[1])
+
+
 def test_a_limit_follows_the_motor_that_is_chosen():
     sorter = fj.Sorter(motor={"torque": ["400 N m", "650 N m"]})
     problem = sorter.problem()

@@ -223,6 +223,15 @@ REFUSED = [
         "`fence.flexible_length` must be at most `reach` = 1.2 m, but is 1.5 m",
     ),
     ({"fence": {"reach": 0}}, r"`fence.reach` must be above 0 \[m\], but is 0"),
+    ({"fence": {"pad": "10 mm"}}, r"is '10 mm'. Write, for example, pad = {thickness = .*fj.Pad\("),
+    ({"fence": {"second_order": 3}}, "Write, for example, second_order = true"),
+    (
+        {"fence": {"thickness": {"lower": 0.03, "upper": 0.05, "scaling": "log"}}},
+        "`fence.thickness.scaling` must be one of .*logarithmic.* but is 'log'",
+    ),
+    ({"parcels": {"corners": [7]}}, r"`parcels.corners` must hold corners 1 .* but is \[7\]"),
+    ({"parcels": [{"mass": 3}]}, r"`parcels` must be a table, but is \[.*Write \[parcels\], once"),
+    ({"limits": 3}, r"`limits` must be a table, but is 3"),
     ({"fence": {"taper": "unifrom"}}, "Did you mean `uniform`"),
     ({"fence": {"taper": fj.Uniform}}, "`fence.taper` must be an instance .* the class Uniform"),
     ({"fence": {"reach": {"lower": 1, "upper": 2}, "rigid_length": 0.2}}, "reach and length_ratio"),
@@ -324,6 +333,13 @@ def test_a_file_names_itself_in_its_refusals(tmp_path):
         file.write_bytes(content)
         with pytest.raises(ValueError, match=f"mine.toml: must .*{message}"):
             fj.Sorter.load(file)
+    file.write_bytes("title = 'Gr\u00f6\u00dfe'".encode("latin-1"))
+    with pytest.raises(ValueError, match="mine.toml: must be text in UTF-8, .* Save it as UTF-8"):
+        fj.Sorter.load(file)
+    with pytest.raises(ValueError, match="names 'material'. Did you mean `fence.material`"):
+        fj.Sorter().replace({"material": "POM"})
+    with pytest.raises(ValueError, match=r"names 'colour'\.$"):
+        fj.Sorter().replace({"colour": "red"})
     with pytest.raises(ValueError, match="names 'belt_sped'. Did you mean `belt_speed`"):
         fj.Sorter().replace({"belt_sped": 2})
 
