@@ -24,8 +24,10 @@ from .limits import (
 from .machine import (
     SECTIONS as SECTIONS,
     Machine as Machine,
-    Objective as Objective,
     scene_path as scene_path,
+)
+from .objective import (
+    Objective as Objective,
 )
 from .overrides import (
     span as span,

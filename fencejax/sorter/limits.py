@@ -151,8 +151,7 @@ def _line(sorter: Bounding, chosen: Mapping[str, float]) -> Quantity:
 
 
 def _of_period(sorter: Bounding, sheet: DataSheet):
-    # For a drive without free numbers it is checked once, in `SorterProblem`.
-    # A held fence is never away.
+    # For a drive without free numbers `SorterProblem` checks it once; a held fence is never away.
     leaves = sorter.drive_varies and not isinstance(sorter.drive, HeldDrive)
     return sorter.period if leaves else None
 
@@ -390,13 +389,12 @@ _BY_MATERIAL = {
 
 
 def refuse_unlike(*found: tuple[str, list[str]]) -> None:
-    """Raise `ValueError` where one of two materials, each with its name and its limits' names,
-    lacks a number, so that a limit holds for the other one alone."""
+    """Raise `ValueError` where a limit holds for one of two materials alone, each with its name and
+    its limits' names."""
     for (name, names), (other, others) in (found, found[::-1]):
-        for limit in others:
-            if limit not in names:
-                number, key = _BY_MATERIAL.get(limit, (limit, limit))
-                raise ValueError(
-                    f"Argument `fence.material` must give `{number}` for {name}, as for {other}. "
-                    f"Or write limits.{key} = false, which leaves the limit out for all."
-                )
+        for limit in (each for each in others if each not in names):
+            number, key = _BY_MATERIAL.get(limit, (limit, limit))
+            raise ValueError(
+                f"Argument `fence.material` must give `{number}` for {name}, as for {other}. "
+                f"Or write limits.{key} = false, which leaves the limit out for all."
+            )

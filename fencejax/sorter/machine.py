@@ -9,11 +9,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
 
 from .. import _check, printing
 from .._identity import refused, text
-from ..design import Quantity, risk
 from ..parts import (
     AbstractDrive,
     AbstractFriction,
@@ -28,8 +26,9 @@ from ..parts import (
 from ..printing import Readable, as_table, shown
 from ..scenes import OnBelt, Scene, numbers as scene_numbers
 from ..study import SceneFamily
-from . import limits as limit_table, parcels as parcel_table, plausibility, reading
-from .amounts import amount, nearest, refuse_unknown
+from . import limits as limit_table, objective, parcels as parcel_table, plausibility, reading
+from .amounts import amount, refuse_unknown
+from .objective import Objective
 from .parcels import Parcels
 from .reading import Reading, Span, Table
 
@@ -38,22 +37,6 @@ SECTIONS = (
     "limits", "objective",
 )  # fmt: skip
 """The keys of a sorter file."""
-
-
-class Objective(eqx.Module):
-    """The objective: a quantity's `"worst"`, `"mean"` or `"cvar"` over the parcels (the last is the
-    mean of the largest values, beyond the share `level`)."""
-
-    quantity: Quantity = eqx.field(static=True)
-    over: str = eqx.field(static=True, default="worst")
-    level: float = eqx.field(static=True, default=0.95)
-
-    def over_parcels(self, values: ArrayLike, weights: ArrayLike) -> Array:
-        """The worst case, mean or CVaR of one number a parcel (P,), with the parcels'
-        frequencies."""
-        if self.over == "worst":
-            return jnp.max(jnp.asarray(values))
-        return risk.risk(values, self.over, self.level, weights=weights)
 
 
 class MachineParts(eqx.Module):
@@ -338,7 +321,7 @@ def read(tables: Table, folder: Path) -> Machine:
         found.spans,
         found.choices,
         limit_table.read(tables.get("limits", {}), parcels.given),
-        _objective(tables.get("objective", {})),
+        objective.read(tables.get("objective", {})),
     )
 
 
@@ -377,29 +360,3 @@ def _motor(raw: Any, found: Reading) -> Motor:
                 "motor.gear_ratio, with at_shaft = true."
             )
     return Motor(**numbers, at_shaft=raw.get("at_shaft", False))
-
-
-_OBJECTIVE = ("minimize", "over", "level")
-
-
-def _objective(raw: Any) -> Objective:
-    table = raw if isinstance(raw, Mapping) else {"minimize": raw}
-    refuse_unknown("objective", table, _OBJECTIVE)
-    wanted = table.get("minimize", "peak_force")
-    if isinstance(wanted, str):
-        known = limit_table.quantities()
-        if wanted not in known:
-            raise ValueError(
-                f"Argument `objective.minimize` must be one of {', '.join(known)}, but is "
-                f"{wanted!r}.{nearest(wanted, known)}"
-            )
-        wanted = known[wanted]
-    wanted = _check.part("objective", wanted, Quantity, "objective='peak_force'")
-    over = _check.choice("objective.over", table.get("over", "worst"), risk.MEASURES)
-    level = amount("objective.level", table.get("level", 0.95), "1")
-    if not 0 < level < 1:
-        raise ValueError(
-            f"Argument `objective.level` must be above 0 and below 1 [1], but is {level:g}. Write "
-            'over = "worst" for the largest value.'
-        )
-    return Objective(wanted, over, level)

@@ -21,7 +21,8 @@ from ..results import Status, refined
 from ..scenes import consistent, numbers as scene_numbers
 from ..study import measured
 from . import limits as limit_table
-from .machine import Machine, Objective, scene_path
+from .machine import Machine, scene_path
+from .objective import Objective
 
 # The key of a fixed number in the lanes; the addresses of a journal contain it.
 _FIXED = "held "
