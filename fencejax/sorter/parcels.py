@@ -41,15 +41,14 @@ class Parcels(Readable):
     - `columns`: the values [SI] of each given number, of shape (P,), by its path in a scene.
     - `weights`: the frequency of each parcel, of shape (P,), with the sum 1.
     - `corners`: the parcel's corners that can touch the fence.
-    - `origins`: where the list or the file has each parcel, `"parcels.csv:3"`; empty without one.
-    - `listed`: the paths of the numbers that it has there.
+    - `origins`: where a list or a file has each value, `"parcels.csv:3.mass"`, by the paths of the
+      numbers that come from it.
     """
 
     columns: dict[str, np.ndarray]
     weights: np.ndarray
     corners: tuple[int, ...]
-    origins: tuple[str, ...] = ()
-    listed: tuple[str, ...] = ()
+    origins: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -63,8 +62,9 @@ class Parcels(Readable):
 
     def origin(self, path: str, lane: int) -> str:
         """A parcel's number as its user knows it: `"parcels.mass"`, `"parcels.csv:3.mass"`."""
-        name = path.rpartition(".")[2].removeprefix("given_")
-        return f"{self.origins[lane] if path in self.listed else 'parcels'}.{name}"
+        if path in self.origins:
+            return self.origins[path][lane]
+        return f"parcels.{path.rpartition('.')[2].removeprefix('given_')}"
 
     def _printed(self) -> printing.Table:
         rows = []
@@ -204,8 +204,11 @@ def read(table: Table, folder: Path, found: Reading) -> Parcels:
         {PATHS[name]: columns[name] for name in order},
         weights / np.sum(weights),
         tuple(corners),
-        tuple(origins[row] for row in places[0]) if rows else (),
-        tuple(PATHS[name] for name in rows or {} if name in FIELDS),
+        {
+            PATHS[name]: tuple(f"{origins[row]}.{name}" for row in places[0])
+            for name in rows or {}
+            if name in FIELDS
+        },
     )
 
 
