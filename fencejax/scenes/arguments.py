@@ -20,9 +20,25 @@ from ..parts import (
     Parcel,
     turned,
 )
+from .start import MOTION_BOUNDS
 
 _CORNERS = (1, 2, 3, 4)
 Default = Literal["default"]
+
+
+def moving(argument: str, value: ArrayLike, field: str) -> Array:
+    """Check a number of a parcel's motion, a field of `Body` (see `fencejax._check.scalar`)."""
+    return _check.scalar(argument, value, **MOTION_BOUNDS[field]._asdict())
+
+
+def velocity_of(velocity: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[Array, Array, Array]:
+    """Check the velocity of a parcel, (xdot, ydot, phidot) [m/s, m/s, rad/s]."""
+    x, y, spin = _check.sequence("velocity", velocity, "numbers (x, y, spin)", 3)
+    return (
+        moving("velocity x", x, "x_rate"),
+        moving("velocity y", y, "y_rate"),
+        moving("velocity spin", spin, "spin"),
+    )
 
 
 def corners_of(name: str, corners: tuple[int, ...]) -> tuple[int, ...]:

@@ -31,13 +31,15 @@ from .arguments import (
     drive_of,
     duration_of,
     fence_of,
+    moving,
     parcel_of,
     surfaces_of,
     traced,
+    velocity_of,
 )
 from .body import Body
 from .scene import Scene
-from .start import AsGiven, OnBelt, moving, velocity_of
+from .start import AsGiven, OnBelt
 
 
 def free_motion(

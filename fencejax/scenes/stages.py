@@ -27,12 +27,14 @@ from .arguments import (
     drive_of,
     duration_of,
     fence_of,
+    moving,
     parcel_of,
     place_of,
     traced,
+    velocity_of,
 )
 from .scene import Scene
-from .start import AtTouch, BetweenBorderAndFence, FlushOnFence, moving, velocity_of
+from .start import AtTouch, BetweenBorderAndFence, FlushOnFence
 
 
 def oblique_impact(

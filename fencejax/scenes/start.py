@@ -34,21 +34,6 @@ MOTION_BOUNDS = {
 """The bounds of a parcel's motion at the start, by the fields of `Body`."""
 
 
-def moving(argument: str, value: ArrayLike, field: str) -> Array:
-    """Check a number of a parcel's motion, a field of `Body` (see `fencejax._check.scalar`)."""
-    return _check.scalar(argument, value, **MOTION_BOUNDS[field]._asdict())
-
-
-def velocity_of(velocity: tuple[ArrayLike, ArrayLike, ArrayLike]) -> tuple[Array, Array, Array]:
-    """Check the velocity of a parcel, (xdot, ydot, phidot) [m/s, m/s, rad/s]."""
-    x, y, spin = _check.sequence("velocity", velocity, "numbers (x, y, spin)", 3)
-    return (
-        moving("velocity x", x, "x_rate"),
-        moving("velocity y", y, "y_rate"),
-        moving("velocity spin", spin, "spin"),
-    )
-
-
 class Pose(eqx.Module):
     """The fence at the start time, as a start may use it: the point U at an arc coordinate and the
     slope there, in fixed axes, and the drive's motion.
