@@ -96,8 +96,10 @@ def run_steps(
     Raises `ValueError` where the samples do not fit into this machine's memory.
     """
     precision = jax.tree.leaves(begin)[0].dtype
+    shapes = None
     if sample is not None:
-        columns = sum(leaf.size for leaf in jax.tree.leaves(jax.eval_shape(sample, begin)))
+        shapes = jax.eval_shape(sample, begin)
+        columns = sum(leaf.size for leaf in jax.tree.leaves(shapes))
         _check.room(
             "step", steps + 1, columns, what="samples",
             remedy="Raise `step`, or write history=False.",
@@ -136,7 +138,7 @@ def run_steps(
         y, rows = _run_adaptively(step, begin, clock, row, steps, reverse)
     if sample is None or rows is None:
         return y, None
-    return y, _unpacked(rows, sample(begin))
+    return y, _unpacked(rows, shapes)
 
 
 def _unpacked(rows: Array, like):
