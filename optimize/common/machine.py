@@ -147,7 +147,7 @@ def family(
     distance is given is at `place`. Settings that are no number of a scene, such as
     `fence.material=POM`, are made in the sorter."""
     own, others = parted(sorter, kind, given)
-    machine = load(sorter, own).machine
+    machine = once(sorter, own)
     parts = machine.family(kind=kind).parts
     fixed = {}
     for text in others:
@@ -161,7 +161,7 @@ def parted(
     sorter: str, kind: str, given: tuple[str, ...]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Settings as those made in the sorter, and those of numbers of its scenes."""
-    parts = load(sorter).family(kind=kind).parts
+    parts = once(sorter).family(kind=kind).parts
     own = []
     for text in given:
         name = text.partition("=")[0].strip()
@@ -197,7 +197,7 @@ def place(reach: float, of_paper: float = PAPER_PLACE) -> float:
 def scene(sorter: str, kind: str, duration: float | None = None) -> AnyScene:
     """A scene of a sorter's parts: of a kind of `fencejax.SceneFamily`, then an impact at `place`,
     or of the normal direction alone."""
-    machine = load(sorter)
+    machine = once(sorter)
     if kind in ("normal_impact", "rigid_wall"):
         parts = {"fence": machine.fence} if kind == "normal_impact" else {}
         parcel = machine.family(kind="oblique_impact").parcel
@@ -231,9 +231,8 @@ def chosen(config: Any) -> fj.sorter.Machine | None:
                 "--sorter paper for the paper's machine."
             )
         return None
-    changed = file_of(config.sorter).stat().st_mtime_ns
     free = tuple(text for text in config.free if not _of_job(config, text))
-    return _machine(config.sorter, config.set, free, changed)
+    return once(config.sorter, config.set, free)
 
 
 def _of_job(config: Any, text: str) -> bool:
@@ -273,11 +272,18 @@ def notes(machine: fj.sorter.Machine | None) -> list[str]:
     return lines
 
 
+def once(
+    sorter: str, given: tuple[str, ...] = (), free: tuple[str, ...] = ()
+) -> fj.sorter.Machine:
+    """The machine of `load`, read once: a job also asks for it while tracing, where numbers must be
+    plain."""
+    return _machine(sorter, given, free, file_of(sorter).stat().st_mtime_ns)
+
+
 @functools.lru_cache(maxsize=16)
 def _machine(
     sorter: str, given: tuple[str, ...], free: tuple[str, ...], changed: int
 ) -> fj.sorter.Machine:
-    """The machine, read once: a job also asks for it while tracing, where numbers must be plain."""
     del changed
     return load(sorter, given, free).machine
 

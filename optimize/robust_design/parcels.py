@@ -3,8 +3,6 @@
 import numpy as np
 from scipy.stats import qmc
 
-import fencejax as fj
-
 from ..common import machine
 from ..common.encounters import Encounter
 from .configuration import LINEAR, LOGARITHMIC, RobustConfig
@@ -58,14 +56,11 @@ def _of_sorter(config: RobustConfig, count: int, stream: int) -> Encounter:
     """`count` parcels of a sorter file. Its distributions are drawn anew; of the parcels that it
     lists, each at every place that it lists, one is drawn by its weight for each."""
     given = tuple(t for t in config.set if not t.startswith(("parcels.count=", "parcels.seed=")))
-    seed = f"parcels.seed={1000 * config.seed + stream}"
-
-    def read(size: int) -> fj.sorter.Machine:
-        sizes = (f"parcels.count={size}", seed)
-        return machine.load(config.sorter, (*given, *sizes), config.free).machine
-
     # One draw leaves the listed parcels at their places.
-    weights, found = read(1).parcels.weights, read(count)
+    listed = machine.once(config.sorter, (*given, "parcels.count=1"), config.free)
+    sizes = (f"parcels.count={count}", f"parcels.seed={1000 * config.seed + stream}")
+    weights = listed.parcels.weights
+    found = machine.load(config.sorter, (*given, *sizes), config.free).machine
     if found.parcels.count == 1:
         raise ValueError(
             "Argument `parcels` of the sorter file must describe several parcels, with weights, or "

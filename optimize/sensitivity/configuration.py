@@ -126,7 +126,7 @@ class SensitivityConfig:
         Raises `ValueError` for a name or a range that cannot be.
         """
         given = dict(_range(text) for text in self.ranges)
-        sorter = None if self.sorter == machine.NONE else machine.load(self.sorter).machine
+        sorter = None if self.sorter == machine.NONE else machine.once(self.sorter)
         usual = defaults.usual(scene, sorter)
         names = self.variables or tuple(dict.fromkeys([*usual, *given]))
         scene_numbers.together(scene, names)

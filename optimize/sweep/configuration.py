@@ -14,7 +14,9 @@ from ..common import assignments, flags, machine, named
 # Cores that a machine may have.
 _MOST_ON_A_MACHINE = 1024
 _SAMPLINGS = ("grid", "latin_hypercube", "sobol")
-_VARY = ("mass=1:30", "distance=0.5:1.1")
+# Where impacts are on the paper's fence [m].
+_LINE = (0.5, 1.1)
+_VARY = ("mass=1:30", "distance={}:{}".format(*_LINE))
 _FENCES = {"two_link": fj.Fence, "one_link": fj.Fence.one_link}
 
 
@@ -112,7 +114,7 @@ class SweepConfig:
         if self.sorter == machine.NONE:
             return None
         own, _ = machine.parted(self.sorter, self.scene, self.set)
-        return machine.load(self.sorter, own).machine
+        return machine.once(self.sorter, own)
 
     @property
     def notes(self) -> list[str]:
@@ -144,7 +146,7 @@ class SweepConfig:
         sorter = self.machine
         if sorter is None or self.vary != _VARY:
             return self.vary
-        lower, upper = (machine.place(float(sorter.fence.reach), end) for end in (0.5, 1.1))
+        lower, upper = (machine.place(float(sorter.fence.reach), end) for end in _LINE)
         return _VARY[0], f"distance={lower}:{upper}"
 
     def samples(self) -> Samples:
