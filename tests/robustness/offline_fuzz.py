@@ -210,7 +210,7 @@ def recorded(report):
     def total(name, of=every):
         return sum(row[name] for row in of), "1"
 
-    figure = "cd tests && python -m robustness.offline_fuzz --record"
+    command = "cd tests && python -m robustness.offline_fuzz --record"
     promised = {f"gradient, {name}": (100 * of[1], "%") for name, of in PROMISE.items()}
     largest = max(row["error of the peak"]["largest"] for row in rows["wide"])
     promises = {
@@ -225,8 +225,8 @@ def recorded(report):
         "worst peak at corners": (float(f"{100 * largest:.2g}"), "%"),
     }  # fmt: skip
     return {
-        "promises": figures.group(figure, promises),
-        "finite": figures.group(figure, {"random scenes": total("scenes")}),
+        "promises": figures.group(command, promises),
+        "finite": figures.group(command, {"random scenes": total("scenes")}),
     }
 
 
