@@ -46,6 +46,7 @@ class Joint:
                 self.completed(z, found), config.reserve
             ),
             getattr(fj.Fidelity, config.fidelity)().ladder(),
+            ahead=True,
         )
         self._measure = [
             jax.jit(lambda z, encounters, rung=rung: self.sorts(z, encounters, rung))

@@ -54,6 +54,21 @@ def test_lanes_in_doubt_alone_are_computed_again():
     np.testing.assert_allclose(found.margin_rows, rows[1], rtol=1e-13)
 
 
+def test_finer_rungs_are_compiled_beside_the_first():
+    """Before a lane is in doubt, for lanes one by one; then nothing is compiled any more."""
+    z, bound = np.array([0.3, -0.2]), np.asarray(2.0)
+    program = LaneProgram(_read, _combine, (0, 1, 2), ahead=True)
+    assert program(z, np.array([1.0, 0.5]), bound).rungs.tolist() == [0, 0]
+    for each in program._coming.values():
+        each.result()
+    _SIZES.clear()
+    found = program(z, np.array([3.0, 5.0]), bound)
+    assert found.rungs.tolist() == [1, 2]
+    assert not _SIZES
+    plain = LaneProgram(_read, _combine, (0, 1, 2))(z, np.array([3.0, 5.0]), bound)
+    np.testing.assert_array_equal(found.objective_rows, plain.objective_rows)
+
+
 def test_a_rung_is_compiled_once_however_many_lanes_are_in_doubt():
     """One program serves single lanes while they are few, and another one groups of many."""
     z, bound = np.array([0.3, -0.2]), np.asarray(2.0)

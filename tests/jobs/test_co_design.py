@@ -60,7 +60,7 @@ def small(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(
             problem, "LaneProgram",
-            lambda read, combine, ladder: LaneProgram(read, combine, ladder[:1]),
+            lambda read, combine, ladder, **_: LaneProgram(read, combine, ladder[:1]),
         )
         yield main(CoDesignConfig(**{**vars(_SMALL), "out": out}), quiet=True), out
 
