@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 import fencejax as fj
+from fencejax.plot import non_dominated
 
 from .errors import Outcome
 
@@ -21,13 +22,11 @@ def pareto(cost: Sequence[float], error: Sequence[float]) -> list[int]:
             f"Arguments `cost` and `error` must be of one length, but are {len(cost)} and "
             f"{len(error)} long."
         )
-    best, chosen = np.inf, []
-    finite = [k for k in range(len(cost)) if np.isfinite(cost[k]) and np.isfinite(error[k])]
-    for k in sorted(finite, key=lambda k: (cost[k], error[k], k)):
-        if error[k] < best:
-            best = error[k]
-            chosen.append(k)
-    return chosen
+    points = np.column_stack([cost, error])
+    kept = np.flatnonzero(non_dominated(points))
+    # In the order of their costs, the first of equal ones.
+    _, first = np.unique(points[kept], axis=0, return_index=True)
+    return [int(k) for k in kept[first]]
 
 
 def superposed(base: Outcome, effects: Sequence[Outcome]) -> Outcome:
