@@ -114,7 +114,7 @@ class FenceResponse(eqx.Module):
         `loads` [N]: it moves little in a step."""
         amplitude = self.free.amplitude
         for load, pushed in zip(loads, self.loadings, strict=True):
-            share = load / self.link.mass_scale
+            share = load * (1 / self.link.mass_scale)
             moved = zip(amplitude, self.stride.maps, pushed, strict=True)
             amplitude = tuple(q - m.q_end * phi * share for q, m, phi in moved)
         return tuple(self.link.followed(shape, amplitude) for shape in self.shapes)
@@ -139,13 +139,13 @@ class FenceResponse(eqx.Module):
             dot(shape.deflection, self.free.rate),
             dot(shape.slope, self.free.amplitude),
         )
-        gains = []
+        gains, inverse = [], 1 / link.mass_scale
         for pushed, struck in self._pushes():
             gains.append(
                 (
-                    dot(shape.deflection, pushed) / link.mass_scale,
-                    dot(shape.deflection, struck) / link.mass_scale,
-                    dot(shape.slope, pushed) / link.mass_scale,
+                    dot(shape.deflection, pushed) * inverse,
+                    dot(shape.deflection, struck) * inverse,
+                    dot(shape.slope, pushed) * inverse,
                 )
             )
         return free, tuple(gains)
@@ -325,12 +325,12 @@ class FenceResponse(eqx.Module):
         amplitude, rate = list(self.free.amplitude), list(self.free.rate)
         if self.hinge is not None:
             for (pushed, struck), load in zip(self.hinge.pushes, normals, strict=True):
-                share = load / self.link.mass_scale
+                share = load * (1 / self.link.mass_scale)
                 amplitude = [q - p * share for q, p in zip(amplitude, pushed, strict=True)]
                 rate = [v - p * share for v, p in zip(rate, struck, strict=True)]
             return Vibration(tuple(amplitude), tuple(rate))
         for (load, weight), normal in zip(self._loadings(), normals, strict=True):
-            share = normal / self.link.mass_scale
+            share = normal * (1 / self.link.mass_scale)
             for i, (phi, m) in enumerate(zip(load, self.stride.maps, strict=True)):
                 q_end, v_end = _ends(m, weight)
                 amplitude[i] = amplitude[i] - q_end * phi * share

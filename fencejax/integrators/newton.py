@@ -29,17 +29,19 @@ def eliminate(matrix: list[list[Array]], right: Unknowns) -> Unknowns:
     """
     size = len(right)
     rows = [list(row) for row in matrix]
-    values = list(right)
+    values, inverse = list(right), []
     for k in range(size):
+        # A division takes as long as ten multiplications.
+        inverse.append(1 / rows[k][k])
         for i in range(k + 1, size):
-            factor = rows[i][k] / rows[k][k]
+            factor = rows[i][k] * inverse[k]
             for j in range(k + 1, size):
                 rows[i][j] = rows[i][j] - factor * rows[k][j]
             values[i] = values[i] - factor * values[k]
     for k in reversed(range(size)):
         for j in range(k + 1, size):
             values[k] = values[k] - rows[k][j] * values[j]
-        values[k] = values[k] / rows[k][k]
+        values[k] = values[k] * inverse[k]
     return tuple(values)
 
 

@@ -219,7 +219,7 @@ class FlexibleLink(eqx.Module):
         index, s = self._element(place)
         beyond = jnp.maximum(place - self.reach, 0.0)
         sampled = self.table.at(index, s)
-        scale = self.elements / self.length
+        scale = self.elements * (1 / self.length)
         slope = tuple(scale * d for d in sampled.slope)
         deflection = tuple(
             v + d * beyond for v, d in zip(sampled.deflection, slope, strict=True)
@@ -234,8 +234,8 @@ class FlexibleLink(eqx.Module):
         if shear is not None:
             left_out = None if sampled.residual is None else self.flexibility * sampled.residual
         if sampled.pairs is not None and sampled.cube is not None:
-            pairs = tuple(pair / self.length for pair in sampled.pairs)
-            arc = (pairs, sampled.cube / self.length**2)
+            inverse = 1 / self.length
+            arc = (tuple(pair * inverse for pair in sampled.pairs), sampled.cube * inverse**2)
         rest = None
         if self.rest_table is not None:
             rest = self.rest_table.at((place - self.rigid_length) / self.length, index, s)

@@ -193,9 +193,7 @@ class Mechanics(eqx.Module):
         assert self.link is not None
         length = self.fidelity.tip_fade
         on_link = fade(-place, length)
-        if self.sides:
-            return on_link
-        return fade(place - self.link.reach, length) * on_link
+        return on_link if self.sides else fade(place - self.link.reach, length) * on_link
 
     def frame(
         self,
@@ -373,7 +371,8 @@ class Mechanics(eqx.Module):
 
     def acceleration(self, x: Array, y: Array, moment: Array) -> Acceleration:
         """The parcel's acceleration by a force [N] and its moment about C_s [N m]."""
-        return Acceleration(x / self.mass, y / self.mass, moment / self.inertia)
+        # The compiler divides once, and multiplies wherever an inverse stands.
+        return Acceleration(x * (1 / self.mass), y * (1 / self.mass), moment * (1 / self.inertia))
 
     def force_scale(self, forces: Forces) -> Array:
         """Size of the forces [N], never 0: of the normal forces, and of the weight on a belt."""
@@ -392,7 +391,8 @@ class Mechanics(eqx.Module):
         [1/kg]."""
         x, y, turn = parts.tangent
         forced = parts.tangent if other is None else other.tangent
-        return (x * forced[0] + y * forced[1]) / self.mass + turn * forced[2] / self.inertia
+        pushed = (x * forced[0] + y * forced[1]) * (1 / self.mass)
+        return pushed + turn * forced[2] * (1 / self.inertia)
 
 
 def force_tolerance(dtype) -> float:

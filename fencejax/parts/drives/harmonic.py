@@ -35,7 +35,7 @@ class HarmonicDrive(AbstractDrive):
         _check.fields(self, top_speed=top_speed, cycle_time=cycle_time)
 
     def angle(self, time: Array) -> Array:
-        phase = within(time / self.cycle_time)
+        phase = within(time * (1 / self.cycle_time))
         return 0.5 * self.amplitude * (1.0 - jnp.cos(2.0 * jnp.pi * phase))
 
     @property
