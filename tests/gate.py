@@ -5,9 +5,12 @@
     python tests/gate.py "sort"      # only the programs whose name holds the word
 
 The counts are exact, and the same on every machine with the same versions of JAX (with others, only
-operations and calls are compared):
+operations, trips and calls are compared):
 
 - operations: JAX's, in the program as traced, inner programs included;
+- steps, evaluations: of a value at the numbers of `START`, the trips of the program's loops and of
+  the loops within these (`loop_trips.py`): Newton's method evaluates a step's equations. What a
+  value costs is these times the size of a trip;
 - bytes: the length of the program's StableHLO text, which XLA is given;
 - instructions: XLA's, after its optimisations;
 - calls: matrix products and calls of libraries that are left, each a kernel of its own. Loops run
@@ -44,6 +47,7 @@ import jax
 import jax.numpy as jnp
 import jaxlib
 from jax.extend.core import Jaxpr
+from loop_trips import loop_trips
 
 import fencejax as fj
 
@@ -54,7 +58,8 @@ ALL = "all programs"
 OVER = " over the value's"
 _RATIOS = "operations", "instructions", "flops", "memory"
 _TRIES = 3
-_OF_ANY_VERSION = "operations", "calls"
+_TRIPS = "steps", "evaluations"
+_OF_ANY_VERSION = "operations", "calls", *_TRIPS
 
 
 def equations(program: Jaxpr) -> Iterator[Any]:
@@ -182,6 +187,11 @@ class Clock:
         return statistics.median(steps) / 0.6745 / 2**0.5 * 1.5**0.5
 
 
+def trips_of(function: Callable[..., Any]) -> dict[str, int]:
+    """The trips of a value's loops; see the top of this file."""
+    return dict(zip(_TRIPS, loop_trips(function, jnp.asarray(START)), strict=True))
+
+
 def functions(names: list[str]) -> dict[str, Callable[..., Any]]:
     """The values and gradients of programs, by `program: value`."""
     found = {}
@@ -205,11 +215,13 @@ def measure(names: list[str], tries: int, doubted: Callable[[Measured], list[str
     median counts."""
     clock, given = Clock(), functions(names)
     counted, times = {}, {name: [] for name in given}
+    trips = {name: trips_of(given[name]) for name in given if name.endswith(": value")}
     pending = list(given)
     found = Measured({}, {})
     for _ in range(tries):
         for name in pending:
-            counted[name], seconds = clock.time(given[name])
+            numbers, seconds = clock.time(given[name])
+            counted[name] = numbers | trips.get(name, {})
             times[name].append(seconds)
         found = gathered(counted, times, clock.error())
         pending = [name for name in doubted(found) if name in given]

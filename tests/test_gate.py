@@ -5,6 +5,7 @@ import gate
 import jax
 import jax.numpy as jnp
 import pytest
+from loop_trips import loop_trips
 
 KNOWN = {
     "impact: value": {"operations": 1000, "calls": 0, gate.TIME: 2.0},
@@ -71,6 +72,28 @@ def test_operations_of_inner_programs_count():
     names = [equation.primitive.name for equation in gate.equations(program.jaxpr)]
     assert {"scan", "cond", "sin", "mul"} <= set(names)
     assert (names.count("sin"), names.count("mul")) == (1, 1)
+
+
+def test_trips_of_loops_within_loops_are_counted():
+    def inner(y):
+        return jax.lax.while_loop(lambda z: z < 100, lambda z: 10 * z, y + 1)
+
+    def once(y):
+        return jax.lax.cond(y < 3, jax.jit(inner), lambda z: z, y)
+
+    def trips(x):
+        rows = jax.lax.scan(lambda y, row: (once(y), row), x, jnp.zeros(4))
+        return jax.lax.while_loop(lambda y: y < 1e6, lambda y: y * 10, rows[0]), rows[1]
+
+    # 2 -> 300 by two trips, in the first of four; then four times by ten.
+    assert loop_trips(trips, 2.0) == [4 + 4, 2]
+    assert loop_trips(jnp.sin, 1.0) == []
+
+
+def test_more_trips_are_growth_on_any_version():
+    known = {"impact: value": {"steps": 100, "evaluations": 300}}
+    found = gate.Measured({"impact: value": {"steps": 100, "evaluations": 346}}, {})
+    assert [row.key for row in gate.grown(found, known, gate._OF_ANY_VERSION)] == ["evaluations"]
 
 
 def test_the_record_has_every_program_and_its_gradient():
