@@ -3,8 +3,8 @@
 
 Writes `speed.json` and `speed.txt` into DIR: medians over repeats, the least of several rounds;
 errors against `Fidelity.reference()` over sixteen impacts of different distance, mass and drive
-angle; `parts.md`: state, operations and times from the rigid wall to the whole sort; and `groups.json`:
-random impacts in groups as they come, and in the order of their contacts' lengths.
+angle; `parts.md`: state, operations and times from the rigid wall to the whole sort; and
+`groups.json`: random impacts in groups as they come, and in the order of their contacts' lengths.
 """
 
 import json
