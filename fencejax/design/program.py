@@ -231,7 +231,8 @@ class LaneProgram:
             if known is None:
                 # Programs are traced one at a time, and compiled in parallel: this one first.
                 self._each[0].lower(point, data[0])
-            self._coming = self._finer(point, data[0])
+            # In place: programs with other objectives share them.
+            self._coming.update(self._finer(point, data[0]))
 
         def compute(rung, lanes):
             if rung == 0 and known is not None:

@@ -138,10 +138,10 @@ def _from_sliding(corner: Corner, linear: MeanShare, others: Array | float = 0.0
     twice, slope = twice - per * late, slope - per * later
     # Nothing is added where the corner slides on, nor where it hardly slows down.
     rests = eps * eps / (onward * onward + eps * eps)
-    inverse = 1 / jnp.where(fast > 0, fast, 1.0)
-    slowed = jnp.maximum(1 - onward * inverse, 0.0)
+    per_speed = 1 / jnp.where(fast > 0, fast, 1.0)
+    slowed = jnp.maximum(1 - onward * per_speed, 0.0)
     ends = rests * slowed * slowed
-    fades = -2 * rests * slowed * (slowed * onward * rests / (eps * eps) + inverse)
+    fades = -2 * rests * slowed * (slowed * onward * rests / (eps * eps) + per_speed)
     fades = jnp.where(onward > 0, sign * fades, 0.0)
     slope = linear.slope + ends * (slope - linear.slope) + fades * (twice - linear.share)
     twice = linear.share + ends * (twice - linear.share)
@@ -179,11 +179,11 @@ def _late_gain(fast: Array, eps: float, back: Array, own: Array, jump: Array) ->
     pull = jnp.maximum(0.5 * (excess + root), least)
     apart = 2 * eps * back / (eps + back + ending)
     gained = 0.5 * _gain_integral(eps, pull, jump, (eps, eps * eps / (ending + back)), apart)
-    onward = still / (pull + jump * still)
-    left = own * (gained - back * onward)
+    per_speed = still / (pull + jump * still)
+    left = own * (gained - back * per_speed)
     # The step's equations damp a speed that is added near rest: this factor compensates for that
     # to the first order.
-    return left * (1 + jump * onward)
+    return left * (1 + jump * per_speed)
 
 
 class _FromRest(NamedTuple):

@@ -31,7 +31,7 @@ def eliminate(matrix: list[list[Array]], right: Unknowns) -> Unknowns:
     rows = [list(row) for row in matrix]
     values, inverse = list(right), []
     for k in range(size):
-        # A division takes as long as ten multiplications.
+        # One division for a pivot, in place of one for each number that is divided by it.
         inverse.append(1 / rows[k][k])
         for i in range(k + 1, size):
             factor = rows[i][k] * inverse[k]

@@ -219,7 +219,8 @@ class FlexibleLink(eqx.Module):
         index, s = self._element(place)
         beyond = jnp.maximum(place - self.reach, 0.0)
         sampled = self.table.at(index, s)
-        scale = self.elements * (1 / self.length)
+        inverse = 1 / self.length
+        scale = self.elements * inverse
         slope = tuple(scale * d for d in sampled.slope)
         deflection = tuple(
             v + d * beyond for v, d in zip(sampled.deflection, slope, strict=True)
@@ -234,7 +235,6 @@ class FlexibleLink(eqx.Module):
         if shear is not None:
             left_out = None if sampled.residual is None else self.flexibility * sampled.residual
         if sampled.pairs is not None and sampled.cube is not None:
-            inverse = 1 / self.length
             arc = (tuple(pair * inverse for pair in sampled.pairs), sampled.cube * inverse**2)
         rest = None
         if self.rest_table is not None:
